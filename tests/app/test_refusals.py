@@ -116,7 +116,7 @@ REFUSED = {
         ("--group red --quota 'nz > 0: 2'", "either quotas or a group"),
     ],
     BEFORE: [
-        ("scan.ply -o out.npz --add kept:", "expected a name of 1 to 1,000 characters"),
+        ("scan.ply -o out.ply --add kept:", "expected --add kept:NAME, found no name"),
         ("scan.ply -o out.csv --add kept:x", "expected columns of different names, found 'x' twice"),
         ("scan.ply -o out.npz --add kept:points", "expected columns of different names, found 'points' twice"),
         (f"scan.ply -o out.las --add kept:{'long' * 9}", "expected a name of at most 32 bytes"),
@@ -128,6 +128,7 @@ REFUSED = {
     "convert": [
         ("scan.ply out.ply --inside 0,0,x,1", "expected --inside with the numbers of a box, such as 0,0,100,50"),
         ("scan.ply out.ply --inside 0,0,1", "expected a box xmin, ymin"),
+        ("scan.ply out.ply --inside=", "found nothing"),
         ("scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2", "expected --inside with at most one box and one file"),
         ("scan.ply out.ply --resolution 1", "scan.ply: expected a COPC file"),
         ("scan.ply other.obj", "OBJ cannot hold: attribute nx (float32)", "--lossy"),

@@ -72,6 +72,13 @@ def test_the_points_are_those_that_laspy_finds(copc, box, resolution):
     same(found, whole.take(rows))
 
 
+@pytest.mark.parametrize("box", [[-np.inf, *BOX[1:]], [BOX[0], BOX[1], np.inf, np.inf], [-np.inf] * 2 + [np.inf] * 2])
+def test_infinite_limits_leave_a_side_open(copc, box):
+    whole = gppcs.read(copc)
+    found = gppcs.read(copc, box=box)
+    assert sorted(found.attributes["gps_time"]) == sorted(inside(whole, box).attributes["gps_time"])
+
+
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".csv", ".npz", ".xyz.gz"])
 def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_path, suffix):
     path = tmp_path / f"b{suffix}"
@@ -89,6 +96,8 @@ def test_the_border_belongs_to_the_box_and_nan_to_no_box(tmp_path):
     gppcs.write(tmp_path / "a.csv", points)
     assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 2, 2]).points[:, 0].tolist() == [0, 1, 2]
     assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
+    open_sides = [-np.inf, -np.inf, -np.inf, 1, np.inf, np.inf]
+    assert gppcs.read(tmp_path / "a.csv", box=open_sides).points[:, 0].tolist() == [0, 1]
     names = ["a", "x", "z"]
     with pytest.raises(ParameterError, match="names of columns"):
         gppcs.read(tmp_path / "a.csv", columns=names, box=[0, 0, 2, 2])
@@ -114,7 +123,10 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
         assert not list(files.chunks(True))
 
 
-NO_BOXES = ([], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7, np.array(0.1))
+NO_BOXES = (
+    [], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7, np.array(0.1),
+    [np.inf] * 4, [np.inf, 0, np.inf, 1], [0, -np.inf, 1, -np.inf],
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(

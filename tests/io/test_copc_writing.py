@@ -298,3 +298,13 @@ def test_the_javascript_library_copc_reads_all_points(tmp_path, point_format):
     assert found["info"]["gpsTimeRange"] == [las.gps_time.min(), las.gps_time.max()]
     points, expected = np.array(found["points"]), np.column_stack([*wanted.values()])
     np.testing.assert_allclose(points[np.lexsort(points.T)], expected[np.lexsort(expected.T)], rtol=1e-12)
+
+
+def test_the_spacing_of_far_points_is_finite(tmp_path):
+    points = gppcs.sample("bracket", n_points=2000).points
+    spacings = []
+    for factor in (1.0, 2.0**970):
+        gppcs.write(tmp_path / "a.copc.laz", points * factor, lossy=True, force=True)
+        with laspy.CopcReader.open(tmp_path / "a.copc.laz") as reader:
+            spacings.append(reader.copc_info.spacing)
+    assert spacings[1] / 2.0**970 == pytest.approx(spacings[0], rel=1e-6)

@@ -200,6 +200,8 @@ def region_of(inside: Sequence[str] | None) -> tuple[list[float] | None, Path | 
     """Return the box and the file with polygons in `--inside`; a text with commas that names no file is a box."""
     boxes = [text for text in inside or () if "," in text and not Path(text).exists()]
     files = [file_path(text) for text in inside or () if text not in boxes]
+    if "" in (inside or ()):
+        raise ParameterError("expected --inside with the numbers of a box or with a GeoJSON file, found nothing")
     if len(boxes) > 1 or len(files) > 1:
         raise ParameterError("expected --inside with at most one box and one file, found two of a kind")
     try:

@@ -140,9 +140,13 @@ def _hierarchy(keys: list[int], chunks: list[tuple[int, int]], start: int) -> by
 def _spacing(points: NDArray[np.float64], cube: Cube) -> float:
     """Return the mean spacing of the points of the first level, (n, 3), on their surface."""
     from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.scaling import normalised
     from gppcs.spatial.spacing import surface_area
 
-    return (len(points) and float(np.sqrt(surface_area(KdTree.build(points)) / len(points)))) or cube.side
+    if not len(points):
+        return cube.side
+    local, _, exponent = normalised(points)  # squares of far coordinates would overflow
+    return float(np.ldexp(np.sqrt(surface_area(KdTree.build(local)) / len(points)), exponent)) or cube.side
 
 
 def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:

@@ -544,7 +544,7 @@ def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray
     fields = header.fields()
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     for i, values in enumerate(points.T):
-        scales[i], offsets[i] = scale_and_offset(lambda values=values: [values], scales[i], offsets[i])
+        scales[i], offsets[i] = scale_and_offset(partial(list, [values]), scales[i], offsets[i])
     return multiples(points, scales, offsets), header.with_fields(scales=scales, offsets=offsets)
 
 

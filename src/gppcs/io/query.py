@@ -49,11 +49,12 @@ class Query:
             limits = []
         low, high = limits[: len(limits) // 2], limits[len(limits) // 2 :]
         if box is not None and not (
-            len(limits) in (4, 6) and all(least <= most for least, most in zip(low, high, strict=True))
+            len(limits) in (4, 6)
+            and all(-math.inf < most >= least < math.inf for least, most in zip(low, high, strict=True))
         ):
             raise ParameterError(
                 "expected a box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, with no minimum above "
-                f"its maximum, found {shown(box)}"
+                f"its maximum, no minimum of inf and no maximum of -inf, found {shown(box)}"
             )
         fill = 3 - len(low)
         return cls(

@@ -40,6 +40,7 @@ def read(
         The name of each column of a text table, with x, y and z. They replace any names in the file.
     box : sequence of 4 or 6 float, optional
         Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included.
+        A side is open if its limit is infinite.
         Of a COPC file, only the parts that meet the box are decompressed.
     resolution : float, optional
         Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of

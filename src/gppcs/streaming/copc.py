@@ -24,6 +24,7 @@ from gppcs.io.copc_levels import ROOT, Cells, Levels, by_node, divided
 from gppcs.io.copc_writing import Summary
 from gppcs.io.files import refuse_losses
 from gppcs.io.format import shift_in_words
+from gppcs.io.las_header import LasHeader
 from gppcs.io.streams import whole_output
 from gppcs.streaming.files import Work, run
 from gppcs.streaming.plan import Plan
@@ -80,7 +81,7 @@ class _Stored:
         return shift_in_words(float(shift), float(np.abs(bounds).max()), float(np.linalg.norm(np.ptp(bounds, axis=1))))
 
 
-def _grid(header: las.LasHeader) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grid(header: LasHeader) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the scales and offsets of a header. Shapes: returns (3,), (3,)."""
     fields = header.fields()
     return fields["scales"][0], fields["offsets"][0]

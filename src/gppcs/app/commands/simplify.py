@@ -97,7 +97,7 @@ def simplify(
         "Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
         "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
         "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0. "
-        "kept, or kept:NAME for another name: write all points that are read, with 1 for kept ones and 0 for "
+        "kept, or kept:NAME for another name, alone: write all points that are read, with 1 for kept ones and 0 for "
         "others.",
         ATTRIBUTES,
     ),
@@ -186,6 +186,8 @@ def _added(given: str | None) -> tuple[list[str], str | None]:
     others = _listed("--add", [word for word in words if word not in marks], ADDED)
     if marks and len(words) > 1:
         raise ParameterError("expected --add kept alone, as only kept points have the other attributes")
+    if "kept:" in marks:
+        raise ParameterError("expected --add kept:NAME, found no name")
     return others, marks[0].removeprefix("kept:") if marks else None
 
 
