@@ -46,7 +46,7 @@ def test_points_that_are_not_ranked_are_spread_evenly():
     """On a level, each node that is not the last in its place takes the same share of them."""
     rng = np.random.default_rng(0)
     points = rng.random((N, 2)) * [1, 3]
-    codes = Cube(np.zeros(3), 3.0).codes(np.column_stack([points, np.zeros(N)]))
+    codes = Cube.around(np.zeros(3), np.array([1.0, 3.0, 0.0])).codes(np.column_stack([points, np.zeros(N)]))
     level = levels_of(codes, rng.permutation(N)[:ROOT])
     on_second, _ = np.histogram(points[level == 1, 1], bins=4, range=(0, 3))
     assert (level == 1).sum() == pytest.approx(3 * ROOT, rel=0.1)
@@ -61,8 +61,23 @@ def test_points_at_one_place_fill_level_after_level():
 
 def test_codes_name_cells_within_cells():
     points = np.random.default_rng(0).uniform(-50, 20, (100, 3))
-    codes = Cube(np.full(3, -50.0), 80.0).codes(points)
+    codes = Cube.around(np.full(3, -50.0), np.full(3, 30.0)).codes(points)
     _, order, starts = keys = by_node(codes, np.full(100, 5, np.uint8))
     for key, row in zip(keys[0].tolist(), order[starts], strict=True):
         assert level_and_cell(key) == (5, tuple(np.floor((points[row] + 50) / 2.5).astype(int)))
         assert level_and_cell(key >> 3) == (4, tuple(np.floor((points[row] + 50) / 5).astype(int)))
+
+
+def test_the_last_cells_reach_the_highest_corner():
+    """As copclib adds up their borders, from the corners that the file states."""
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        low = np.rint(rng.uniform(-1, 1, 3) * 10.0 ** rng.integers(2, 9, 3)) * 0.01
+        high = low + np.rint(rng.uniform(0.999, 1, 3) * 10.0 ** rng.integers(2, 9)) * 0.01
+        cube = Cube.around(low, high)
+        last_place = np.spacing(np.abs([low, high]).max())
+        assert (high <= cube.high).all()
+        assert (cube.high <= high + 4 * last_place).all()
+        for level in range(copc_levels.DEEPEST + 1):
+            step = (cube.high - cube.low).max() / 2**level
+            assert (low + step * (2**level - 1) + step >= high).all()

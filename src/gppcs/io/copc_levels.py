@@ -27,15 +27,27 @@ _SPREAD = (  # Shifts and masks that put two zeros between the bits of a number.
 
 
 class Cube(NamedTuple):
-    """The cell of the first level: the corner (3,) and the length of its edges."""
+    """The cell of the first level: the corner (3,) and the length of its edges; and the highest corner to state (3,).
+
+    Some last places may lie between that and the points: copclib takes the cube from the stated corners, and adds up
+    the borders of its cells, which would sometimes fall short of the highest point.
+    """
 
     low: NDArray[np.float64]
     side: float
+    high: NDArray[np.float64]
 
     @classmethod
     def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Cube:
         """Return the cube that begins at the lowest corner of the points, where copclib takes it to be."""
-        return cls(low, float((high - low).max()) or 1.0)
+        stated, longest, cells = high.copy(), int((high - low).argmax()), 2.0 ** np.arange(DEEPEST + 1)[:, np.newaxis]
+        last_place = np.spacing(np.abs([low[longest], high[longest]]).max())
+        while (side := float((stated - low).max())) > 0.0:
+            step = side / cells
+            if (step * (cells - 1) + low + step >= high).all():
+                break
+            stated[longest] += last_place
+        return cls(low, side or 1.0, stated)
 
     def codes(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the cell of each point on the deepest level; three bits less name that on the level above."""

@@ -105,7 +105,9 @@ def write_octree(
 
     kind = las.compression_of(summary.header, summary.layout, by_nodes=True)
     info = record_of(COPC, b"copc info", bytes(INFO.itemsize))
-    header = las.write_header(file, summary.header, summary.layout, kind, summary.counts, [info])
+    cube = summary.cube
+    counts = {**summary.counts, "bounds": np.column_stack([cube.high, cube.low])}
+    header = las.write_header(file, summary.header, summary.layout, kind, counts, [info])
     start = file.tell()
     with las.reported_compression():
         compressor = lazrs.ParLasZipCompressor(file, kind)
@@ -118,8 +120,8 @@ def write_octree(
     record = record_of(COPC_HIERARCHY, b"EPT Hierarchy", hierarchy, extended=True)
     position = file.seek(0, 2) + EXTENDED.itemsize
     las.write_extended(file, replace(header, records=(record, *header.records)))
-    cube, times = summary.cube, summary.gps_time if len(keys) else np.zeros(2)
-    half, rounding = cube.side / 2, np.spacing(np.abs(summary.counts["bounds"]).max())
+    times = summary.gps_time if len(keys) else np.zeros(2)
+    half, rounding = cube.side / 2, np.spacing(np.abs(counts["bounds"]).max())
     fields = (cube.low + half, half + rounding, _spacing(root, cube), position, len(hierarchy), times, bytes(88))
     file.seek(SIZES[4] + RECORD.itemsize)
     file.write(np.array([fields], INFO).tobytes())
