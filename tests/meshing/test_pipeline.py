@@ -237,6 +237,34 @@ def test_more_vertices_than_points_are_all_points(ball):
     assert len(result.indices) == 2000
 
 
+@pytest.mark.parametrize("options", [{}, {"moved": True}, {"effort": 1}, {"effort": 2}])
+@pytest.mark.parametrize(("side", "n_points"), [(3, 4), (3, 9), (5, 6), (7, 5), (10, 4)])
+def test_a_flat_grid_has_exactly_the_vertices_asked_for_and_stays_a_square(side, n_points, options):
+    grid = np.column_stack([*np.indices((side, side)).reshape(2, -1), np.zeros(side**2)])
+    result = gppcs.mesh(grid, n_points=n_points, **options)
+    assert is_sound(result.mesh)
+    assert topology_of(result.mesh.faces) == (0, 0, 1, 1, 0)
+    assert len(result.mesh.vertices) == n_points
+    assert result.mesh.vertices.min(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert result.mesh.vertices.max(axis=0) == pytest.approx([side - 1, side - 1, 0], abs=1e-9)
+    assert result.diagnostics["mean_distance"] == pytest.approx(0, abs=1e-9)
+
+
+def test_the_smallest_pieces_are_left_out_if_there_are_too_few_vertices_for_all():
+    sides = (6, 7, 5)
+    squares = [np.column_stack([*np.indices((n, n)).reshape(2, -1), np.full(n * n, 9.0 * n)]) for n in sides]
+    result = gppcs.mesh(np.concatenate(squares), n_points=8)
+    assert is_sound(result.mesh)
+    assert len(result.mesh.vertices) == 8
+    assert np.unique(result.mesh.vertices[:, 2]).tolist() == [54.0, 63.0]
+    assert result.diagnostics["left_out"] == pytest.approx(25 / 110)
+
+
+def test_too_few_vertices_for_the_handles_are_an_error():
+    with pytest.raises(gppcs.ParameterError, match="at least 7 vertices, as the surface has holes or handles, found 4"):
+        gppcs.mesh(torus(3000)[0], n_points=4)
+
+
 def noisy_ball(level, n=10_000):
     """A ball whose points have noise, in diagonals of the box around it."""
     points = gppcs.sample("sphere", n_points=n).points

@@ -45,10 +45,14 @@ def assembled(
 
 
 def gaps_filled(faces: Ints, points: Floats, normals: Floats, reaches: Floats, cover: Cover, most: int) -> Ints:
-    """Fill the gaps that have few corners and that the dense points cover."""
+    """Fill the gaps that have few corners and that the dense points cover, but not the back of a small piece."""
     loops = [loop for loop in border_loops(HalfEdges.of(faces, len(points))) if 3 <= len(loop) <= most]
     new, gap = fillings(faces, points, normals, loops)
-    return np.concatenate([faces, new[~np.isin(gap, gap[~are_covered(cover, new, points, reaches)])]])
+    a, b, c = (points[corner] for corner in new.T)
+    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[new].sum(axis=1))
+    backward = np.bincount(gap, facing, minlength=len(loops)) < 0.0
+    spoilt = np.isin(gap, gap[~are_covered(cover, new, points, reaches)])
+    return np.concatenate([faces, new[~(spoilt | backward[gap])]])
 
 
 def taken(triangles: Ints, n: int) -> Ints:
@@ -125,9 +129,34 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
 
 
 def without_scraps(faces: Ints, n: int, fewest: int = PIECE_TRIANGLES) -> Ints:
-    """Leave out connected pieces of few triangles."""
+    """Leave out connected pieces of few triangles, unless none is larger."""
     pieces = pieces_of(faces, n)
-    return faces[np.bincount(pieces, minlength=1)[pieces] >= fewest]
+    sizes = np.bincount(pieces, minlength=1)
+    return faces[sizes[pieces] >= min(fewest, sizes.max())]
+
+
+def largest_pieces(faces: Ints, n: int, count: int, counts_faces: bool) -> Ints:
+    """Leave out the smallest connected pieces, so that a mesh of that many vertices or triangles can have the others.
+
+    Each border needs three vertices, a closed piece four; each handle needs three more.
+    """
+    mesh, pieces = HalfEdges.of(faces, n), pieces_of(faces, n)
+    sizes = np.bincount(pieces)
+    of_vertex = np.full(n, -1)
+    of_vertex[faces] = pieces[:, None]
+    open_edges = np.bincount(np.repeat(pieces, 3)[mesh.opposite < 0], minlength=len(sizes))
+    edges = (3 * sizes + open_edges) // 2
+    euler = np.bincount(of_vertex[of_vertex >= 0], minlength=len(sizes)) - edges + sizes
+    borders = np.bincount([of_vertex[loop[0]] for loop in border_loops(mesh)], minlength=len(sizes))
+    handles = (2 - borders - euler) // 2
+    fewest = np.where(borders, 3 * borders, 4) + 3 * handles
+    if counts_faces:  # by Euler's formula, as each border has as many edges as vertices
+        fewest = 2 * (fewest - euler) - 3 * borders
+    order = np.argsort(-sizes, kind="stable")
+    kept = np.zeros(len(sizes), dtype=np.bool_)
+    kept[order] = np.cumsum(fewest[order]) <= count
+    kept[order[0]] = True
+    return faces[kept[pieces]]
 
 
 def pieces_of(faces: Ints, n: int) -> Ints:

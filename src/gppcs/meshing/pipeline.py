@@ -18,7 +18,7 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
-from gppcs.meshing.assembly import assembled, without_scraps
+from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
@@ -315,7 +315,6 @@ class _FirstMesh:
     level: Ints  # (V,): the dense points that are joined, ascending
     faces: Ints  # (F, 3): an oriented manifold
     agreed: float  # of the fans' triangles, the share that another fan has too
-    left_out: float  # share of the points that are not on the mesh
 
     @classmethod
     def of(cls, dense: DensePoints, level: Ints, chosen: Ints, moved: bool) -> _FirstMesh:
@@ -337,10 +336,17 @@ class _FirstMesh:
         faces = without_scraps(faces, len(level))
         vertices = places if moved else dense.raw[level]
         faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
-        if not len(faces):
-            raise NoSurfaceError(f"expected points on a surface, found {len(level)} points of which no triangles join")
-        joined = np.count_nonzero(np.bincount(faces.ravel()))
-        return cls(dense, level, faces, agreed, float(1.0 - joined / len(level)))
+        joined = len(np.unique(faces))
+        if not len(faces) or (len(faces) < PIECE_TRIANGLES and 2 * joined < len(level)):
+            raise NoSurfaceError(
+                f"expected points on a surface, found {len(level)} points of which triangles join {joined or 'none'}"
+            )
+        return cls(dense, level, faces, agreed)
+
+    @property
+    def left_out(self) -> float:
+        """The share of the points that are not on the mesh."""
+        return 1.0 - len(np.unique(self.faces)) / len(self.level)
 
 
 @dataclass(frozen=True)
@@ -401,6 +407,8 @@ class _Maker:
         """Return a mesh of that many vertices or triangles, and those that fill holes."""
         timer, dense = self.timer, first.dense
         kept = np.isin(dense.rows[first.level], chosen)
+        if self.chosen is None:
+            first = dataclasses.replace(first, faces=largest_pieces(first.faces, len(first.level), count, counts_faces))
         with timer("quadrics"):
             draft = Draft.of(dense, self.moved, first.level, kept, first.faces)
         target = count if self.chosen is None else draft.used_and_kept()
@@ -485,6 +493,10 @@ class _Maker:
             draft.flip()
         with self.timer("refinement"):
             draft.collapse(target, counts_faces)
+            if self.chosen is None and not counts_faces and draft.used() > target:
+                raise ParameterError(
+                    f"expected at least {draft.used()} vertices, as the surface has holes or handles, found {target}"
+                )
             assigned = draft.flip()
             if self.chosen is None and too_many > 0:
                 for _ in range(REFINEMENTS):
