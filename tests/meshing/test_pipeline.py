@@ -270,6 +270,12 @@ def test_too_few_vertices_for_the_handles_are_an_error():
     assert len(gppcs.mesh(points, n_points=fewest).mesh.vertices) == fewest
 
 
+def test_a_tolerance_takes_the_vertices_that_a_handle_needs():
+    made = gppcs.mesh(torus(3000)[0], tolerance=10.0)
+    assert made.diagnostics["genus"] == 1
+    assert made.diagnostics["mean_distance"] <= 10.0
+
+
 def noisy_ball(level, n=10_000):
     """A ball whose points have noise, in diagonals of the box around it."""
     points = gppcs.sample("sphere", n_points=n).points

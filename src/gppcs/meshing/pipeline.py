@@ -197,6 +197,10 @@ def mesh(
         made = maker.make(size.n_faces, counts_faces=True)
     else:
         made = maker.make(count if chosen is None else len(chosen))
+        if chosen is None and len(made.rows) > count:
+            raise ParameterError(
+                f"expected at least {len(made.rows)} vertices, as the surface has holes or handles, found {count}"
+            )
     return _result(cloud, rows, made, moved, corner, exponent, timer)
 
 
@@ -493,10 +497,6 @@ class _Maker:
             draft.flip()
         with self.timer("refinement"):
             draft.collapse(target, counts_faces)
-            if self.chosen is None and not counts_faces and draft.used() > target:
-                raise ParameterError(
-                    f"expected at least {draft.used()} vertices, as the surface has holes or handles, found {target}"
-                )
             assigned = draft.flip()
             if self.chosen is None and too_many > 0:
                 for _ in range(REFINEMENTS):
