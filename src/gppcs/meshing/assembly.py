@@ -140,8 +140,11 @@ def largest_pieces(faces: Ints, n: int, count: int, counts_faces: bool) -> Ints:
 
     Each border needs three vertices, a closed piece four; each handle needs three more.
     """
-    mesh, pieces = HalfEdges.of(faces, n), pieces_of(faces, n)
+    pieces = pieces_of(faces, n)
     sizes = np.bincount(pieces)
+    if np.count_nonzero(sizes) == 1:
+        return faces
+    mesh = HalfEdges.of(faces, n)
     of_vertex = np.full(n, -1)
     of_vertex[faces] = pieces[:, None]
     open_edges = np.bincount(np.repeat(pieces, 3)[mesh.opposite < 0], minlength=len(sizes))

@@ -340,17 +340,23 @@ class _FirstMesh:
         faces = without_scraps(faces, len(level))
         vertices = places if moved else dense.raw[level]
         faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
-        joined = len(np.unique(faces))
-        if not len(faces) or (len(faces) < PIECE_TRIANGLES and 2 * joined < len(level)):
+        first = cls(dense, level, faces, agreed)
+        if not len(faces) or (len(faces) < PIECE_TRIANGLES and 2 * first.joined < len(level)):
             raise NoSurfaceError(
-                f"expected points on a surface, found {len(level)} points of which triangles join {joined or 'none'}"
+                f"expected points on a surface, found {len(level)} points of which triangles join "
+                f"{first.joined or 'none'}"
             )
-        return cls(dense, level, faces, agreed)
+        return first
+
+    @property
+    def joined(self) -> int:
+        """The number of points on the mesh."""
+        return int(np.count_nonzero(np.bincount(self.faces.ravel())))
 
     @property
     def left_out(self) -> float:
         """The share of the points that are not on the mesh."""
-        return 1.0 - len(np.unique(self.faces)) / len(self.level)
+        return 1.0 - self.joined / len(self.level)
 
 
 @dataclass(frozen=True)
