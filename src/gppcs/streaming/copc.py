@@ -114,7 +114,8 @@ def _write(
 ) -> tuple[int, list[str]]:
     """Write a COPC file, and return how many points were not finite, and in words what the file does not hold."""
     head = files.head().cloud
-    row = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud).record.itemsize + 4 + 24
+    layout = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud)
+    row = _record_type(layout).itemsize + head.points.itemsize * head.points.shape[1]
     ranked = run(files, request, work, planned).result
     with scratch_folder(work.scratch, planned.points * row) as folder, whole_output(target, force) as file:
         with work.timer("points to disk", planned.points) as advanced:
