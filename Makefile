@@ -57,7 +57,7 @@ demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, pr
 	$(BIN)/gppcs evaluate demo/scan.ply demo/simplified.ply
 	$(BIN)/gppcs render demo/scan.ply demo/simplified.ply -o demo/picture.png --force
 
-pictures: demo  ## Draw anew the pictures of README.md and docs/ that no benchmark draws, but for the next
+pictures: demo  ## Draw anew the pictures of README.md and docs/, except those of benchmarks and of the page
 	cp demo/picture.png docs/picture.png
 	$(BIN)/gppcs sample bracket -o demo/bracket.ply --points 100000 --force
 	$(BIN)/gppcs compare demo/bracket.ply --points 1500 --methods gp,fps,hc,wlop,gp-spectral -o demo/comparison --force

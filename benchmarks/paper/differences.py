@@ -1,4 +1,4 @@
-"""What separates `gp-spectral` from the authors' own results: each difference by itself, and all of them together.
+"""What separates `gp-spectral` from the authors' own results: each difference by itself, and two of them together.
 
 The authors' kernel is zero in double precision, as research/paper.md explains, so their program chooses by the surface
 variation alone. That is `fps-variation`. It also chooses among a random part of the points only.
