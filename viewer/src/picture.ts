@@ -37,14 +37,15 @@ function drawTexts(context: CanvasRenderingContext2D, root: HTMLElement): void {
   for (const leaf of root.querySelectorAll<HTMLElement>(":not(:has(*), button, [type=checkbox], .off *)")) {
     const { left, top, width, height } = leaf.getBoundingClientRect();
     if (width === 0) continue; // hidden
-    const { backgroundColor, color, textAlign } = getComputedStyle(leaf);
+    const { backgroundColor, color, textAlign, paddingLeft } = getComputedStyle(leaf);
+    const inset = parseFloat(paddingLeft);
     const isField = leaf instanceof HTMLInputElement;
     context.fillStyle = leaf.id === "band" ? ramp(context, left, width) : backgroundColor;
     if (!isField) context.fillRect(left, top, width, height);
     const atEnd = textAlign === "right" || textAlign === "end";
     context.textAlign = atEnd ? "right" : "left";
     [context.font, context.fillStyle] = [fontOf(leaf), color];
-    context.fillText(isField ? leaf.value : leaf.textContent!, atEnd ? left + width : left, top + height / 2);
+    context.fillText(isField ? leaf.value : leaf.textContent!, atEnd ? left + width - inset : left + inset, top + height / 2);
   }
 }
 
