@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
+from gppcs.amounts.request import method_of
 from gppcs.evaluation.report import relative
-from gppcs.methods import method_of
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree

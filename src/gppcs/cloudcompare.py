@@ -11,7 +11,8 @@ import cccorelib  # type: ignore[import-not-found]
 import pycc  # type: ignore[import-not-found]
 
 import gppcs
-from gppcs.methods import DEFAULT, METHODS, method_of
+from gppcs.amounts.request import method_of
+from gppcs.methods import DEFAULT, METHODS
 
 TITLE = "gppcs"
 AMOUNT, METHOD, WEIGHT = "Points, or share such as 5%", "Method", "Feature weight of gp, 0 to 1"
@@ -35,7 +36,7 @@ def simplify_selected() -> None:
     if not clouds:
         _tell("Select one or more point clouds first.")
         return
-    asked = _ask({AMOUNT: "5%", METHOD: DEFAULT, WEIGHT: "0.5"})
+    asked = _ask({AMOUNT: "5%", METHOD: DEFAULT.name, WEIGHT: "0.5"})
     if asked is None:
         return
     for cloud in clouds:

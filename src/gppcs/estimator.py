@@ -62,7 +62,7 @@ class Simplifier(_Transformer):
         n_points: int | str | None = None,
         *,
         ratio: float | str | None = None,
-        method: str | Method = DEFAULT,
+        method: str | Method = DEFAULT.name,
     ) -> None:
         require_sklearn()
         self.n_points, self.ratio, self.method = n_points, ratio, method

@@ -131,9 +131,14 @@ class Result(ComparedByValue):
         whole = PointCloud.of(original)
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        rows = rows_without(self.outliers, _usable_rows(whole, "drop"), len(whole))
-        finite = whole if rows is None else whole.take(rows)
-        return measured_curve(finite, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Timer())
+        rows = rows_without(self.outliers, _finite_rows(whole, "drop"), len(whole))
+        return measured_curve(
+            whole if rows is None else whole.take(rows),
+            self.method,
+            wanted,
+            lambda m: self.cloud.take(np.arange(m)),
+            Timer(),
+        )
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
@@ -315,7 +320,9 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
         cloud = PointCloud.of(cloud)
         if request.scores:
             check_scores(method, cloud)
-        rows = _usable_rows(cloud, request.invalid)
+        points = cloud.points
+        low, high = bounds(points)
+        rows = None if np.isfinite([low, high]).all() else _finite_rows(cloud, request.invalid)
     if request.drop_outliers:
         from gppcs.surface.outliers import find_outliers
 
@@ -323,14 +330,14 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             outliers = np.flatnonzero(find_outliers(cloud))
             rows = rows_without(outliers, rows, len(cloud))
     with timer("preparation"):
-        guide = Guide.of(cloud, rows, request)
-        metres = metres_of(request.unit, cloud.header)
-        places = cloud.points if rows is None else cloud.points[rows]
-        low, high = bounds(places)
+        guide = Guide.of(cloud, rows, request) if request.guided else None
+        if rows is not None:
+            points = points[rows]
+            low, high = bounds(points)
         frame = Frame.around(low, high)
-        points = frame.local(places)
-        scale = Scale(float(np.linalg.norm(frame.local(high[np.newaxis]))), metres, frame.exponent)
-        del places
+        points = frame.local(points)
+        diagonal = float(np.linalg.norm(frame.local(high[np.newaxis])))
+        scale = Scale(diagonal, metres_of(request.unit, cloud.header), frame.exponent)
     selection = choose_amount(points, request.amount, scale, guide, method, timer)
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
@@ -372,15 +379,11 @@ def check_scores(method: Method, cloud: PointCloud) -> None:
         )
 
 
-def _usable_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64] | None:
-    """Return the rows with finite coordinates, or None if that is all; raise an error for others unless dropped."""
-    from gppcs.spatial.scaling import bounds
-
-    if len(cloud) and np.isfinite(bounds(cloud.points)).all():
-        return None
+def _finite_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
+    """Return the rows with finite coordinates; raise an error if there are none, or others that are not dropped."""
     bad = cloud.non_finite()
     check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-    return cloud.finite_rows()
+    return np.delete(np.arange(len(cloud)), bad)
 
 
 def rows_without(

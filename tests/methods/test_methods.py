@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.methods import method_of
+from gppcs.amounts.request import method_of
 from gppcs.methods.method import largest
 from gppcs.methods.parameters import with_settings
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,7 @@ from gppcs.errors import InputError
 from gppcs.methods import Method, Selection, Wanted
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import surface_area
+from gppcs.spatial.kdtree import KdTree, surface_area
 
 FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
 
@@ -38,12 +38,9 @@ def choose_amount(
         return _choose_parts(points, count, guide, method, timer)
     with timer("repeats"):
         among = _Places.of(points, guide)
-    if count is not None:
+    if count is not None and guide is not None:
         check_count(count, among.fixed + len(among.again), len(_usable(points, guide)))
-
-    def chosen(wanted: int) -> Selection:
-        return among.choose(wanted, method, timer)
-
+    chosen = partial(among.choose, method=method, timer=timer)
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
         selection, errors = fewest_points(
@@ -52,7 +49,7 @@ def choose_amount(
         )  # fmt: skip
         selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
-        selection = method(replace(among.wanted(len(among.points), timer), spacing=scale.inside(amount.spacing)))
+        selection = chosen(len(among.points), spacing=scale.inside(amount.spacing))
     elif count is not None:
         selection = chosen(count - len(among.again))
     else:
@@ -142,15 +139,11 @@ class _Places:
         values = None if guide.values is None else guide.values[rows]
         return cls(points[rows], rows, int(among.sum()), again, weights, detail, values)
 
-    def choose(self, wanted: int, method: Method, timer: Timer) -> Selection:
-        """Let a method choose a number of the places; all of them in their order."""
-        if wanted >= len(self.points):
+    def choose(self, wanted: int, method: Method, timer: Timer, spacing: float | None = None) -> Selection:
+        """Let a method choose a number of the places, or at most so many with a spacing; all of them in their order."""
+        if wanted >= len(self.points) and spacing is None:
             return Selection(np.arange(len(self.points)), ranked=False)
-        return method(self.wanted(wanted, timer))
-
-    def wanted(self, count: int, timer: Timer) -> Wanted:
-        """Return what is wanted of a method that chooses a number of the places."""
-        return Wanted(self.points, count, None, self.fixed, self.weights, self.detail, self.values, timer)
+        return method(Wanted(self.points, wanted, spacing, self.fixed, self.weights, self.detail, self.values, timer))
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

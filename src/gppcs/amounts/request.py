@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gppcs.amounts.quotas import Quota, quotas_of
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Amount, metres_of
 from gppcs.clouds.ranges import weights_of_detail
-from gppcs.errors import ParameterError, flag, one_of, shown
-from gppcs.methods import DEFAULT, METHODS, Method, method_of
+from gppcs.errors import ParameterError, flag, nearest_name, one_of, shown, whole_number
+from gppcs.methods import DEFAULT, METHODS, Method
+from gppcs.methods.parameters import with_settings
 
 FEATURES = {
     "spacing": "takes a spacing",
@@ -83,6 +84,12 @@ class Request:
         )  # fmt: skip
 
     @property
+    def guided(self) -> bool:
+        """Whether anything is asked of single points, which `Guide` looks up."""
+        by_name = self.detail or self.quotas or self.group or getattr(self.method, "attribute", None)
+        return self.keep is not None or self.weight is not None or bool(by_name)
+
+    @property
     def whole(self) -> str | None:
         """The argument for which all points have to be in memory, if any."""
         arrays = {name: getattr(self, name) for name in ("keep", "weight")}
@@ -126,3 +133,20 @@ def _check_supported(
         )
     if quotas and group:
         raise ParameterError("expected either quotas or a group, found both; ask for one")
+
+
+def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method of that name, or the method itself, with a seed and other parameters."""
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS)}")
+        method = METHODS[method]()
+    if not isinstance(method, Method):
+        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
+    if settings:
+        method = with_settings(method, settings)
+    if seed is not None and "seed" in method.parameters():
+        return replace(method, seed=seed)
+    if seed is not None:
+        whole_number("the seed", seed, 0)
+    return method

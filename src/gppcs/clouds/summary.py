@@ -92,8 +92,7 @@ def info(cloud: CloudLike) -> Summary:
     (4, 1, 3.0)
     """
     from gppcs.spatial.cells import first_occurrences
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import nearest_distances
+    from gppcs.spatial.kdtree import KdTree, nearest_distances
 
     cloud = PointCloud.of(cloud)
     bad = cloud.non_finite()

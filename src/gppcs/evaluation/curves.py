@@ -18,7 +18,7 @@ Run = Callable[..., Result]
 
 def curve(
     cloud: CloudLike,
-    methods: Iterable[str | Method] = (DEFAULT,),
+    methods: Iterable[str | Method] = (DEFAULT.name,),
     *,
     sizes: Sequence[float] | None = None,
     seed: int | None = None,

@@ -317,8 +317,8 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import areas_of_points, surface_area
+    from gppcs.spatial.kdtree import KdTree, surface_area
+    from gppcs.spatial.spacing import areas_of_points
     from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
     from gppcs.surface.surface_variation import features_of_nearest
 

@@ -141,9 +141,8 @@ def _hierarchy(keys: list[int], chunks: list[tuple[int, int]], start: int) -> by
 
 def _spacing(points: NDArray[np.float64], cube: Cube) -> float:
     """Return the mean spacing of the points of the first level, (n, 3), on their surface."""
-    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.kdtree import KdTree, surface_area
     from gppcs.spatial.scaling import normalised
-    from gppcs.spatial.spacing import surface_area
 
     if not len(points):
         return cube.side

@@ -6,16 +6,12 @@ The class is a `Method`, see `methods/method.py`. Its name, parameters and help 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
-from gppcs.errors import ParameterError, nearest_name, shown, whole_number
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection
 from gppcs.methods.method import Wanted as Wanted
 from gppcs.methods.parameters import parameter as parameter
-from gppcs.methods.parameters import with_settings
 
 # One line for each method, in the order in which lists show them. "X as X" makes X public for type checkers.
 # isort: off
@@ -40,21 +36,4 @@ METHODS: Mapping[str, type[Method]] = {
     for value in list(globals().values())
     if isinstance(value, type) and issubclass(value, Method) and value is not Method
 }
-DEFAULT = LocalGP.name
-
-
-def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:
-    """Return the method of that name, or the method itself, with a seed and other parameters."""
-    if isinstance(method, str):
-        if method not in METHODS:
-            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS)}")
-        method = METHODS[method]()
-    if not isinstance(method, Method):
-        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
-    if settings:
-        method = with_settings(method, settings)
-    if seed is not None and "seed" in method.parameters():
-        return dataclasses.replace(method, seed=seed)
-    if seed is not None:
-        whole_number("the seed", seed, 0)
-    return method
+DEFAULT = LocalGP()

@@ -129,8 +129,7 @@ class LocalGP(Method):
 def _number_at(points: NDArray[np.float64], wanted: Wanted) -> int:
     """Return how many points have a spacing on the surface, of which a sample, (n, 3), tells the area."""
     from gppcs.gp.local.candidates import sample
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import surface_area
+    from gppcs.spatial.kdtree import KdTree, surface_area
 
     assert wanted.spacing is not None
     rows = sample(points, 1)

@@ -29,17 +29,14 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     """Choose the point of greatest value, (N,), in each cell of a cubic grid, in O(N) by hashing."""
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
-        points = np.ascontiguousarray(points)
-        _mark(points, _grid(points, 1.0 / edge), np.ascontiguousarray(values), marks)
+        points, scale = np.ascontiguousarray(points), 1.0 / edge
+        low, high = np.floor(np.multiply(bounds(points), scale))
+        counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
+        numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)
+        # One over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many.
+        grid = np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
+        _mark(points, grid, np.ascontiguousarray(values), marks)
     return np.flatnonzero(marks)
-
-
-def _grid(points: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return one over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many."""
-    low, high = np.floor(np.multiply(bounds(points), scale))
-    counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
-    numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)
-    return np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
 
 
 def _mark(

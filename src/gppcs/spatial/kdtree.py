@@ -1,4 +1,4 @@
-"""A balanced k-d tree over points, and the kernels that search it."""
+"""A balanced k-d tree over points, the kernels that search it, and the area of the surface that it tells."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good e
 SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
 LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
 WIDENED, LEAST_LIMIT = 1.0 + 1e-9, 1e-300  # so that rounding and underflow put no point outside a limit
+NEIGHBOURS = 8  # by which the area of a point is told
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
 PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
 
 
@@ -92,6 +94,24 @@ class KdTree:
         """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
         positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
+
+
+def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
+    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
+    n = tree.points.shape[1]
+    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
+    _, squared = tree.nearest_of(chosen, min(k + 1, n))
+    return np.sqrt(squared[:, -1])
+
+
+def surface_area(tree: KdTree) -> float:
+    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
+    n = tree.points.shape[1]
+    k = min(NEIGHBOURS, n - 1)
+    if k == 0:
+        return 0.0
+    squared = nearest_distances(tree, k, most=16_384) ** 2
+    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
 @kernel(inline="always")

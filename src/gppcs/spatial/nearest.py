@@ -9,13 +9,21 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, nearest_in_tree, points_near
+from gppcs.spatial.kdtree import (
+    LEAF_SIZE,
+    NEIGHBOURS,
+    KdTree,
+    first_leaf,
+    leaf_range,
+    leaves_near,
+    nearest_in_tree,
+    points_near,
+)
 
 STRIDE = 16  # arrays are padded to multiples of this length: two of the widest vector registers
 FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
-NEIGHBOURS = 8  # by which the area of a point is told
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
@@ -147,57 +155,6 @@ def _within(squared, limit):
     for j in range(len(squared)):
         count += 1.0 if squared[j] <= limit else 0.0
     return count
-
-
-def nearest_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
-    n = len(queries.order)
-    positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
-    on_ranges(
-        _nearest_each, tasks, tasks, tree.points, tree.low, tree.high, queries.points, queries.low, queries.high,
-        positions, squared,
-    )  # fmt: skip
-    return positions, squared
-
-
-@kernel
-def _nearest_each(first, last, tasks, points, low, high, queries, queries_low, queries_high, positions, squared):
-    """Fill positions and squared, (Q,), for queries, (3, Q), in a range of tasks; boxes are (nodes, 3)."""
-    leaves = first_leaf(queries_low)
-    search = search_for(1, first_leaf(low))
-    for task in range(first, last):
-        radius = 0.0  # squared; in the first leaf, each query searches by itself
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            begin, end = leaf_range(queries.shape[1], leaves, leaf)
-            count = look_around(points, low, high, queries_low[leaf], queries_high[leaf], radius, search)
-            total = 0.0
-            for q in range(begin, end):
-                x, y, z = queries[0, q], queries[1, q], queries[2, q]
-                slot = _nearest_packed(search.room.packed, count, x, y, z, radius, search.squared)
-                positions[q] = search.room.found[slot]
-                squared[q] = search.squared[slot]
-                if slot < 0:
-                    nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
-                    positions[q], squared[q] = search.positions[0], search.gaps[0]
-                total += squared[q]
-            radius = WIDER * total / (end - begin)
-
-
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def _nearest_packed(packed, count, x, y, z, radius, squared):
-    """Return the slot of the packed point nearest to (x, y, z), -1 if none is within the radius."""
-    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
-    squared, least = squared[:count], np.inf
-    for j in range(len(along_x)):
-        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
-        squared[j] = dx * dx + dy * dy + dz * dz
-        least = min(least, squared[j])
-    if not least <= radius:
-        return -1
-    slot = 0
-    while squared[slot] > least:
-        slot += 1
-    return slot
 
 
 def squared_reaches(tree: KdTree) -> NDArray[np.float64]:

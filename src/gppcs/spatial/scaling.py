@@ -18,8 +18,8 @@ CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 
 
 def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of the bounding box. Shapes: points (N, 3); returns low, high (3,)."""
-    chunks = min(RANGES, -(-len(points) // POINTS_AT_ONCE))
+    """Return the corners of the bounding box, infinite without points; points (N, 3), corners (3,)."""
+    chunks = min(RANGES, len(points) // POINTS_AT_ONCE + 1)
     low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
     on_ranges(_bound_chunks, chunks, points, low, high)
     return low.min(axis=0), high.max(axis=0)

@@ -1,4 +1,4 @@
-"""Estimate the spacing of points, the area of their surface and the radius of a neighbourhood."""
+"""Estimate the area that each point stands for, and the radius of a neighbourhood."""
 
 from __future__ import annotations
 
@@ -7,34 +7,15 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest import NEIGHBOURS, squared_reaches
-
-AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
+from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree
+from gppcs.spatial.kdtree import nearest_distances as nearest_distances
+from gppcs.spatial.nearest import squared_reaches
 
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1): sqrt(k V^(2/3) / N)."""
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
-
-
-def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
-    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
-    n = tree.points.shape[1]
-    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
-    _, squared = tree.nearest_of(chosen, min(k + 1, n))
-    return np.sqrt(squared[:, -1])
-
-
-def surface_area(tree: KdTree) -> float:
-    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
-    n = tree.points.shape[1]
-    k = min(NEIGHBOURS, n - 1)
-    if k == 0:
-        return 0.0
-    squared = nearest_distances(tree, k, most=16_384) ** 2
-    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
 def areas_of_points(tree: KdTree) -> NDArray[np.float64]:

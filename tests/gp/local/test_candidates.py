@@ -11,8 +11,7 @@ from gppcs.gp.local.candidates import (
     largest_gap,
     nested_candidates,
 )
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import surface_area
+from gppcs.spatial.kdtree import KdTree, surface_area
 from shapes import square
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.gp.local import algorithm, placement
-from gppcs.gp.local.placement import exchanged
+from gppcs.gp.local.placement import exchanged, nearest_each
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
@@ -135,3 +135,14 @@ def test_every_prefix_gains(monkeypatch):
     before = gppcs.simplify(cloud, n_points=1_000).indices
     for k in (125, 250, 500, 1_000):
         assert mean_distance(cloud, cloud[found[:k]]) < mean_distance(cloud, cloud[before[:k]]), k
+
+
+@pytest.mark.parametrize(("queries", "points"), [(1, 1), (5, 3), (20_000, 700), (700, 5_000), (3_000, 1)])
+def test_the_nearest_point_of_each_query_is_that_of_brute_force(queries, points):
+    rng = np.random.default_rng(queries)
+    tree, asked = KdTree.build(rng.random((points, 3)) ** 3), KdTree.build(rng.random((queries, 3)))
+    positions, squared = nearest_each(tree, asked)
+    some = slice(None, None, -(-queries // 500))
+    expected = ((asked.points.T[some, None] - tree.points.T[None]) ** 2).sum(axis=2)
+    np.testing.assert_allclose(squared[some], expected.min(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(expected[np.arange(len(expected)), positions[some]], expected.min(axis=1), rtol=1e-12)

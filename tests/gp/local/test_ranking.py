@@ -7,8 +7,7 @@ from gppcs.engine.timer import Timer
 from gppcs.gp.local.algorithm import NUGGET, Criterion, local_field, rank
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import surface_area
+from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features
 from shapes import square

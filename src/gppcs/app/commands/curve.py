@@ -24,7 +24,7 @@ EPILOG = (
 def curve(
     cloud: Path = options.CLOUD,
     methods: str = options.option(
-        "NAME,...", "Names of the methods, separated by commas. See gppcs methods.", METHOD, default=DEFAULT
+        "NAME,...", "Names of the methods, separated by commas. See gppcs methods.", METHOD, default=DEFAULT.name
     ),
     sizes: str | None = options.option(
         "SIZE,...", "Numbers of points and shares, such as 1%,5%,20k.", SIZE, show_default="0.1% to 20%"

@@ -9,7 +9,7 @@ import typer
 
 from gppcs.app import options
 from gppcs.app.printing import print_json, say
-from gppcs.methods import METHODS, Method, method_of
+from gppcs.methods import METHODS, Method
 
 EPILOG = "gppcs methods\n\ngppcs methods wlop"
 
@@ -25,6 +25,8 @@ def methods(
     as_json: bool = options.JSON,
 ) -> None:
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
+    from gppcs.amounts.request import method_of
+
     chosen = list(METHODS.values()) if name is None else [type(method_of(name))]
     if as_json:
         for method in chosen:

@@ -15,7 +15,7 @@ from gppcs.app.panels import ATTRIBUTES, CHOICE, LOOK, METHOD
 from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
 from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
-from gppcs.methods import DEFAULT, METHODS, Method, method_of
+from gppcs.methods import DEFAULT, METHODS, Method
 
 if TYPE_CHECKING:
     from gppcs.app.runs import Told
@@ -77,7 +77,7 @@ def simplify(
         "Name of the method, from the list below.",
         METHOD,
         autocompletion=lambda: list(METHODS),
-        default=DEFAULT,
+        default=DEFAULT.name,
     ),
     settings: list[str] | None = options.option(
         "KEY=VALUE", "Set a parameter of the method. Can be repeated.", METHOD, "--set"
@@ -118,7 +118,7 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
-    from gppcs.amounts.request import Request
+    from gppcs.amounts.request import Request, method_of
     from gppcs.app.runs import Job
     from gppcs.io import check_distinct
     from gppcs.io.query import Query

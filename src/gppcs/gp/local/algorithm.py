@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Candidates, nested_candidates, survey
+from gppcs.gp.local.candidates import Candidates, cell_edge, nested_candidates, survey
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
@@ -115,8 +115,9 @@ def rank(
             if stage is not candidates[-1]:
                 among = np.searchsorted(candidates[-1].rows, stage.rows)
                 of_stage, own = observations.take(among), detail and detail.take(among)
-            tree, features = features_of(points[stage.rows], of_stage, stage)
-            variances = of_stage.variances[tree.order] / stage.spacing**2
+            spacing = cell_edge(stage.area, stage.target)
+            tree, features = features_of(points[stage.rows], of_stage, spacing, stage.thinned)
+            variances = of_stage.variances[tree.order] / spacing**2
             field = local_field(tree, features, variances, criterion, own and own.take(tree.order))
             rows = stage.rows[tree.order]
             if weights is not None:
@@ -130,16 +131,18 @@ def rank(
     return ranking
 
 
-def features_of(places: NDArray[np.float64], observations: Observations, stage: Candidates) -> tuple[KdTree, Features]:
+def features_of(
+    places: NDArray[np.float64], observations: Observations, spacing: float, thinned: bool
+) -> tuple[KdTree, Features]:
     """Return the tree over the candidates of a stage, in units of its target spacing, and their features in tree order.
 
     Shapes: places (n, 3).
     """
-    tree = KdTree.build(places / stage.spacing)
+    tree = KdTree.build(places / spacing)
     on_surface = tree.in_own_order()
     if observations.feet is not None:
-        on_surface = KdTree.over(np.ascontiguousarray(observations.feet[tree.order].T) / stage.spacing)
-    return tree, features_in_radius(on_surface, 1.0) if stage.thinned else features_of_nearest(on_surface, NEAREST)
+        on_surface = KdTree.over(np.ascontiguousarray(observations.feet[tree.order].T) / spacing)
+    return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, NEAREST)
 
 
 class Scale(NamedTuple):

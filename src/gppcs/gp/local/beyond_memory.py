@@ -31,7 +31,6 @@ from gppcs.gp.local.candidates import (
     PER_POINT,
     SMALLEST_AREA,
     TOO_MANY,
-    Candidates,
     cell_edge,
     gaps_of_lone,
     largest_gap,
@@ -48,9 +47,8 @@ from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import exchanged, share_in_cells
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.row_sample import drawn
-from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import Neighbourhood, Run, StoredPoints, within, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
@@ -84,7 +82,7 @@ class _Stage:
     @property
     def spacing(self) -> float:
         """The target spacing."""
-        return math.sqrt(self.area / self.target) or 1.0
+        return cell_edge(self.area, self.target)
 
     @property
     def edge(self) -> float:
@@ -346,8 +344,7 @@ def _in_parts(
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _candidates(stage, stage.halo, part)
-    known = Candidates(stage.target, np.arange(len(near.records)), stage.thinned, stage.area)
-    tree, features = features_of(near.points, _observations(near.records), known)
+    tree, features = features_of(near.points, _observations(near.records), stage.spacing, stage.thinned)
     near = near.take(tree.order)
     records = np.empty(len(near.records), stage.measured)
     for name in near.records.dtype.names or ():

@@ -20,8 +20,7 @@ from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import surface_area
+from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
@@ -116,11 +115,6 @@ class Candidates(NamedTuple):
     # Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
     thinned: bool
     area: float  # Area of the surface, corrected by the number of occupied cells
-
-    @property
-    def spacing(self) -> float:
-        """The target spacing."""
-        return math.sqrt(self.area / self.target) or 1.0
 
 
 def nested_candidates(

@@ -24,23 +24,25 @@ from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.greedy_state import (
     TAKEN,
     GreedyState,
-    begin_state,
     condition_on,
     observe,
     renew,
-    renew_upper,
+    renew_inner,
+    renew_leaf,
     room_below,
     score_changed,
     set_score,
     within_reach,
 )
 from gppcs.gp.local.kernel import LocalField, detail_apart, field_distance
+from gppcs.gp.local.posterior import condition, posterior
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
 
 STEP = 0.7  # From one level to the next. Larger steps defer more points, smaller ones take more rounds.
 SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
 LEAST_STEP = 1e-6  # A level below this is the last.
 REPORTED = 4096  # Points chosen one after another between two reports of progress.
+LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
 POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
 
 
@@ -82,7 +84,7 @@ def extend(
     point may raise a score, since posteriors are given only the nearest points. Shapes: chosen (m,), in any order;
     returns added, scores, deviations (wanted,).
     """
-    state = begin_state(field, tree, chosen, neighbours, error_weight)
+    state = _begin_state(field, tree, chosen, neighbours, error_weight)
     whole, count = divide(state, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
     if count > 1:
         parts = divide(state, count)
@@ -95,6 +97,43 @@ def extend(
             advanced(min(REPORTED, wanted - taken))
         added, scores = chosen_by(whole)
     return added, scores, np.sqrt(state.variances[added])
+
+
+def _begin_state(
+    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
+) -> GreedyState:
+    """Return the state in which some points are chosen. Shapes: chosen (m,)."""
+    conditioning = condition(field, tree, chosen, neighbours)
+    given, count = posterior(field, conditioning, error_weight), len(tree.low)
+    state = GreedyState(
+        tree.order, conditioning, given.variances, given.scores, conditioning.squared[:, -1].copy(),
+        np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
+        np.empty(count), np.empty(count, dtype=np.int64),
+    )  # fmt: skip
+    state.scores[chosen] = state.reach[chosen] = TAKEN
+    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, least=LEAVES_AT_ONCE)
+    _renew_upper(state, tree.leaves)
+    return state
+
+
+@kernel(allocates=False)
+def _begin_leaves(begin, end, spacings, state):
+    """Fill the nodes of a range of leaves, given the desired spacings, (n,)."""
+    leaves = first_leaf(state.best)
+    for leaf in range(leaves + begin, leaves + end):
+        widest = 0.0
+        for i in range(*leaf_range(len(spacings), leaves, leaf)):
+            widest = max(widest, spacings[i])
+        state.boxes[leaf, 7] = widest**2
+        renew_leaf(leaf, state)
+
+
+@kernel(allocates=False)
+def _renew_upper(state, count):
+    """Update the nodes above a level of `count` nodes from the nodes of that level."""
+    for node in range(count - 1, 0, -1):
+        state.boxes[node, 7] = max(state.boxes[2 * node, 7], state.boxes[2 * node + 1, 7])
+        renew_inner(node, state)
 
 
 def _choose_in_levels(
@@ -176,7 +215,7 @@ def choose_level(
         on_ranges(choose_in_parts, count, level, n, field, error_weight, state, parts)
         chosen = int((parts.counts - parts.sent).sum())
     _exchange_boundaries(field, error_weight, state, parts)
-    renew_upper(state, count)
+    _renew_upper(state, count)
     choose_in_parts(0, 1, level, n, field, error_weight, state, rest)
 
 

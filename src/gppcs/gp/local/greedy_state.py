@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.kernel import LANES, LocalField, detail_apart, field_distance
-from gppcs.gp.local.posterior import Conditioning, Work, condition, posterior, posteriors, workspace
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range
+from gppcs.gp.local.kernel import LANES, detail_apart, field_distance
+from gppcs.gp.local.posterior import Conditioning, Work, posteriors, workspace
+from gppcs.spatial.kdtree import LEAF_SIZE, first_leaf, leaf_range
 
-LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
 TAKEN = -1.0  # Score and reach of a chosen point: below those of all others.
 UNSCORED = -2.0  # Score of a point that a new point has changed, until it is computed.
 
@@ -41,43 +39,6 @@ class GreedyState(NamedTuple):
     best: NDArray[np.float64]  # (nodes,), the largest score in the node
     # (nodes,), the point with this score; of several that with the smallest index in the tree's input.
     holder: NDArray[np.int64]
-
-
-def begin_state(
-    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
-) -> GreedyState:
-    """Return the state in which some points are chosen. Shapes: chosen (m,)."""
-    conditioning = condition(field, tree, chosen, neighbours)
-    given, count = posterior(field, conditioning, error_weight), len(tree.low)
-    state = GreedyState(
-        tree.order, conditioning, given.variances, given.scores, conditioning.squared[:, -1].copy(),
-        np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
-        np.empty(count), np.empty(count, dtype=np.int64),
-    )  # fmt: skip
-    state.scores[chosen] = state.reach[chosen] = TAKEN
-    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, least=LEAVES_AT_ONCE)
-    renew_upper(state, tree.leaves)
-    return state
-
-
-@kernel(allocates=False)
-def _begin_leaves(begin, end, spacings, state):
-    """Fill the nodes of a range of leaves, given the desired spacings, (n,)."""
-    leaves = first_leaf(state.best)
-    for leaf in range(leaves + begin, leaves + end):
-        widest = 0.0
-        for i in range(*leaf_range(len(spacings), leaves, leaf)):
-            widest = max(widest, spacings[i])
-        state.boxes[leaf, 7] = widest**2
-        _renew_leaf(leaf, state)
-
-
-@kernel(allocates=False)
-def renew_upper(state, count):
-    """Update the nodes above a level of `count` nodes from the nodes of that level."""
-    for node in range(count - 1, 0, -1):
-        state.boxes[node, 7] = max(state.boxes[2 * node, 7], state.boxes[2 * node + 1, 7])
-        _renew_inner(node, state)
 
 
 class Room(NamedTuple):
@@ -193,23 +154,23 @@ def set_score(state, root, i, score):
     leaves = first_leaf(state.best)
     state.scores[i] = score
     node = leaves + ((i + 1) * leaves - 1) // len(state.scores)
-    _renew_leaf(node, state)
+    renew_leaf(node, state)
     while node > root:
         node //= 2
-        _renew_inner(node, state)
+        renew_inner(node, state)
 
 
 @kernel(allocates=False)
 def renew(node, state):
     """Update score, holder and reach of a node, from its children or from its points."""
     if node < first_leaf(state.best):
-        _renew_inner(node, state)
+        renew_inner(node, state)
     else:
-        _renew_leaf(node, state)
+        renew_leaf(node, state)
 
 
 @kernel(fastmath=False, allocates=False)
-def _renew_inner(node, state):
+def renew_inner(node, state):
     """Update score, holder and reach of a node from its children."""
     best, holder, a, b = state.best, state.holder, 2 * node, 2 * node + 1
     if best[b] > best[a] or (best[b] == best[a] and state.order[holder[b]] < state.order[holder[a]]):
@@ -220,7 +181,7 @@ def _renew_inner(node, state):
 
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
-def _renew_leaf(node, state):
+def renew_leaf(node, state):
     """Update score, holder and reach of a leaf's node from its points."""
     begin, end = leaf_range(len(state.scores), first_leaf(state.best), node)
     best, reach, holder = TAKEN, TAKEN, begin

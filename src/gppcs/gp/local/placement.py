@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest import nearest_each
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
+from gppcs.spatial.nearest import TASKS, look_around, search_for
+from gppcs.spatial.nearest import WIDER as WIDER_SEARCH
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
@@ -114,6 +115,57 @@ def exchanged(
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
+
+
+def nearest_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
+    n = len(queries.order)
+    positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
+    on_ranges(
+        _nearest_each, tasks, tasks, tree.points, tree.low, tree.high, queries.points, queries.low, queries.high,
+        positions, squared,
+    )  # fmt: skip
+    return positions, squared
+
+
+@kernel
+def _nearest_each(first, last, tasks, points, low, high, queries, queries_low, queries_high, positions, squared):
+    """Fill positions and squared, (Q,), for queries, (3, Q), in a range of tasks; boxes are (nodes, 3)."""
+    leaves = first_leaf(queries_low)
+    search = search_for(1, first_leaf(low))
+    for task in range(first, last):
+        radius = 0.0  # squared; in the first leaf, each query searches by itself
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(queries.shape[1], leaves, leaf)
+            count = look_around(points, low, high, queries_low[leaf], queries_high[leaf], radius, search)
+            total = 0.0
+            for q in range(begin, end):
+                x, y, z = queries[0, q], queries[1, q], queries[2, q]
+                slot = _nearest_packed(search.room.packed, count, x, y, z, radius, search.squared)
+                positions[q] = search.room.found[slot]
+                squared[q] = search.squared[slot]
+                if slot < 0:
+                    nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
+                    positions[q], squared[q] = search.positions[0], search.gaps[0]
+                total += squared[q]
+            radius = WIDER_SEARCH * total / (end - begin)
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _nearest_packed(packed, count, x, y, z, radius, squared):
+    """Return the slot of the packed point nearest to (x, y, z), -1 if none is within the radius."""
+    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
+    squared, least = squared[:count], np.inf
+    for j in range(len(along_x)):
+        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
+        squared[j] = dx * dx + dy * dy + dz * dz
+        least = min(least, squared[j])
+    if not least <= radius:
+        return -1
+    slot = 0
+    while squared[slot] > least:
+        slot += 1
+    return slot
 
 
 @kernel(allocates=False)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.blas import one_blas_thread
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import nearest_distances
+from gppcs.spatial.kdtree import KdTree, nearest_distances
 
 LEAST_AREA_SHARE = 0.75  # least lumped area, relative to that estimated from spacing; whole surfaces have 0.83 to 1.9
 FEWEST_LANDMARKS = 500  # with fewer landmarks, halving their number again does not help

@@ -54,8 +54,7 @@ class SampleElimination(Method):
 
 def _most_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
     """Return how many points no two of which are nearer than a spacing there may be at most."""
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import surface_area
+    from gppcs.spatial.kdtree import KdTree, surface_area
 
     densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing / spacing
     return min(len(points), max(1, math.ceil(min(densest, 1e18))))

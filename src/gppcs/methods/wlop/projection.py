@@ -16,9 +16,9 @@ from gppcs.spatial.kdtree import (
     leaf_range,
     leaves_near,
     measure_boxes,
+    nearest_distances,
     squared_distance_to_box,
 )
-from gppcs.spatial.spacing import nearest_distances
 
 SAME_PLACE = 1e-10  # points whose squared distance is below this share of the squared radius ignore each other
 
