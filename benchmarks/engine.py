@@ -33,7 +33,7 @@ import sys
 from gppcs.app.compilation import compile_method
 from gppcs.engine.timer import compile_timer
 compile_method(sys.argv[1])
-print(compile_timer.seconds())
+print(compile_timer.seconds)
 """
 NOTES = (
     "Seconds are wall time with compiled kernels, the least of 5 runs; one thread and all take turns. Busy means that "

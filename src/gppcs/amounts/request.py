@@ -39,6 +39,7 @@ class Request:
     normals: bool
     scores: bool
     drop_outliers: bool
+    guided: bool  # Whether anything is asked of single points, which `Guide` looks up
 
     @classmethod
     def of(
@@ -74,6 +75,7 @@ class Request:
             metres_of(unit, None)
         if isinstance(keep, str):
             Expression.of(keep)
+        by_name = counted or quotas or group or getattr(chosen, "attribute", None)
         if flag("scores", scores) and not chosen.attributes:
             scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
             raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
@@ -81,13 +83,8 @@ class Request:
             chosen, amount, unit, keep, weight, counted, quotas, group,
             one_of("invalid", invalid, ("error", "drop")),
             flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
+            keep is not None or weight is not None or bool(by_name),
         )  # fmt: skip
-
-    @property
-    def guided(self) -> bool:
-        """Whether anything is asked of single points, which `Guide` looks up."""
-        by_name = self.detail or self.quotas or self.group or getattr(self.method, "attribute", None)
-        return self.keep is not None or self.weight is not None or bool(by_name)
 
     @property
     def whole(self) -> str | None:

@@ -116,11 +116,11 @@ class Timer:
         listener = self.listener
         if listener:
             listener.started(name, total)
-        compiled, start = compile_timer.seconds(), perf_counter()
+        compiled, start = compile_timer.seconds, perf_counter()
         try:
             yield listener.advanced if listener else _ignore
         finally:
-            elapsed, compilation = perf_counter() - start, compile_timer.seconds() - compiled
+            elapsed, compilation = perf_counter() - start, compile_timer.seconds - compiled
             self.seconds[name] = self.seconds.get(name, 0.0) + max(0.0, elapsed - compilation)
             if compilation:
                 self.seconds[COMPILATION] = self.seconds.get(COMPILATION, 0.0) + compilation
@@ -143,8 +143,9 @@ class CompileTimer:
     """Measures the time in which at least one kernel is being compiled, without the garbage collector."""
 
     def __init__(self) -> None:
+        self.seconds = 0.0  # of all compilations in this process, in any of its threads, that have ended
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
-        self._state: tuple[float, float | None] = 0.0, None  # seconds before, and start; one value, as threads read it
+        self._start = 0.0
         self._collected = self._told = False
 
     def start(self) -> None:
@@ -155,7 +156,7 @@ class CompileTimer:
             self._told = True
             _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
         if self._depth == 0:
-            self._state = self._state[0], perf_counter()
+            self._start = perf_counter()
             self._collected = gc.isenabled()
             gc.disable()
         self._depth += 1
@@ -164,14 +165,9 @@ class CompileTimer:
         """Note that the compilation of a kernel has ended, and switch the collector on again if it was."""
         self._depth -= 1
         if self._depth == 0:
-            self._state = self.seconds(), None
+            self.seconds += perf_counter() - self._start
             if self._collected:
                 gc.enable()
-
-    def seconds(self) -> float:
-        """Return for how long this process has compiled kernels, in any of its threads."""
-        before, start = self._state
-        return before if start is None else before + perf_counter() - start
 
 
 compile_timer = CompileTimer()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ class KdTree:
     # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    leaves: int  # Number of leaves, which is also the node number of the first leaf
 
     @classmethod
     def build(cls, points: NDArray[np.float64]) -> KdTree:
@@ -46,11 +47,12 @@ class KdTree:
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
         records[:, :3], numbers[:, 3] = points, np.arange(n)
-        tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), np.empty((2 << depth, 3)), np.empty((2 << depth, 3)))
+        low, high = np.empty((2 << depth, 3)), np.empty((2 << depth, 3))
+        tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), low, high, 1 << depth)
         top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
         for level in range(top):
-            on_ranges(_split_nodes, 1 << level, level, records, tree.low, tree.high)
-        on_ranges(_grow, 1 << top, top, depth, records, numbers, tree.order, tree.points, tree.low, tree.high)
+            on_ranges(_split_nodes, 1 << level, level, records, low, high)
+        on_ranges(_grow, 1 << top, top, depth, records, numbers, tree.order, tree.points, low, high)
         return tree
 
     @classmethod
@@ -59,20 +61,13 @@ class KdTree:
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
             leaves *= 2
-        tree = cls(
-            np.arange(n) if order is None else order, points, np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
-        )
-        measure_boxes(points, tree.low, tree.high)
-        return tree
-
-    @property
-    def leaves(self) -> int:
-        """The number of leaves, which is also the node number of the first leaf."""
-        return len(self.low) // 2
+        low, high = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
+        measure_boxes(points, low, high)
+        return cls(np.arange(n) if order is None else order, points, low, high, leaves)
 
     def in_own_order(self) -> KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
-        return KdTree(np.arange(len(self.order)), self.points, self.low, self.high)
+        return replace(self, order=np.arange(len(self.order)))
 
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""

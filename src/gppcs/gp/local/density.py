@@ -71,7 +71,8 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
 
     Each group of about `GROUP_SIZE` points that follow each other in a leaf has one limit, computed from its mean
     density at its middle. So spacings can differ more within a group, and by the size of a group between two groups.
-    Shapes: spacings (N,); returns (N,).
+    The limit at x_i is the minimum over j of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit
+    geometries and PDE-based gradient limiting, Engineering with Computers). Shapes: spacings (N,); returns (N,).
     """
     n, leaves = len(spacings), tree.leaves
     in_leaf = max(1, round(n / leaves / GROUP_SIZE))
@@ -81,27 +82,17 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray
     counts = np.diff(starts, append=n)
     centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
     density = np.add.reduceat(spacings**-2.0, starts) / counts
-    limits = limited(centres, density**-0.5, slope)
-    return np.minimum(spacings, np.repeat(limits, counts))
-
-
-def limited(tree: KdTree, spacings: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
-    """Return the largest spacings that are nowhere above the given ones and grow by at most `slope` with the distance.
-
-    At x_i this is the minimum over j of s_j + slope |x_i - x_j| (Persson 2006, Mesh size functions for implicit
-    geometries and PDE-based gradient limiting, Engineering with Computers).
-
-    Shapes: spacings (N,); returns (N,).
-    """
-    n, level = len(spacings), tree.leaves
-    least = np.empty(2 * level)  # of each node's points
-    least[level:] = np.minimum.reduceat(spacings, n * np.arange(level) // level)
+    means, level = density**-0.5, centres.leaves
+    least = np.empty(2 * level)  # of each node's groups
+    least[level:] = np.minimum.reduceat(means, len(means) * np.arange(level) // level)
     while level > 1:
         level //= 2
         least[level : 2 * level] = least[2 * level : 4 * level].reshape(-1, 2).min(axis=1)
-    result = spacings.copy()
-    on_ranges(_limit_leaves, tree.leaves, tree.points, tree.low, tree.high, spacings, slope, least, result, least=16)
-    return result
+    limits = means.copy()
+    on_ranges(
+        _limit_leaves, centres.leaves, centres.points, centres.low, centres.high, means, slope, least, limits, least=16
+    )
+    return np.minimum(spacings, np.repeat(limits, counts))
 
 
 @kernel

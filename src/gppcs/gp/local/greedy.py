@@ -92,10 +92,11 @@ def extend(
             wanted, len(chosen), level, field, error_weight, state, parts, whole, advanced
         )
     else:
-        for taken in range(0, wanted, REPORTED):
-            choose_in_parts(0, 1, level, min(taken + REPORTED, wanted), field, error_weight, state, whole)
-            advanced(min(REPORTED, wanted - taken))
-        added, scores = chosen_by(whole)
+        for begin in range(0, wanted, REPORTED):
+            choose_in_parts(0, 1, level, min(begin + REPORTED, wanted), field, error_weight, state, whole)
+            advanced(min(REPORTED, wanted - begin))
+        taken = slice(whole.counts[0])
+        added, scores = whole.positions[taken], whole.scores[taken]
     return added, scores, np.sqrt(state.variances[added])
 
 
@@ -155,7 +156,7 @@ def _choose_in_levels(
         choose_level(level, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
         advanced(taken - before)
-    added, scores = (np.concatenate(both) for both in zip(chosen_by(parts), chosen_by(rest), strict=True))
+    added, scores = (np.concatenate(both) for both in zip(_chosen_by(parts), _chosen_by(rest), strict=True))
     best = np.argsort(-scores, kind="stable")[:wanted]
     return added[best], scores[best]
 
@@ -197,7 +198,7 @@ def _find_neighbours(boxes, near):
             near[a, b] = a != b and squared <= max(one[6], other[6]) * 0.5 * (one[7] + other[7])
 
 
-def chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return what the parts have chosen, part by part. Shapes: returns positions, scores (m,)."""
     starts = len(parts.positions) * np.arange(len(parts.counts)) // len(parts.counts)
     slots = np.repeat(starts - np.cumsum(parts.counts) + parts.counts, parts.counts) + np.arange(parts.counts.sum())
