@@ -58,10 +58,6 @@ class Observations(NamedTuple):
     # field with target spacing h.
     variances: NDArray[np.float64]
 
-    def take(self, rows: NDArray[np.int64]) -> Observations:
-        """Return those at some of the places. Shapes: rows (m,)."""
-        return Observations(None if self.feet is None else self.feet[rows], self.variances[rows])
-
 
 @dataclass(frozen=True)
 class Noise:

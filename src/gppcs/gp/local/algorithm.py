@@ -111,14 +111,13 @@ def rank(
     ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
     for stage in candidates:
         with timer("features"):
-            of_stage, own = observations, detail
-            if stage is not candidates[-1]:
-                among = np.searchsorted(candidates[-1].rows, stage.rows)
-                of_stage, own = observations.take(among), detail and detail.take(among)
+            among = np.searchsorted(candidates[-1].rows, stage.rows)
             spacing = cell_edge(stage.area, stage.target)
-            tree, features = features_of(points[stage.rows], of_stage, spacing, stage.thinned)
-            variances = of_stage.variances[tree.order] / spacing**2
-            field = local_field(tree, features, variances, criterion, own and own.take(tree.order))
+            feet = None if observations.feet is None else observations.feet[among]
+            tree, features = features_of(points[stage.rows], feet, spacing, stage.thinned)
+            among = among[tree.order]
+            variances = observations.variances[among] / spacing**2
+            field = local_field(tree, features, variances, criterion, detail and detail.take(among))
             rows = stage.rows[tree.order]
             if weights is not None:
                 field = field._replace(spacings=weighted(field.spacings, weights[rows]))
@@ -132,16 +131,16 @@ def rank(
 
 
 def features_of(
-    places: NDArray[np.float64], observations: Observations, spacing: float, thinned: bool
+    places: NDArray[np.float64], feet: NDArray[np.float64] | None, spacing: float, thinned: bool
 ) -> tuple[KdTree, Features]:
     """Return the tree over the candidates of a stage, in units of its target spacing, and their features in tree order.
 
-    Shapes: places (n, 3).
+    The features are measured at the feet of the places, if there are any. Shapes: places, feet (n, 3).
     """
     tree = KdTree.build(places / spacing)
     on_surface = tree.in_own_order()
-    if observations.feet is not None:
-        on_surface = KdTree.over(np.ascontiguousarray(observations.feet[tree.order].T) / spacing)
+    if feet is not None:
+        on_surface = KdTree.over(np.ascontiguousarray(feet[tree.order].T) / spacing)
     return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, NEAREST)
 
 

@@ -35,7 +35,6 @@ from gppcs.gp.local.candidates import (
     gaps_of_lone,
     largest_gap,
     nested_candidates,
-    numbers_of_lone,
     sample_size,
     sharpness_of,
     thinned,
@@ -44,7 +43,7 @@ from gppcs.gp.local.density import FINEST, WEIGHT_POWER
 from gppcs.gp.local.detail import WITHIN, Detail, DetailNoise, residuals
 from gppcs.gp.local.greedy import extend, next_step
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.placement import exchanged, share_in_cells
+from gppcs.gp.local.placement import MOST, PROJECTED, exchanged
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
@@ -232,7 +231,7 @@ def _store_candidates(
     gaps = gaps_of_lone(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
     own = near.inside[kept]
     kept, gaps = kept[own], gaps[own]
-    lone = numbers_of_lone(gaps, stage.spacing)
+    lone = np.count_nonzero(gaps[:, None] > np.multiply(DISTANCES, stage.spacing), axis=0)
     fixed = np.flatnonzero(np.isin(near.rows, asked.rows))
     kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.full(len(fixed), FIXED), gaps])
     first = first_occurrences(points[kept])
@@ -291,8 +290,8 @@ def _in_memory(
         target = min(stage.target, len(records))
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
     weights = records["weight"] if "weight" in (records.dtype.names or ()) else None
-    observations = _observations(records).take(candidates[-1].rows)
-    detail = _detail(stage, records[candidates[-1].rows])
+    last = records[candidates[-1].rows]
+    observations, detail = _observations(last), _detail(stage, last)
     ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights, detail)
     return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows]
 
@@ -344,7 +343,7 @@ def _in_parts(
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _candidates(stage, stage.halo, part)
-    tree, features = features_of(near.points, _observations(near.records), stage.spacing, stage.thinned)
+    tree, features = features_of(near.points, _observations(near.records).feet, stage.spacing, stage.thinned)
     near = near.take(tree.order)
     records = np.empty(len(near.records), stage.measured)
     for name in near.records.dtype.names or ():
@@ -457,7 +456,7 @@ def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDAr
     if not noise.quiet:
         some = drawn(near.rows, sample_size(stage.target) / len(stored))
         noise = replace(noise, tree=KdTree.build(near.points[some]))
-    share = share_in_cells(noise, stage.target, len(stored))
+    share = min(1.0, (MOST if noise.quiet else PROJECTED) * stage.target / len(stored))
     old = detail = None
     if stage.detail:
         alike = KdTree.build(near.points).nearest_of(asked.places, 1)[0][:, 0]  # repeats are not there

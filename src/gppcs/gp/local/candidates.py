@@ -140,7 +140,8 @@ def nested_candidates(
     if enough := len(rows) >= ENOUGH * n_points:
         spacing = math.sqrt(area / n_points)
         gaps = gaps_of_lone(points[rows], spacing)
-        rows = rows[gaps <= largest_gap(numbers_of_lone(gaps, spacing), len(rows), n_points, spacing)]
+        lone = np.count_nonzero(gaps[:, None] > np.multiply(DISTANCES, spacing), axis=0)
+        rows = rows[gaps <= largest_gap(lone, len(rows), n_points, spacing)]
     else:
         rows = np.arange(len(points))
     stages = [Candidates(n_points, rows, enough, area)]
@@ -172,17 +173,12 @@ def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.floa
     return gaps
 
 
-def numbers_of_lone(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
-    """Return how many candidates are alone within each of some distances. Shapes: gaps (n,); returns (4,)."""
-    return np.count_nonzero(gaps[gaps > 0.0, None] > spacing * np.array(DISTANCES), axis=0)
-
-
 def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
     """Return how far from all others a candidate may be. Those farther away are outliers, which are left out.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
     of a scan some are lone, but their number falls fast with the distance. That of scattered outliers does not. Shapes:
-    lone (4,).
+    lone (4,), how many are alone within each of `DISTANCES`.
     """
     for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
         if HARMLESS * n_points < number <= n - ENOUGH * n_points and farther > OUTLIERS * number:

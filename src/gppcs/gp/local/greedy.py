@@ -85,9 +85,11 @@ def extend(
     returns added, scores, deviations (wanted,).
     """
     state = _begin_state(field, tree, chosen, neighbours, error_weight)
-    whole, count = divide(state, 1), number_of_parts(len(field.y), len(chosen), tree.leaves, neighbours)
+    whole, count = _divide(state, 1), 1
+    while 2 * count <= tree.leaves and len(field.y) >= 2 * count * POINTS and len(chosen) >= 2 * count * neighbours:
+        count *= 2
     if count > 1:
-        parts = divide(state, count)
+        parts = _divide(state, count)
         added, scores = _choose_in_levels(
             wanted, len(chosen), level, field, error_weight, state, parts, whole, advanced
         )
@@ -166,15 +168,7 @@ def next_step(chosen: int, wanted: int) -> float:
     return max(STEP, math.sqrt(chosen / (SPARE * wanted)))
 
 
-def number_of_parts(n: int, chosen: int, leaves: int, neighbours: int) -> int:
-    """Return the number of parts, a power of two."""
-    parts = 1
-    while 2 * parts <= leaves and n >= 2 * parts * POINTS and chosen >= 2 * parts * neighbours:
-        parts *= 2
-    return parts
-
-
-def divide(state: GreedyState, count: int) -> Parts:
+def _divide(state: GreedyState, count: int) -> Parts:
     """Return parts that have chosen nothing."""
     n, nodes = len(state.scores), len(state.best)
     near = np.zeros((count, count), dtype=np.bool_)

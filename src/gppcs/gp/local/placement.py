@@ -52,18 +52,13 @@ def placed(
     Shapes: points (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail[chosen]
-    if (share := share_in_cells(noise, len(chosen), len(points))) < 1.0:
+    if (share := (MOST if noise.quiet else PROJECTED) * len(chosen) / len(points)) < 1.0:
         rows = np.flatnonzero(drawn(np.arange(len(points)), share))
         detail = None if detail is None else detail[rows]
         new = exchanged(points[chosen], stays, points[rows], area / len(rows), noise, old, detail)
         return np.where(new < 0, chosen, rows[new])
     new = exchanged(points[chosen], stays, points, area / len(points), noise, old, detail)
     return np.where(new < 0, chosen, new)
-
-
-def share_in_cells(noise: Noise, n_points: int, n: int) -> float:
-    """Return the share of n points of which cells consist."""
-    return min(1.0, (MOST if noise.quiet else PROJECTED) * n_points / n)
 
 
 def exchanged(
