@@ -267,8 +267,7 @@ def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
     assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()
 
 
-def test_meshes_that_cannot_be_compared_are_refused_at_once(ball, sphere, monkeypatch):
-    """PyMeshLab would take minutes."""
+def test_meshes_that_cannot_be_compared_are_refused_before_distances_are_measured(ball, sphere, monkeypatch):
     mesh, points, _ = ball
     with pytest.raises(gppcs.NoSurfaceError, match="of the 3 points gave no surface"):
         gppcs.evaluate(sphere, sphere[:3], mesh)

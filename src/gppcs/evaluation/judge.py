@@ -411,7 +411,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
 
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
-    """Raise an error unless the mesh has an area and lies on the original; boxes first, as PyMeshLab may take long."""
+    """Raise an error unless the mesh has an area and lies on the original; the boxes tell first."""
     from gppcs.evaluation.reconstruction import distances_to, require_area
 
     require_area(mesh, "mesh")

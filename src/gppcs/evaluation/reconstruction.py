@@ -1,4 +1,4 @@
-"""Rebuilds surfaces from clouds and measures distances between meshes, by PyMeshLab.
+"""Rebuilds surfaces from clouds, by PyMeshLab, and measures distances between meshes.
 
 The conventions are the paper's: screened Poisson reconstruction of depth 8; normals from planes fitted to ten
 neighbours in the simplified cloud, each with the sign of the nearest normal of the original; distances from the
@@ -16,6 +16,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest_triangles import nearest_triangles
 
 OCTREE_DEPTH = 8  # depth of the octree
 NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
@@ -83,17 +84,8 @@ def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> M
 
 def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distance of each point to the surface of a mesh. Shapes: points (M, 3); returns (M,)."""
-    pymeshlab = require_pymeshlab()
-    meshes = _mesh_set(points)
-    used, faces = np.unique(mesh.faces, return_inverse=True)  # unused vertices would enlarge PyMeshLab's grid
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices[used], faces.reshape(mesh.faces.shape)))
-    corners = np.concatenate([points, mesh.vertices[used]])
-    reach = 2.0 * float(np.linalg.norm(np.ptp(corners, axis=0)))  # PyMeshLab clips larger distances
-    meshes.compute_scalar_by_distance_from_another_mesh_per_vertex(
-        measuremesh=0, refmesh=1, signeddist=False, maxdist=pymeshlab.PureValue(reach)
-    )
-    distances: NDArray[np.float64] = meshes.mesh(0).vertex_scalar_array()
-    return distances
+    _, squared, _ = nearest_triangles(mesh.vertices, mesh.faces, points)
+    return np.sqrt(squared)
 
 
 def count_self_intersections(mesh: Mesh) -> int:
