@@ -45,6 +45,7 @@ def test_a_mesh_is_written_with_its_vertices(gppcs_command, ball, suffix):
         (["--ratio", "5%"], {"ratio": 0.05}),
         (["--faces", "0.2k"], {"n_faces": 200}),
         (["--tolerance", "1.5"], {"tolerance": 1.5}),
+        (["--tolerance", "1.5:mean"], {"tolerance": "1.5:mean"}),
         (["--points", "80", "--moved"], {"n_points": 80, "moved": True}),
         (["--points", "80", "--effort", "2"], {"n_points": 80, "effort": 2}),
         (["--points", "80", "--fill-holes", "30"], {"n_points": 80, "fill_holes": 30}),
@@ -56,6 +57,21 @@ def test_options_are_arguments_of_the_function(record, ball, options, arguments)
     assert counts == (3000, len(expected.mesh.vertices), len(expected.mesh.faces))
     assert told["diagnostics"] == pytest.approx(dict(expected.diagnostics))
     assert gppcs.read("small.ply").points == pytest.approx(expected.mesh.vertices, rel=1e-6)
+
+
+def test_notes_tell_what_a_tolerance_leaves_out_and_whether_it_is_below_the_noise(gppcs_command):
+    cloud = gppcs.sample("sphere", n_points=10_000, noise=0.0075)
+    noise = gppcs.mesh(cloud, n_points=100).diagnostics["noise"]
+    gppcs.write("noisy.ply", cloud)
+    for share in (0.9, 1.1):
+        told = gppcs_command("mesh", "noisy.ply", "-o", "out.ply", "--force", "-q", "--tolerance", share * noise)[2]
+        found = re.fullmatch(
+            r"gppcs: note: noisy.ply: the tolerance holds without \d+ outliers and ([\d,]+) points that are farther "
+            r"than it [^\n]*\n(?:gppcs: note: noisy.ply: the tolerance of ([\d.]+) is below the noise [^\n]*\n)?",
+            told,
+        )
+        assert 2000 < int(found[1].replace(",", "")) < 4000
+        assert (found[2] is not None) == (share < 1.0)
 
 
 def test_the_run_is_printed_as_a_table(printed, ball):

@@ -6,6 +6,8 @@ import pytest
 import gppcs
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.halfedges import HalfEdges
+from gppcs.spatial.nearest_triangles import nearest_triangles
+from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
 from shapes import faults, torus
 
@@ -174,18 +176,89 @@ def test_filled_holes_count_among_the_triangles_asked_for(ball, n_faces):
 
 
 @pytest.mark.parametrize("tolerance", [1.0, 0.1])
-def test_a_tolerance_is_held_by_about_as_few_vertices_as_possible(ball, tolerance):
-    result = gppcs.mesh(ball, tolerance=tolerance)
+def test_a_mean_tolerance_is_held_by_about_as_few_vertices_as_possible(ball, tolerance):
+    result = gppcs.mesh(ball, tolerance=f"{tolerance}:mean")
     assert 0.8 * tolerance < result.diagnostics["mean_distance"] <= tolerance
     fewer = gppcs.mesh(ball, n_points=int(0.7 * len(result.indices)))
     assert fewer.diagnostics["mean_distance"] > tolerance
 
 
-def test_a_tolerance_below_the_noise_is_an_error_that_tells_what_all_points_give():
+def largest_distance(result, points):
+    return float(np.sqrt(nearest_triangles(result.mesh.vertices, result.mesh.faces, points)[1].max()))
+
+
+@pytest.mark.parametrize("tolerance", ["0.1%", "0.5%"])
+@pytest.mark.parametrize("sample", ["sphere", "bracket", "medallion", "statue"])
+def test_all_points_are_within_a_tolerance_of_the_mesh(sample, tolerance):
+    points = gppcs.sample(sample, n_points=4000).points
+    result = gppcs.mesh(points, tolerance=tolerance)
+    bound = float(tolerance[:-1]) / 100.0 * np.linalg.norm(np.ptp(points, axis=0))
+    assert is_sound(result.mesh)
+    assert (result.diagnostics["outliers"], result.diagnostics["off_surface"]) == (0, 0)
+    assert 0.9 * bound < largest_distance(result, points) <= bound
+    assert result.diagnostics["largest_distance"] == pytest.approx(largest_distance(result, points), rel=1e-12)
+    assert result.diagnostics["tolerance"] == pytest.approx(bound)
+    every = gppcs.mesh(points, n_points=len(points))
+    assert topology_of(result.mesh.faces) == topology_of(every.mesh.faces)
+
+
+@pytest.mark.parametrize("sample", ["sphere", "bracket"])
+def test_fewer_vertices_miss_a_tolerance_and_more_effort_takes_no_more(sample):
+    points = gppcs.sample(sample, n_points=4000).points
+    few, fewer = (gppcs.mesh(points, tolerance="0.3%", effort=effort) for effort in (0, 2))
+    assert len(fewer.indices) <= len(few.indices)
+    missing = gppcs.mesh(points, n_points=int(0.95 * len(fewer.indices)), effort=2)
+    assert largest_distance(missing, points) > few.diagnostics["tolerance"]
+
+
+def test_outliers_and_points_on_no_piece_are_left_out_of_a_tolerance_and_counted(ball):
+    far, three = [[0.0, 0.0, 200.0], [0.0, 300.0, 0.0]], 80.0 + 0.5 * np.eye(3)
+    result = gppcs.mesh(np.concatenate([ball.points, far, three]), tolerance=0.5)
+    assert result.diagnostics["outliers"] + result.diagnostics["off_surface"] == 5
+    assert result.diagnostics["outliers"] >= 2
+    assert largest_distance(result, ball.points) <= 0.5
+
+
+def test_the_mesh_within_a_tolerance_tells_how_far_it_strays(ball):
+    result = gppcs.mesh(ball, tolerance=1.0)
+    expected = LocalSurface.of(ball.points).nearest_to(result.mesh.vertices)[0].max()
+    assert result.diagnostics["back_distance"] == pytest.approx(expected)
+
+
+def test_a_flat_square_within_a_tolerance_has_the_vertices_of_its_corners():
+    grid = np.column_stack([*np.indices((30, 30)).reshape(2, -1), np.zeros(900)])
+    result = gppcs.mesh(grid, tolerance=0.1)
+    assert len(result.mesh.faces) == 2
+    assert largest_distance(result, grid) <= 0.1
+
+
+def test_holes_and_borders_stay_within_a_tolerance(ball):
+    open_ball = ball.points[np.abs(ball.points[:, 2]) < 30]
+    result = gppcs.mesh(open_ball, tolerance=0.5)
+    assert topology_of(result.mesh.faces) == (0, 0, 2, 1, 0)
+    assert largest_distance(result, open_ball) <= 0.5
+    assert np.abs(result.mesh.vertices[:, 2]).max() < 32
+    closed = gppcs.mesh(open_ball, tolerance=0.5, fill_holes=130)
+    assert topology_of(closed.mesh.faces) == (0, 0, 0, 1, 0)
+
+
+def test_a_tolerance_gives_the_same_mesh_for_any_number_of_threads(ball, on_threads):
+    one, *several = on_threads(lambda: gppcs.mesh(ball, tolerance=0.5).mesh)
+    for mesh in several:
+        assert np.array_equal(mesh.faces, one.faces)
+        assert np.array_equal(mesh.vertices, one.vertices)
+
+
+def test_a_mean_tolerance_below_the_noise_is_an_error_that_tells_what_all_points_give():
     points = gppcs.sample("sphere", n_points=3000).points
     noisy = points + 0.4 * np.random.default_rng(0).standard_normal(points.shape)
     with pytest.raises(gppcs.ParameterError, match=r"the mesh of all points reaches, of about 0\.\d+, found 0\.001"):
-        gppcs.mesh(noisy, tolerance=0.001)
+        gppcs.mesh(noisy, tolerance="0.001:mean")
+
+
+def test_a_tolerance_that_most_points_miss_is_an_error():
+    with pytest.raises(gppcs.ParameterError, match=r"reaches for most of these, of about 0\.\d+, found 0\.01"):
+        gppcs.mesh(noisy_ball(0.0075), tolerance=0.01)
 
 
 def test_chosen_points_become_the_vertices(ball):
@@ -342,6 +415,8 @@ def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, mes
         ({"ratio": 1e-6}, "at least 4 of the 4000 points"),
         ({"n_faces": 3}, "from 4 on"),
         ({"tolerance": 0}, "tolerance to be a length above 0"),
+        ({"tolerance": "1mm:p95"}, "a largest distance, such as '1mm', or to end in :mean, found '1mm:p95'"),
+        ({"tolerance": "1mm:median"}, "tolerance to end in"),
         ({"n_points": 10, "fill_holes": -1}, "fill_holes to be a length above 0"),
         ({"keep": [0, 1, 2]}, "at least 4 indices"),
         ({"keep": [0, 1, 2, 4000]}, "rows of the cloud from 0 to 3999 .*, found 4000"),

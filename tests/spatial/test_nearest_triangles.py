@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from dense import distances_to_triangles
 
+from dense import distances_to_triangles
 from gppcs.spatial.nearest_triangles import nearest_triangles
 
 

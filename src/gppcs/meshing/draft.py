@@ -51,6 +51,11 @@ class Draft:
         vertices = places if moved else dense.raw[level]
         return cls(dense, moved, level, kept, mesh, vertices, normals, start)
 
+    def copy(self) -> Draft:
+        """Return a draft that can be changed without changing this one."""
+        mesh = HalfEdges(*(part.copy() for part in self.mesh))
+        return replace(self, level=self.level.copy(), kept=self.kept.copy(), mesh=mesh, vertices=self.vertices.copy())
+
     def used(self) -> int:
         """Return the number of vertices that triangles join."""
         return int(np.count_nonzero(self.mesh.leaving >= 0))
@@ -106,8 +111,8 @@ class Draft:
 
         The triangles given are changed.
         """
-        mesh = HalfEdges(*(part.copy() for part in self.mesh))
-        other = replace(self, level=self.level.copy(), mesh=mesh, vertices=self.vertices.copy())
+        other = self.copy()
+        mesh = other.mesh
         surface = Surface.of(mesh, other.vertices, self.dense.places, assigned)
         exchange(surface, other.level, self.extra)
         other.normals = self.dense.normals[other.level]

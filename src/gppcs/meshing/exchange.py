@@ -74,11 +74,11 @@ def _try_collapses(begin, end, surface, edges, extra, found):
     """Fill `found`, (m,), with what collapses of edges, (m,), cost; for a range of these."""
     star = room_for_star(len(surface.points))
     for i in range(begin, end):
-        found[i], _ = _collapsed(surface, star, edges[i], extra)
+        found[i], _ = collapsed(surface, star, edges[i], extra)
 
 
 @kernel(allocates=False)
-def _collapsed(surface, star, h, extra):
+def collapsed(surface, star, h, extra):
     """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this."""
     mesh = surface.mesh
     v, u = mesh.origin[h], mesh.origin[following(h)]
@@ -92,6 +92,8 @@ def _collapsed(surface, star, h, extra):
         return np.inf, middle
     empty(star, middle)
     energy = add_around(surface, star, v, u, extra) + add_around(surface, star, u, v, extra)
+    if star.worst[0] > surface.limit:
+        return np.inf, middle
     least, place = fit_star(surface, star, middle, extra)
     return least - energy, place
 
@@ -106,7 +108,7 @@ def _collapse_all(surface, edges, level, extra):
         v, u = mesh.origin[h], mesh.origin[following(h)]
         if v < 0 or changed[v] or changed[u]:
             continue
-        cost, place = _collapsed(surface, star, h, extra)
+        cost, place = collapsed(surface, star, h, extra)
         if cost == np.inf:
             continue
         if _squared(surface, level[v], place) < _squared(surface, level[u], place):

@@ -12,6 +12,7 @@ from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle
 SWEEPS = 8  # tries of each edge at most, on average
 UPRIGHT = 0.1  # least cosine between a new triangle's normal and the mean of its corners'
 THIN_IN_FLIPS = 0.22  # triangles below this quality cost extra
+SHARP = 0.5  # a point at the limit of distances costs 1 + SHARP^3 times its squared distance
 LESS = 1.0 - 1e-7  # an energy counts as lower if it is below this share: rounding flips nothing
 
 
@@ -49,10 +50,10 @@ def _flip_all(mesh, vertices, normals, points, assigned, extra, first, after):
         if not is_flippable(mesh, vertices, normals, h, halves):
             continue
         f, g = h // 3, mesh.opposite[h] // 3
-        if not _is_better(mesh, vertices, points, assigned, extra, first, after, h):
+        if not is_better(mesh, vertices, points, assigned, extra, first, after, np.inf, h):
             continue
         flip_edge(mesh, h)
-        _share_out(mesh, vertices, points, assigned, first, after, f, g)
+        share_out(mesh, vertices, points, assigned, first, after, f, g)
         flips += 1
         for side in (f, g):
             for k in range(3):
@@ -93,17 +94,21 @@ def is_flippable(mesh, vertices, normals, h, halves):
 
 
 @kernel(allocates=False)
-def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
-    """Return whether the energy of the two triangles of an edge is lower after its flip."""
+def is_better(mesh, vertices, points, assigned, extra, first, after, limit, h):
+    """Return whether the energy of the two triangles of an edge is lower after its flip.
+
+    No point may be beyond the limit of squared distances, unless one already was as far.
+    """
     o = mesh.opposite[h]
     a, b = mesh.origin[h], mesh.origin[o]
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
     pa, pb, pc, pd = row(vertices, a), row(vertices, b), row(vertices, c), row(vertices, d)
-    old = extra * (thinness(pa, pb, pc) + thinness(pb, pa, pd))
+    old, most = extra * (thinness(pa, pb, pc) + thinness(pb, pa, pd)), limit
     for side in (h // 3, o // 3):
         i = first[side]
         while i >= 0:
-            old += assigned.squared[i]
+            old += price(assigned.squared[i], limit)
+            most = max(most, assigned.squared[i])
             i = after[i]
     new = extra * (thinness(pa, pd, pc) + thinness(pd, pb, pc))
     for side in (h // 3, o // 3):
@@ -113,9 +118,18 @@ def _is_better(mesh, vertices, points, assigned, extra, first, after, h):
             fa, fb, fc, fd = minus(pa, point), minus(pb, point), minus(pc, point), minus(pd, point)
             s, t = nearest_in_triangle(fa, fd, fc)
             u, v = nearest_in_triangle(fd, fb, fc)
-            new += min(squared_distance(fa, fd, fc, s, t), squared_distance(fd, fb, fc, u, v))
+            squared = min(squared_distance(fa, fd, fc, s, t), squared_distance(fd, fb, fc, u, v))
+            if squared > most:
+                return False
+            new += price(squared, limit)
             i = after[i]
     return new < LESS * old
+
+
+@kernel
+def price(squared, limit):
+    """Return what a squared distance costs: itself, and soon more where it is above the limit."""
+    return squared * (1.0 + (SHARP * squared / limit) ** 3)
 
 
 @kernel
@@ -155,7 +169,7 @@ def flip_edge(mesh, h):
 
 
 @kernel(allocates=False)
-def _share_out(mesh, vertices, points, assigned, first, after, f, g):
+def share_out(mesh, vertices, points, assigned, first, after, f, g):
     """Give each point of two triangles to the nearer one."""
     heads = first[f], first[g]
     first[f] = first[g] = -1

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Length, Scale, count_of, metres_of, option, share_of
+from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, option, share_of
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
@@ -20,6 +20,7 @@ from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
 from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.bounding import bound, nearest_faces, thinned_by_quadrics
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
@@ -31,6 +32,8 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.fans import ON_CIRCLE
+from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.outliers import outliers_among
 
 FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
 LEVEL = 8  # points of the first mesh, in vertices of the result
@@ -48,6 +51,9 @@ LINE_WIDTH = 1e-6  # points whose second widest extent is below this share of th
 FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
 MOST_TRIES = 8  # meshes of such a search
+WITHIN = 0.999  # of a tolerance of the largest distance: coordinates are rounded when a mesh is written
+LENGTHS = "noise", "mean_distance", "tolerance", "largest_distance", "back_distance"  # among the diagnostics
+BOUNDED = 2, 6, 32  # rounds of fitting and further collapses at most for such a tolerance, at each effort
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +78,11 @@ class MeshResult(ComparedByValue):
         points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small holes
         that stay open because all triangles that would close them cut others; `borders`, the number of holes and rims,
         0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
-        `missing`, the number of these points that are no vertices.
+        `missing`, the number of these points that are no vertices. With a `tolerance` of the largest distance also
+        `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`,
+        the largest distance of a vertex from the local surface of the points; `outliers`, the number of points left
+        out as `gppcs.find_outliers` finds them; `off_surface`, that of points left out as the mesh of all points is
+        farther than the tolerance from them.
 
     Examples
     --------
@@ -129,8 +139,11 @@ def mesh(
         The number of triangles at most, at least 4. Those that fill holes count: if there are too many, a lighter mesh
         is made. There are more only if each piece already has as few vertices as can be.
     tolerance : length, optional
-        Mean distance from the points to the mesh at most: a number in the unit of the coordinates, or a text such as
-        "0.5mm" or "0.02%" of the diagonal of the bounding box. The mesh has about as few vertices as it allows.
+        Largest distance from the points to the mesh: a number in the unit of the coordinates, or a text such as
+        "0.5mm" or "0.2%" of the diagonal of the bounding box. The mesh has as few vertices as can be found within it.
+        They leave the points whatever `moved` says. Outliers are left out, and points on no piece of the surface: the
+        mesh of all points is farther than the tolerance from them. A text such as "0.5mm:mean" is for the mean
+        distance. The mesh then has about as few vertices as it allows, by several tries.
     unit : str, optional
         In which unit the coordinates are: "m", "mm", "ft" and so on, if the coordinate system of the cloud does not
         tell.
@@ -141,7 +154,8 @@ def mesh(
     effort : 0, 1 or 2
         How much time to spend on a better mesh with moved vertices: with 1 or 2, vertices go from where they matter
         least to where they help most, in two rounds, or until that gains little. Then vertices leave the points
-        whatever `moved` says, and `keep` cannot be given.
+        whatever `moved` says, and `keep` cannot be given. With a `tolerance` of the largest distance, vertices are
+        removed, and the others fitted, in more rounds.
     fill_holes : length, optional
         Also close holes up to this size, the diagonal of the box around their border.
     invalid : "error" or "drop"
@@ -161,7 +175,8 @@ def mesh(
     NoSurfaceError
         If the points do not lie on a surface: there are fewer than four, they lie on a line, or they fill a volume.
     ParameterError
-        If a parameter is outside its range, or the tolerance is below what all points give.
+        If a parameter is outside its range, or the tolerance is below what the mesh of all points reaches: in the
+        mean, or for half of the points.
 
     Examples
     --------
@@ -190,9 +205,11 @@ def mesh(
     metres = metres_of(unit, cloud.header)
     scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, exponent)
     hole_size = scale.inside(size.fill_holes) if size.fill_holes else None
+    moved = moved or size.bounds_largest
     maker = _Maker(points, chosen, moved, effort, hole_size, timer)
     if size.tolerance is not None:
-        made = maker.search(scale.inside(size.tolerance), 2.0**exponent)
+        length = scale.inside(size.tolerance.length)
+        made = maker.search(length, 2.0**exponent) if size.tolerance.measure else maker.within(length, 2.0**exponent)
     elif size.n_faces is not None:
         made = maker.make(size.n_faces, counts_faces=True)
     else:
@@ -211,7 +228,7 @@ class Size:
     n_points: int | None
     ratio: float | None
     n_faces: int | None
-    tolerance: Length | None
+    tolerance: Tolerance | None  # of the mean or the largest distance
     fill_holes: Length | None
 
     @classmethod
@@ -241,9 +258,14 @@ class Size:
             None if n_points is None else count_of("n_points", n_points, FEWEST_VERTICES),
             None if ratio is None else share_of("ratio", ratio),
             None if n_faces is None else count_of("n_faces", n_faces, FEWEST_VERTICES),
-            None if tolerance is None else Length.of("tolerance", tolerance),
+            None if tolerance is None else _tolerance_of(tolerance),
             None if fill_holes is None else Length.of("fill_holes", fill_holes),
         )
+
+    @property
+    def bounds_largest(self) -> bool:
+        """Whether the largest distance of the points is to be within a tolerance."""
+        return self.tolerance is not None and self.tolerance.measure is None
 
     def vertices(self, n: int) -> int:
         """Return M, the number of vertices of a mesh of n points; 0 if that is not asked for."""
@@ -254,6 +276,17 @@ class Size:
                 f"expected a ratio that keeps at least {FEWEST_VERTICES} of the {n} points, found {self.ratio:g}"
             )
         return round(self.ratio * n)
+
+
+def _tolerance_of(given: Any) -> Tolerance:
+    """Check a tolerance of a mesh: a length, or a text with a length and ":mean"."""
+    tolerance = Tolerance.of(given)
+    if tolerance.measure not in (None, "mean"):
+        raise ParameterError(
+            f"expected tolerance to be a largest distance, such as '1mm', or to end in :mean, found {shown(given)}",
+            command=f"expected --tolerance to be a largest distance, such as 1mm, or to end in :mean, found {given}",
+        )
+    return tolerance
 
 
 def _effort_of(effort: Any, keep: Any | None) -> int:
@@ -399,6 +432,38 @@ class _Maker:
             return self.make(len(self.points))
         return best
 
+    def within(self, tolerance: float, unit: float) -> _Made:
+        """Return a mesh of as few vertices as a largest distance of the points allows."""
+        with self.timer("outliers"):
+            outliers = outliers_among(self.points)
+        first = self._begin(len(self.points), np.empty(0, dtype=np.int64))
+        dense, limit = first.dense, (WITHIN * tolerance) ** 2
+        with self.timer("quadrics"):
+            draft = Draft.of(dense, self.moved, first.level, np.zeros(len(first.level), dtype=np.bool_), first.faces)
+        with self.timer("distances"):
+            squared, usual = nearest_faces(draft).squared, ~outliers[dense.rows]
+        counted = usual & (squared <= limit)
+        if 2 * np.count_nonzero(counted) < np.count_nonzero(usual):
+            raise ParameterError(
+                "expected a tolerance that the mesh of all points reaches for most of these, of about "
+                f"{unit * np.sqrt(np.median(squared)):.3g}, found {unit * tolerance:.3g}"
+            )
+        with self.timer("collapse"):
+            draft = thinned_by_quadrics(draft, counted, limit)
+        with self.timer("bounded collapse"):
+            bound(draft, counted, limit, BOUNDED[self.effort])
+        with self.timer("distances"):
+            distances = np.sqrt(nearest_faces(draft).squared[counted])
+            used = draft.vertices[np.unique(draft.mesh.faces())]
+            diagnostics = {
+                "tolerance": tolerance,
+                "largest_distance": float(distances.max()),
+                "back_distance": float(LocalSurface.of(dense.raw).nearest_to(used)[0].max()),
+                "outliers": float(np.count_nonzero(~usual)),
+                "off_surface": float(np.count_nonzero(usual & ~counted)),
+            }
+        return self._finished(draft, float(distances.mean()), first.left_out, 0, diagnostics)
+
     def make(self, count: int, counts_faces: bool = False) -> _Made:
         """Return a mesh of that many vertices, or of at most so many triangles."""
         n_vertices = -(-count // 2) if counts_faces else count
@@ -433,21 +498,29 @@ class _Maker:
             opened = draft.mend(counts_faces)
         with timer("distances"):
             distances = draft.assigned()
-            there_too = distances.face >= 0
-            diagnostics = {
-                "dense_points": float(len(dense.rows)),
-                "noise": dense.noise,
-                "mean_distance": float(np.sqrt(distances.squared[there_too]).mean()),
-                "left_out": first.left_out,
-                "opened": float(opened),
-            }
-            if self.chosen is not None:
-                diagnostics["missing"] = float(len(chosen) - draft.used_and_kept())
-        faces = draft.mesh.faces()
+            mean = float(np.sqrt(distances.squared[distances.face >= 0]).mean())
+        missing = {}
+        if self.chosen is not None:
+            missing["missing"] = float(len(chosen) - draft.used_and_kept())
+        return self._finished(draft, mean, first.left_out, opened, missing)
+
+    def _finished(
+        self, draft: Draft, mean_distance: float, left_out: float, opened: int, more: dict[str, float]
+    ) -> _Made:
+        """Return a mesh whose holes are filled if that is wanted, with its diagnostics, `more` last."""
+        dense, faces = draft.dense, draft.mesh.faces()
         if self.hole_size is not None:
-            with timer("holes"):
+            with self.timer("holes"):
                 faces = holes_filled(faces, draft.vertices, draft.normals, self.hole_size)
         used, faces = np.unique(faces, return_inverse=True)
+        diagnostics = {
+            "dense_points": float(len(dense.rows)),
+            "noise": dense.noise,
+            "mean_distance": mean_distance,
+            "left_out": left_out,
+            "opened": float(opened),
+            **more,
+        }
         return _Made(
             faces.reshape(-1, 3), draft.vertices[used], draft.normals[used], dense.rows[draft.level[used]], diagnostics
         )  # fmt: skip
@@ -536,7 +609,7 @@ def _result(
     if kept.normals() is None:
         columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
         kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
-    scaled = {name: made.diagnostics[name] * 2.0**exponent for name in ("noise", "mean_distance")}
+    scaled = {name: made.diagnostics[name] * 2.0**exponent for name in LENGTHS if name in made.diagnostics}
     topology = topology_of(made.faces)
     counts = {name: float(getattr(topology, name)) for name in ("borders", "pieces", "genus")}
     diagnostics = {**made.diagnostics, **scaled, **counts}

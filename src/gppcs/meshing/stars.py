@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.flips import thinness
+from gppcs.meshing.flips import SHARP, price, thinness
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
 from gppcs.meshing.quadrics import add_borders
 from gppcs.spatial.triangles import area_vector, dot, has_area, minus, nearest_in_triangle, row, squared_distance, unit
@@ -33,14 +33,25 @@ class Surface(NamedTuple):
     assigned: Assignment
     first: Ints  # (F,): a point of each triangle, -1 if it has none
     after: Ints  # (n,): the next point of the same triangle, -1 after the last one
+    limit: float  # of the squared distances of points; infinity if there is none
+    reaches: Floats  # (n,): with a limit, how far a vertex may be from each point, if this is the nearest one; squared
 
     @classmethod
-    def of(cls, mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment) -> Self:
+    def of(
+        cls,
+        mesh: HalfEdges,
+        vertices: Floats,
+        points: Floats,
+        assigned: Assignment,
+        limit: float = np.inf,
+        reaches: Floats | None = None,
+    ) -> Self:
         """List the points of each triangle."""
         borders = np.zeros((len(vertices), NUMBERS))
         add_borders(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), borders)
         first, after = np.full(len(mesh.origin) // 3, -1), np.full(len(points), -1)
-        surface = cls(mesh, vertices, borders, points, assigned, first, after)
+        reaches = np.full(len(points), np.inf) if reaches is None else reaches
+        surface = cls(mesh, vertices, borders, points, assigned, first, after, limit, reaches)
         _list_points(surface)
         return surface
 
@@ -55,6 +66,7 @@ class Star(NamedTuple):
     triangles: Ints  # (points,): the nearest triangle of each; -1 before it is known
     weights: Floats  # (points, 2): barycentric coordinates of the nearest place, for the ends of the triangle's edge
     squared: Floats  # (points,): squared distances
+    worst: Floats  # (1,): the largest squared distance before any change
     quadric: Floats  # (10,): that of the vertex's borders, relative to `base`
     base: Floats  # (3,)
     halves: Ints  # room for the ways around one vertex, and around another
@@ -70,7 +82,7 @@ def room_for_star(n):
     return Star(
         np.zeros(2, dtype=np.int64), np.empty(2 * around, dtype=np.int64), np.empty((2 * around, 2, 3)),
         np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty((n, 2)), np.empty(n),
-        np.zeros(NUMBERS), np.zeros(3),
+        np.zeros(1), np.zeros(NUMBERS), np.zeros(3),
         np.empty(around, dtype=np.int64), np.empty(around, dtype=np.int64),
         np.empty(around, dtype=np.int64), np.empty(around, dtype=np.int64),
     )  # fmt: skip
@@ -90,6 +102,7 @@ def _list_points(surface):
 def empty(star, place):
     """Take all triangles and points out of a star, and let its quadric be zero, relative to a place."""
     star.sizes[0] = star.sizes[1] = 0
+    star.worst[0] = 0.0
     star.quadric[:] = 0.0
     star.base[0], star.base[1], star.base[2] = place
 
@@ -112,7 +125,8 @@ def add_points(surface, star, f, nearest):
     while i >= 0:
         star.members[count], star.triangles[count] = i, nearest
         count += 1
-        energy += surface.assigned.squared[i]
+        energy += price(surface.assigned.squared[i], surface.limit)
+        star.worst[0] = max(star.worst[0], surface.assigned.squared[i])
         i = surface.after[i]
     star.sizes[1] = count
     return energy
@@ -173,7 +187,7 @@ def place_points(surface, star, p, extra):
     for k in range(star.sizes[0]):
         energy += extra * thinness(p, row(star.ends[k], 0), row(star.ends[k], 1))
     for m in range(star.sizes[1]):
-        energy += star.squared[m]
+        energy += price(star.squared[m], surface.limit)
     return energy
 
 
@@ -233,7 +247,8 @@ def _stepped(surface, star, p):
         )
         off = minus(row(surface.points, star.members[m]), foot)
         n = unit(off if min(s, t) < ALONG else area_vector(p, a, b))
-        weight, along = (1.0 - SLIDE) * share * share, (1.0 - SLIDE) * share * dot(off, n)
+        dearer = 1.0 + 4.0 * (SHARP * star.squared[m] / surface.limit) ** 3  # the slope of the price
+        weight, along = (1.0 - SLIDE) * dearer * share * share, (1.0 - SLIDE) * dearer * share * dot(off, n)
         xx, xy, xz = xx + weight * n[0] * n[0], xy + weight * n[0] * n[1], xz + weight * n[0] * n[2]
         yy, yz, zz = yy + weight * n[1] * n[1], yz + weight * n[1] * n[2], zz + weight * n[2] * n[2]
         right_x += along * n[0] + SLIDE * share * off[0]
@@ -261,12 +276,17 @@ def _solved(p, xx, xy, xz, yy, yz, zz, x, y, z):
 
 @kernel(allocates=False)
 def _is_allowed(surface, star, p):
-    """Return whether the vertex of a star is near a point, and its triangles have areas and no sharp folds."""
+    """Return whether the vertex of a star is near a point, and its triangles have areas and no sharp folds.
+
+    No point may be beyond the limit, unless one already was as far.
+    """
     mesh, count = surface.mesh, star.sizes[0]
-    largest = 0.0
+    largest, most = 0.0, max(surface.limit, star.worst[0])
     for m in range(star.sizes[1]):
+        if star.squared[m] > most:
+            return False
         largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
-    if largest < NEAR:
+    if largest < NEAR or not _is_in_reach(surface, star, p):
         return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
@@ -282,6 +302,20 @@ def _is_allowed(surface, star, p):
             if dot(normal, beside) < TURN:
                 return False
     return True
+
+
+@kernel(allocates=False)
+def _is_in_reach(surface, star, p):
+    """Return whether the nearest point of a star is near enough to its vertex at p, if distances have a limit."""
+    if surface.limit == np.inf:
+        return True
+    least, reach = np.inf, 0.0
+    for m in range(star.sizes[1]):
+        off = minus(row(surface.points, star.members[m]), p)
+        squared = dot(off, off)
+        if squared < least:
+            least, reach = squared, surface.reaches[star.members[m]]
+    return least <= max(surface.limit, reach)
 
 
 @kernel(allocates=False)

@@ -23,6 +23,8 @@ WORDS = {
     "dense_points": "dense points",
     "noise": "noise of the points",
     "mean_distance": "mean distance of the points from the mesh",
+    "largest_distance": "largest distance of the points from the mesh",
+    "back_distance": "largest distance of a vertex from the points' surface",
     "left_out": "share of the points on no piece of the surface",
     "opened": "places with small holes",
     "missing": "points to keep that are no vertices",
@@ -54,8 +56,8 @@ def mesh(
     faces: str | None = options.option("F", "Number of triangles at most, with those that fill holes.", SIZE),
     tolerance: str | None = options.option(
         "LENGTH",
-        "Mean distance from the points to the mesh at most: 0.5 (in the unit of the coordinates), 0.5mm, or "
-        "0.02% of the diagonal.",
+        "Largest distance from the points to the mesh, without outliers: 0.5 (in the unit of the coordinates), 0.5mm, "
+        "or 0.2% of the diagonal. Vertices leave the points as with --moved. 0.5mm:mean is for the mean distance.",
         SIZE,
     ),
     keep_points: Path | None = options.option(
@@ -112,6 +114,7 @@ def mesh(
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
     _note_fewer(cloud, result, asked.n_points)
+    _note_bound(cloud, result)
     vertices, triangles = len(result.mesh.vertices), len(result.mesh.faces)
     record = {
         "input": str(cloud),
@@ -159,10 +162,28 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
         print_error(
             f"note: {source}: {missing:,} of the points to keep are on no piece of the surface, so they are left out"
         )
-    if (share := result.diagnostics["left_out"]) > 0.001:
+    if (share := result.diagnostics["left_out"]) > 0.001 and "off_surface" not in result.diagnostics:
         print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
     if opened := int(result.diagnostics["opened"]):
         print_error(f"note: {source}: the mesh has small holes in {opened:,} places, where triangles would cut others")
+
+
+def _note_bound(source: Path, result: MeshResult) -> None:
+    """Print notes on what a largest distance does not hold for."""
+    found = result.diagnostics
+    if "off_surface" not in found:
+        return
+    outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
+    if outliers or beside:
+        print_error(
+            f"note: {source}: the tolerance holds without {outliers:,} outliers and {beside:,} points that are farther "
+            "than it from the mesh of all points, as noise moves them away or they are on no piece of the surface"
+        )
+    if found["noise"] > found["tolerance"]:
+        print_error(
+            f"note: {source}: the tolerance of {found['tolerance']:.3g} is below the noise of the points, "
+            f"{found['noise']:.3g}"
+        )
 
 
 def _shape(counts: Mapping[str, float]) -> str:
