@@ -1,0 +1,1 @@
+"""The networks of the learned methods: their weights, which we trained, and their layers in NumPy."""
