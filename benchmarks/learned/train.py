@@ -1,4 +1,4 @@
-"""Train the networks of `apes`, `apes-global` and `potamias` on the shapes of shapes.py: needs the extra train.
+"""Train the networks of `apes`, `apes-global` and `potamias` on the shapes of training_set.py: needs the extra train.
 
     python benchmarks/learned/train.py apes|apes-global|potamias [epochs]
 
@@ -23,7 +23,7 @@ try:
 except ImportError as error:
     raise SystemExit("training needs PyTorch, which is not installed (the extra train): pip install torch") from error
 
-import shapes
+import training_set
 from gppcs.methods.learned.weights import FOLDER, LATENT, NEIGHBOURS
 
 ROOT = Path(__file__).parents[2]
@@ -160,7 +160,7 @@ class Apes(nn.Module):
         self.heads = nn.ModuleList(nn.Sequential(nn.Linear(WIDTH, 256), nn.LeakyReLU(SLOPE)) for _ in range(3))
         self.classes = nn.Sequential(
             nn.Linear(768, 128), nn.BatchNorm1d(128), nn.LeakyReLU(SLOPE), nn.Dropout(0.3),
-            nn.Linear(128, len(shapes.KINDS)),
+            nn.Linear(128, len(training_set.KINDS)),
         )  # fmt: skip
 
     def forward(self, points: Tensor) -> Tensor:
@@ -262,9 +262,9 @@ def main() -> None:
     epochs = int(sys.argv[2]) if len(sys.argv) > 2 else EPOCHS[name]
     torch.manual_seed(0)
     rng, start = np.random.default_rng(0), time.process_time()
-    kinds, numbers = np.divmod(np.arange(len(shapes.KINDS) * shapes.PER_KIND), shapes.PER_KIND)
+    kinds, numbers = np.divmod(np.arange(len(training_set.KINDS) * training_set.PER_KIND), training_set.PER_KIND)
     clouds = np.array(
-        [np.hstack(shapes.draw(kind, number, DRAWN)) for kind, number in zip(kinds, numbers, strict=True)]
+        [np.hstack(training_set.draw(kind, number, DRAWN)) for kind, number in zip(kinds, numbers, strict=True)]
     )
     make, loss_of = NETWORKS[name]
     network, curve, steps = make().to(DEVICE), [], len(clouds) // BATCH

@@ -11,6 +11,7 @@ from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import weights_of_detail
+from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import COMPILATION, Timer, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
@@ -54,7 +55,7 @@ class Entry:
 
 def compare(
     cloud: CloudLike,
-    methods: Iterable[str | Method] = tuple(METHODS),
+    methods: Iterable[str | Method] | None = None,
     *,
     ratio: float | str | None = None,
     n_points: int | str | None = None,
@@ -70,8 +71,8 @@ def compare(
     ----------
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
         The original.
-    methods : iterable of str or Method
-        Names from `gppcs.METHODS`, or methods with other parameters. By default all.
+    methods : iterable of str or Method, optional
+        Names from `gppcs.METHODS`, or methods with other parameters. By default all whose memory suffices.
     ratio : float
         Share of the points to keep, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
     n_points : int
@@ -110,11 +111,13 @@ def compare(
     >>> fps.report.covering_radius < random.report.covering_radius
     True
     """
-    chosen = checked_methods(methods, ratio, n_points, seed)
+    chosen = checked_methods(METHODS if methods is None else methods, ratio, n_points, seed)
     cloud, timer, counted = PointCloud.of(cloud), timer_of(timer), weights_of_detail(detail)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
+    if methods is None:
+        chosen = those_that_fit(chosen, len(original))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
@@ -129,6 +132,12 @@ def compare(
         report, failure = judged(original, result.cloud, mesh, timer, list(counted))
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
+
+
+def those_that_fit(methods: Iterable[Method], n: int) -> list[Method]:
+    """Return the methods that can take n points in the memory that is free."""
+    free = available_memory()
+    return [method for method in methods if free is None or method.memory(n, n) <= free]
 
 
 def checked_methods(

@@ -28,6 +28,9 @@ from gppcs.methods.voxel import Voxel as Voxel
 from gppcs.methods.aivs import AIVS as AIVS
 from gppcs.methods.pc_simp import PCSimp as PCSimp
 from gppcs.methods.qem import QEM as QEM
+from gppcs.methods.apes import APES as APES
+from gppcs.methods.apes import APESGlobal as APESGlobal
+from gppcs.methods.potamias import Potamias as Potamias
 # isort: on
 
 # All methods by name, such as METHODS["fps"].

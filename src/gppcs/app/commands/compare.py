@@ -129,8 +129,8 @@ def compare(
     if meshes:
         work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
     else:
-        chosen = checked_methods(names_of(methods) or METHODS, share, count, seed)
-        work = partial(compared, methods=chosen, detail=counted)
+        checked_methods(names_of(methods) or METHODS, share, count, seed)
+        work = partial(compared, methods=names_of(methods) or None, seed=seed, detail=counted)
     viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)

@@ -1,0 +1,127 @@
+"""The methods `apes` and `apes-global`: the points that the downsampling of a trained classifier keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from gppcs.engine.memory import available_memory
+from gppcs.errors import InputError
+from gppcs.methods.method import Method, Selection, Wanted, largest
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gppcs.methods.learned.layers import Features, Index
+    from gppcs.methods.learned.weights import Weights
+
+GIB = 1 << 30
+
+
+@dataclass(frozen=True)
+class APES(Method):
+    """Attention-based point cloud edge sampling (APES), local form.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=250, method=gppcs.APES()).indices)
+    250
+    """
+
+    name = "apes"
+    summary = "learned: points whose attention to their neighbours is uneven, which are those near edges"
+    description = (
+        "A network that was trained to tell shapes apart keeps half of the points, then half of these, and so on, each "
+        "time those whose attention to their neighbours has the largest standard deviation. The weights are our own, "
+        "not the authors': trained on 1,008 procedural shapes of twelve kinds. Attention is to the 16 points nearest in "
+        "space, so the time is linear in the number of points."
+    )
+    source = "Wu, Zheng, Pfrommer and Beyerer 2023"
+    _bytes_per_point: ClassVar[int] = 2200
+
+    def __call__(self, wanted: Wanted) -> Selection:
+        """Choose the points; see `Method.__call__`."""
+        import numpy as np
+
+        from gppcs.engine.blas import one_blas_thread
+        from gppcs.methods.learned import layers
+        from gppcs.methods.learned.weights import NEIGHBOURS, part, weights_of
+        from gppcs.spatial.kdtree import KdTree
+
+        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        layers.check_size(self.name, len(points))
+        self._check_memory(len(points))
+        weights = weights_of(self.name)
+        with timer("embedding"), one_blas_thread():
+            tree = KdTree.build(points)
+            rows, index = tree.order, tree.neighbours(NEIGHBOURS)[0]
+            features = layers.embedding(part(weights, "embedding"), layers.in_unit_ball(points)[rows], index)
+        stage = 0
+        while True:
+            with timer("attention"), one_blas_thread():
+                features = layers.attended(part(weights, f"attentions.{stage}"), features, index)
+                scores, features = self._downsampled(part(weights, f"downsamplings.{min(stage, 1)}"), features, index)
+            # Half of the points at a time, as in training, while enough remain for a neighbourhood.
+            half = len(rows) // 2
+            if n_points >= half or half <= NEIGHBOURS:
+                return Selection(rows[largest(scores, n_points)])
+            kept = np.sort(largest(scores, half))
+            tree = KdTree.build(points[rows[kept]])
+            rows, features = rows[kept][tree.order], features[kept][tree.order]
+            index, stage = tree.neighbours(NEIGHBOURS)[0], min(stage + 1, 2)
+
+    def _check_memory(self, n: int) -> None:
+        """Check that a cloud of n points is small enough."""
+
+    def _downsampled(
+        self, weights: Weights, features: Features, index: Index
+    ) -> tuple[NDArray[np.float64], Features]:
+        """Return the scores of points, (N,), and their new features."""
+        from gppcs.methods.learned.layers import downsampling
+
+        return downsampling(weights, features, index)
+
+
+@dataclass(frozen=True)
+class APESGlobal(APES):
+    """Attention-based point cloud edge sampling (APES), global form.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=1000)
+    >>> len(gppcs.simplify(cloud, n_points=250, method=gppcs.APESGlobal()).indices)
+    250
+    """
+
+    name = "apes-global"
+    summary = "learned: points that get the most attention from all others"
+    description = (
+        "As apes, but each point attends to all others, and those are kept that get the most attention. The weights of "
+        "N x N pairs are held in memory: more points than fit are refused. The weights of the network are our own, not "
+        "the authors': trained on 1,008 procedural shapes of twelve kinds."
+    )
+
+    def _bytes(self, n: int, n_points: int) -> int:
+        return super()._bytes(n, n_points) + 4 * n * n
+
+    def _check_memory(self, n: int) -> None:
+        """Check that the attention between all pairs of n points fits into memory."""
+        free, needed = available_memory(), self._bytes(n, n)
+        if free is not None and needed > free:
+            raise InputError(
+                f"method 'apes-global' holds the attention between all pairs of points: {n:,} points need "
+                f"{needed / GIB:.1f} GiB, found {free / GIB:.1f} GiB of free memory: thin the cloud first, or use apes, "
+                "which attends to neighbours only"
+            )
+
+    def _downsampled(
+        self, weights: Weights, features: Features, index: Index
+    ) -> tuple[NDArray[np.float64], Features]:
+        """Return the scores of points, (N,), and their new features."""
+        from gppcs.methods.learned.layers import global_downsampling
+
+        return global_downsampling(weights, features)

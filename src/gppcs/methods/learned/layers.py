@@ -1,0 +1,142 @@
+"""The layers of the learned methods in NumPy: EdgeConv, attention to neighbours, and attention that scores points.
+
+Shapes: N points, k neighbours, c features. Work is done in blocks of points of a fixed size, so that results do not
+depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.threads import on_ranges
+from gppcs.errors import InputError
+from gppcs.methods.learned.weights import NEIGHBOURS, Weights, part
+
+BLOCK = 1024  # points of a block: their neighbours' features fit into the CPU cache
+HEADS = 4  # of the attention to neighbours
+SLOPE = np.float32(0.2)  # of LeakyReLU below zero
+
+Features = NDArray[np.float32]
+Index = NDArray[np.int64]
+
+
+def check_size(name: str, n: int) -> None:
+    """Check that a cloud of n different points has enough of them for a neighbourhood."""
+    if n <= NEIGHBOURS:
+        raise InputError(
+            f"method {name!r} looks at the {NEIGHBOURS} nearest points of each, so it needs at least {NEIGHBOURS + 1} "
+            f"different points, found {n}: choose another method, such as fps"
+        )
+
+
+def in_unit_ball(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points, (N, 3), about their mean, the farthest at distance 1."""
+    centred = points - points.mean(axis=0)
+    return centred / np.sqrt(np.einsum("ni,ni->n", centred, centred).max())
+
+
+def embedding(weights: Weights, points: NDArray[np.float64], index: Index) -> Features:
+    """Return the features, (N, 64), of points in the unit ball, (N, 3), by two EdgeConv blocks.
+
+    The first sees the differences to the neighbours in units of the distance to the farthest of them, so that the
+    density of the points does not matter.
+    """
+    first, second = part(weights, "first"), part(weights, "second")
+    places = points.astype(np.float32)
+
+    def steps(rows: slice) -> Features:
+        differences = points[index[rows]] - points[rows, np.newaxis]
+        reach = np.sqrt((differences[:, -1:] ** 2).sum(axis=2, keepdims=True))
+        return (differences / reach).astype(np.float32) @ first["difference"]
+
+    one = _edge_conv(first, places, steps)
+    weighed = one @ second["difference"]
+    two = _edge_conv(second, one, lambda rows: weighed[index[rows]] - weighed[rows, np.newaxis])
+    return np.concatenate([one, two], axis=1)
+
+
+def attended(weights: Weights, features: Features, index: Index) -> Features:
+    """Return features, (N, c), after attention to the neighbours and a feed-forward layer."""
+    out = np.empty_like(features)
+    key, value = features @ weights["key"], features @ weights["value"]
+
+    def of_block(rows: slice) -> None:
+        here, around = features[rows], index[rows]
+        keys = key[around] - key[rows, np.newaxis]
+        keys *= (here @ weights["query"])[:, np.newaxis]
+        by_head = (*around.shape, HEADS, -1)
+        shares = softmax(keys.reshape(by_head).sum(axis=3) / np.float32((key.shape[1] / HEADS) ** 0.5))
+        values = value[around].reshape(by_head)
+        values *= shares[..., np.newaxis]
+        joined = here + (values.sum(axis=1).reshape(here.shape) - value[rows])
+        normed = joined * weights["factors"][0] + weights["shifts"][0]
+        after = normed + _leaky(normed @ weights["up"]) @ weights["down"]
+        out[rows] = after * weights["factors"][1] + weights["shifts"][1]
+
+    _on_blocks(of_block, len(features))
+    return out
+
+
+def downsampling(weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
+    """Return the score of each point, (N,), the standard deviation of its attention to neighbours; and features."""
+    out, scores = np.empty_like(features), np.empty(len(features))
+    key, value = features @ weights["key"], features @ weights["value"]
+
+    def of_block(rows: slice) -> None:
+        keys = key[index[rows]] - key[rows, np.newaxis]
+        keys *= (features[rows] @ weights["query"])[:, np.newaxis]
+        shares = softmax(keys.sum(axis=2) / np.float32(key.shape[1] ** 0.5))
+        scores[rows] = shares.std(axis=1, dtype=np.float64)
+        out[rows] = (shares[..., np.newaxis] * value[index[rows]]).sum(axis=1)
+
+    _on_blocks(of_block, len(features))
+    return scores, out
+
+
+def global_downsampling(weights: Weights, features: Features) -> tuple[NDArray[np.float64], Features]:
+    """Return the score of each point, (N,), the attention that it gets from all, and features; takes N x N numbers."""
+    query, key, value = (features @ weights[name] for name in ("query", "key", "value"))
+    shares = np.empty((len(key), len(key)), dtype=np.float32)
+
+    def of_block(rows: slice) -> None:
+        shares[rows] = softmax(query[rows] @ key.T / np.float32(key.shape[1] ** 0.5))
+
+    _on_blocks(of_block, len(key))
+    return shares.sum(axis=0, dtype=np.float64), shares @ value
+
+
+def _edge_conv(weights: Weights, centre: Features, difference: Callable[[slice], Features]) -> Features:
+    """Return features, (N, 32), of centres, (N, c), and of the differences of a block, (n, k, 32), already weighed."""
+    out = np.empty((len(centre), weights["second"].shape[1]), dtype=np.float32)
+    of_centre = centre @ weights["centre"] + weights["shift"]
+
+    def of_block(rows: slice) -> None:
+        edges = _leaky(difference(rows) + of_centre[rows, np.newaxis])
+        out[rows] = _leaky((edges @ weights["second"]).max(axis=1) + weights["shift_2"])
+
+    _on_blocks(of_block, len(centre))
+    return out
+
+
+def _leaky(values: Features) -> Features:
+    return np.maximum(values, SLOPE * values)
+
+
+def softmax(values: Features) -> Features:
+    """Return the softmax over the second axis."""
+    powers = np.exp(values - values.max(axis=1, keepdims=True))
+    powers /= powers.sum(axis=1, keepdims=True)
+    return powers
+
+
+def _on_blocks(work: Callable[[slice], None], n: int) -> None:
+    """Do the work on each block of n points, in several threads."""
+
+    def on_range(begin: int, end: int) -> None:
+        for block in range(begin, end):
+            work(slice(block * BLOCK, min((block + 1) * BLOCK, n)))
+
+    on_ranges(on_range, -(-n // BLOCK))

@@ -1,0 +1,153 @@
+"""The learned methods: the training set, the networks in NumPy beside PyTorch, the choice, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.methods import apes
+from gppcs.methods.learned import latent, layers, weights
+from gppcs.methods.learned.weights import NEIGHBOURS, part
+from gppcs.spatial.kdtree import KdTree
+
+LEARNED = ["apes", "apes-global", "potamias"]
+CLOUD = gppcs.sample("bracket", 1500).points
+
+
+@pytest.fixture
+def training_set(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks" / "learned")
+    import training_set
+
+    return training_set
+
+
+@pytest.fixture
+def train(training_set):
+    pytest.importorskip("torch", reason="PyTorch (the extra train) is not installed")
+    import train
+
+    return train
+
+
+def test_shapes_are_the_same_again_and_differ_from_each_other(training_set):
+    assert len(training_set.KINDS) * training_set.PER_KIND >= 1000
+    seen = set()
+    for kind in range(len(training_set.KINDS)):
+        points, normals = training_set.draw(kind, 0, 300)
+        assert points.shape == normals.shape == (300, 3)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
+        assert training_set.draw(kind, 0, 300)[0].tobytes() == points.tobytes()
+        seen |= {points.tobytes(), training_set.draw(kind, 1, 300)[0].tobytes()}
+    assert len(seen) == 2 * len(training_set.KINDS)
+
+
+def test_no_point_of_a_shape_is_inside_a_part_and_normals_point_out(training_set):
+    """A step along the normal leaves all parts; a step against it enters one."""
+    ball, cube = training_set.ball(), training_set.box(1, 1, 1).by(1, 2, 3, at=(0.8, 0, 0), turn=0.5, lean=0.3)
+    for shape in (ball, cube, training_set.ring(1, 0.3), training_set.rod(0.5, 1, 0.2)):
+        points, normals = shape.draw(500, np.random.default_rng(0))
+        assert not shape.holds(points + 1e-6 * normals).any()
+        assert shape.holds(points - 1e-6 * normals).all()
+
+
+def test_a_stretched_part_is_sampled_uniformly(training_set):
+    box = training_set.box(1, 1, 1).by(1, 2, 3)
+    normals = abs(box.draw(40_000, np.random.default_rng(0))[1])
+    np.testing.assert_allclose(normals.mean(axis=0), np.array([6, 3, 2]) / 11, atol=0.01)
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize("name", LEARNED)
+def test_numpy_equals_pytorch(name, train):
+    torch = train.torch
+    torch.manual_seed(1)
+    points = layers.in_unit_ball(CLOUD[:600]).astype(np.float32).astype(float)
+    cloud = torch.tensor(points[None], dtype=torch.float32)
+    network = train.NETWORKS[name][0]()
+    with torch.no_grad():
+        for _ in range(3):  # so that the normalisations have seen something
+            network(cloud.repeat(2, 1, 1), *(() if name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60)))
+        index, ours = train.neighbours(cloud), train.arrays_of(network.eval())
+        rows = index[0].numpy()
+        theirs = network.embedding(cloud, index)
+        features = layers.embedding(part(ours, "embedding"), points, rows)
+        np.testing.assert_allclose(features, theirs[0], atol=1e-5)
+        if name == "potamias":
+            kept = train.farthest(torch.cat([cloud, train.LATENT * torch.tanh(network.latent(theirs))], 2), 60)
+            assert latent.farthest(latent.coordinates(ours, points, features), 60).tolist() == kept[0].tolist()
+            expected = network(cloud, index, 60)[0]
+            np.testing.assert_allclose(latent.moved(ours, points, features, rows, kept[0].numpy()), expected[0], atol=1e-5)
+            return
+        theirs = network.attentions[0](theirs, index)
+        features = layers.attended(part(ours, "attentions.0"), features, rows)
+        np.testing.assert_allclose(features, theirs[0], atol=1e-5)
+        method, layer = gppcs.METHODS[name](), part(ours, "downsamplings.0")
+        for found, expected in zip(
+            method._downsampled(layer, features, rows), network.downsamplings[0](theirs, index), strict=True
+        ):
+            np.testing.assert_allclose(found, expected[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_any_number_of_points_is_kept_and_a_turned_row_order_hardly_matters(name):
+    order = np.random.default_rng(0).permutation(len(CLOUD))
+    for count in (1, 17, 200, 900, 1499):
+        kept = gppcs.simplify(CLOUD, n_points=count, method=name).indices
+        assert len(set(kept.tolist())) == count
+    again = order[gppcs.simplify(CLOUD[order], n_points=900, method=name).indices]
+    kept = gppcs.simplify(CLOUD, n_points=900, method=name).indices
+    assert np.isin(again, kept).mean() > 0.99
+
+
+def test_farthest_latent_points_of_one_part_equal_plain_ones():
+    points = np.random.default_rng(0).random((500, 11)).astype(np.float32)
+    nearest, chosen = ((points - points.mean(axis=0)) ** 2).sum(axis=1), []
+    for _ in range(100):
+        chosen.append(int(nearest.argmax()))
+        squared = ((points - points[chosen[-1]]) ** 2).sum(axis=1)
+        nearest = squared if len(chosen) == 1 else np.minimum(nearest, squared)
+    assert latent.farthest(points, 100).tolist() == chosen
+
+
+def test_potamias_moves_points_within_their_neighbourhood():
+    snapped, moved = (gppcs.simplify(CLOUD, n_points=300, method=gppcs.Potamias(snap=snap)).cloud for snap in (True, False))
+    assert np.isin(snapped.points, CLOUD).all()
+    away = np.linalg.norm(moved.points - snapped.points, axis=1)
+    assert 0 < np.median(away) < np.sqrt(KdTree.build(CLOUD).neighbours(NEIGHBOURS)[1][:, -1]).mean()
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_too_few_points_are_refused(name):
+    rng = np.random.default_rng(0)
+    with pytest.raises(gppcs.InputError, match=r"looks at the 16 nearest .* needs at least 17 different points, found 16"):
+        gppcs.simplify(rng.random((16, 3)), n_points=5, method=name)
+    assert len(gppcs.simplify(rng.random((17, 3)), n_points=5, method=name).indices) == 5
+
+
+def test_more_pairs_than_fit_into_memory_are_refused(monkeypatch):
+    monkeypatch.setattr(apes, "available_memory", lambda: 1 << 20)
+    with pytest.raises(gppcs.InputError, match=r"1,500 points need 0\.0 GiB, found 0\.0 GiB .* use apes"):
+        gppcs.simplify(CLOUD, n_points=5, method="apes-global")
+
+
+@pytest.mark.parametrize(("content", "message"), [(None, "found none"), (b"damaged", "the file is damaged or of another")])
+def test_weights_that_are_missing_or_damaged_are_named(content, message, tmp_path, monkeypatch):
+    monkeypatch.setattr(weights, "FOLDER", tmp_path)
+    if content:
+        (tmp_path / "apes.npz").write_bytes(content)
+    with pytest.raises(gppcs.FileFormatError, match=message):
+        weights.weights_of.__wrapped__("apes")
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_weights_are_small(name):
+    assert sum(path.stat().st_size for path in weights.FOLDER.glob("*.npz")) < 3e6
+    assert weights.weights_of(name)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_the_choice_does_not_depend_on_the_number_of_threads(name, on_threads):
+    one, *several = on_threads(lambda: gppcs.simplify(CLOUD, n_points=100, method=name).indices.tolist())
+    assert all(indices == one for indices in several)
