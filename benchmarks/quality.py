@@ -44,6 +44,9 @@ RIVALS = {
     "pc-simp": gppcs.PCSimp(),
     "aivs": gppcs.AIVS(),
     "qem": gppcs.QEM(),
+    "apes": gppcs.APES(),
+    "potamias": gppcs.Potamias(),
+    "potamias, moved": gppcs.Potamias(snap=False),
     "fps-variation": gppcs.FarthestPointVariation(),
     "gp-spectral": gppcs.SpectralGP(),
 }
@@ -74,7 +77,7 @@ NOTES = (
     "surface, so none is rebuilt.",
     "Lengths are in diagonals of the bounding box of these points, or of the cloud where there are none.",
     "All other figures compare the kept points with the original points, also where these are noisy.",
-    "wlop, moved, and wlop by CGAL move the points. The other methods keep points of the cloud.",
+    "wlop, moved, wlop by CGAL, and potamias, moved, move the points. The other methods keep points of the cloud.",
     "Seconds are of each run once, with compiled kernels and one thread, while other runs may be under way. For times, "
     "see main_job.md and speed.md.",
 )

@@ -80,6 +80,7 @@ SCRIPTS = (
     Script("paper/scans.py", "paper_scans", ("pymeshlab",)),
     Script("paper/scenes.py", "paper_scenes"),
     Script("paper/modelnet.py", "paper_modelnet"),
+    Script("learned/edges.py", "learned_edges"),
     Script("paper/registration.py", "paper_registration", ("open3d",)),
 )
 

@@ -24,6 +24,7 @@ except ImportError as error:
     raise SystemExit("training needs PyTorch, which is not installed (the extra train): pip install torch") from error
 
 import training_set
+
 from gppcs.methods.learned.weights import FOLDER, LATENT, NEIGHBOURS
 
 ROOT = Path(__file__).parents[2]

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import gppcs
 import report
 from gppcs.amounts.request import method_of
+from gppcs.evaluation.comparison import those_that_fit
 from gppcs.evaluation.report import relative
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
@@ -35,11 +36,17 @@ COUNTERPARTS = {  # the method of the paper that a method is compared with
     "wlop": "WLOP",
     "pc-simp": "PC-Simp",
     "aivs": "AIVS",
+    "potamias": "Potamias et al.",
 }
 RELEASED_NOTE = (
     "pc-simp, released weight, has the lambda of the released program, 1e-3, for coordinates in the file's unit. So "
     "the unit decides how even its choice is. Like pc-simp, it solves one problem for the whole cloud, not one for "
     "each cell."
+)
+LEARNED_NOTE = (
+    "apes, apes-global and potamias have weights of our own, trained on procedural shapes. They are not the authors', "
+    "and the paper's figures of Potamias et al. are of a network and a set-up that are not known. apes-global runs "
+    "only where its N x N attention fits into memory."
 )
 FIGURES = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
 
@@ -87,7 +94,10 @@ class Condition:
 
 def paper_settings(n: int) -> dict[str, gppcs.Method]:
     """Return methods with the settings of the paper, where these are not our defaults, for a cloud of n points."""
-    settings: dict[str, gppcs.Method] = {"wlop, moved": gppcs.WLOP(snap=False)}
+    settings: dict[str, gppcs.Method] = {
+        "wlop, moved": gppcs.WLOP(snap=False),
+        "potamias, moved": gppcs.Potamias(snap=False),
+    }
     if n > CANDIDATES:
         settings[f"gp-spectral, {CANDIDATES:,} candidates"] = gppcs.SpectralGP(candidates=CANDIDATES)
         settings[f"fps-variation, {CANDIDATES:,} candidates"] = gppcs.FarthestPointVariation(candidates=CANDIDATES)
@@ -121,7 +131,9 @@ def path_of(name: str) -> Path:
 
 
 def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gppcs.Entry]]:
-    """Return the entries of each method, one for each condition."""
+    """Return the entries of each method whose memory suffices, one for each condition."""
+    fitting = those_that_fit(methods.values(), max(len(condition.cloud) for condition in conditions))
+    methods = {label: method for label, method in methods.items() if method in fitting}
     entries = []
     for condition in conditions:
         print(f"{condition.name}: {len(methods)} methods", file=sys.stderr)

@@ -16,8 +16,9 @@ SHAPES = {
     "Glass (stand-in: a cocktail glass)": "drinking_glass_2048",
 }
 NOTES = (
-    "The paper shows pictures of its GP and of APES on three such shapes, without figures. APES is a learned method "
-    "and is missing here. The glass is not from ModelNet40. The paper does not say which airplane and toilet it used.",
+    "The paper shows pictures of its GP and of APES on three such shapes, without figures. The glass is not from "
+    "ModelNet40. The paper does not say which airplane and toilet it used.",
+    experiment.LEARNED_NOTE,
     "Each cloud has 2,048 random points of a mesh. Each method ran once.",
 )
 

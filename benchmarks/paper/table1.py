@@ -67,8 +67,8 @@ NOTES = (
     "reproduces its ablation table. The paper's GP chose among 25,000 random points. With the limits that the paper "
     "set for HC, HC keeps fewer points of the stand-in than asked for, since the stand-in is smoother.",
     experiment.RELEASED_NOTE,
-    "Missing: Lucy, since its 14 million points were not available, and the learned methods of Potamias et al. and "
-    "APES, since their weights were not available.",
+    "Missing: Lucy, since its 14 million points were not available.",
+    experiment.LEARNED_NOTE,
     "The paper measured GP on an A100 and the others, except Potamias et al., on an i7-11800H.",
 )
 
@@ -130,8 +130,6 @@ def beside_the_paper(condition: Condition, made: Mapping[str, list[gppcs.Entry]]
         ours = (mean, largest, f"{entry.report.mean_surface_variation:.4f}", f"{entry.seconds:.2f}")
         pairs = [cell for pair in zip(theirs, ours, strict=True) for cell in pair]
         rows.append((label, f"{entry.report.points_out:,}", *pairs))
-    missing = paper["Potamias et al."]
-    rows.append(("Potamias et al., missing here", "", *(cell for value in missing for cell in (f"{value:.3g}", ""))))
     return report.Section(f"{condition.name}, ratio {condition.ratio}, beside the paper", HEADER, rows)
 
 

@@ -68,7 +68,9 @@ def test_numpy_equals_pytorch(name, train):
     network = train.NETWORKS[name][0]()
     with torch.no_grad():
         for _ in range(3):  # so that the normalisations have seen something
-            network(cloud.repeat(2, 1, 1), *(() if name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60)))
+            network(
+                cloud.repeat(2, 1, 1), *(() if name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60))
+            )
         index, ours = train.neighbours(cloud), train.arrays_of(network.eval())
         rows = index[0].numpy()
         theirs = network.embedding(cloud, index)
@@ -78,7 +80,9 @@ def test_numpy_equals_pytorch(name, train):
             kept = train.farthest(torch.cat([cloud, train.LATENT * torch.tanh(network.latent(theirs))], 2), 60)
             assert latent.farthest(latent.coordinates(ours, points, features), 60).tolist() == kept[0].tolist()
             expected = network(cloud, index, 60)[0]
-            np.testing.assert_allclose(latent.moved(ours, points, features, rows, kept[0].numpy()), expected[0], atol=1e-5)
+            np.testing.assert_allclose(
+                latent.moved(ours, points, features, rows, kept[0].numpy()), expected[0], atol=1e-5
+            )
             return
         theirs = network.attentions[0](theirs, index)
         features = layers.attended(part(ours, "attentions.0"), features, rows)
@@ -112,7 +116,9 @@ def test_farthest_latent_points_of_one_part_equal_plain_ones():
 
 
 def test_potamias_moves_points_within_their_neighbourhood():
-    snapped, moved = (gppcs.simplify(CLOUD, n_points=300, method=gppcs.Potamias(snap=snap)).cloud for snap in (True, False))
+    snapped, moved = (
+        gppcs.simplify(CLOUD, n_points=300, method=gppcs.Potamias(snap=snap)).cloud for snap in (True, False)
+    )
     assert np.isin(snapped.points, CLOUD).all()
     away = np.linalg.norm(moved.points - snapped.points, axis=1)
     assert 0 < np.median(away) < np.sqrt(KdTree.build(CLOUD).neighbours(NEIGHBOURS)[1][:, -1]).mean()
@@ -121,7 +127,9 @@ def test_potamias_moves_points_within_their_neighbourhood():
 @pytest.mark.parametrize("name", LEARNED)
 def test_too_few_points_are_refused(name):
     rng = np.random.default_rng(0)
-    with pytest.raises(gppcs.InputError, match=r"looks at the 16 nearest .* needs at least 17 different points, found 16"):
+    with pytest.raises(
+        gppcs.InputError, match=r"looks at the 16 nearest .* needs at least 17 different points, found 16"
+    ):
         gppcs.simplify(rng.random((16, 3)), n_points=5, method=name)
     assert len(gppcs.simplify(rng.random((17, 3)), n_points=5, method=name).indices) == 5
 
@@ -132,7 +140,9 @@ def test_more_pairs_than_fit_into_memory_are_refused(monkeypatch):
         gppcs.simplify(CLOUD, n_points=5, method="apes-global")
 
 
-@pytest.mark.parametrize(("content", "message"), [(None, "found none"), (b"damaged", "the file is damaged or of another")])
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "found none"), (b"damaged", "the file is damaged or of another")]
+)
 def test_weights_that_are_missing_or_damaged_are_named(content, message, tmp_path, monkeypatch):
     monkeypatch.setattr(weights, "FOLDER", tmp_path)
     if content:

@@ -36,8 +36,8 @@ class APES(Method):
     description = (
         "A network that was trained to tell shapes apart keeps half of the points, then half of these, and so on, each "
         "time those whose attention to their neighbours has the largest standard deviation. The weights are our own, "
-        "not the authors': trained on 1,008 procedural shapes of twelve kinds. Attention is to the 16 points nearest in "
-        "space, so the time is linear in the number of points."
+        "not the authors': trained on 1,008 procedural shapes of twelve kinds. Attention is to the 16 points nearest "
+        "in space, so the time is linear in the number of points."
     )
     source = "Wu, Zheng, Pfrommer and Beyerer 2023"
     _bytes_per_point: ClassVar[int] = 2200
@@ -76,9 +76,7 @@ class APES(Method):
     def _check_memory(self, n: int) -> None:
         """Check that a cloud of n points is small enough."""
 
-    def _downsampled(
-        self, weights: Weights, features: Features, index: Index
-    ) -> tuple[NDArray[np.float64], Features]:
+    def _downsampled(self, weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
         """Return the scores of points, (N,), and their new features."""
         from gppcs.methods.learned.layers import downsampling
 
@@ -114,13 +112,11 @@ class APESGlobal(APES):
         if free is not None and needed > free:
             raise InputError(
                 f"method 'apes-global' holds the attention between all pairs of points: {n:,} points need "
-                f"{needed / GIB:.1f} GiB, found {free / GIB:.1f} GiB of free memory: thin the cloud first, or use apes, "
-                "which attends to neighbours only"
+                f"{needed / GIB:.1f} GiB, found {free / GIB:.1f} GiB of free memory: thin the cloud first, or use "
+                "apes, which attends to neighbours only"
             )
 
-    def _downsampled(
-        self, weights: Weights, features: Features, index: Index
-    ) -> tuple[NDArray[np.float64], Features]:
+    def _downsampled(self, weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
         """Return the scores of points, (N,), and their new features."""
         from gppcs.methods.learned.layers import global_downsampling
 

@@ -24,9 +24,10 @@ class Potamias(Method):
     name = "potamias"
     summary = "learned: farthest points in a latent space, moved by attention to their neighbours"
     description = (
-        "A network gives each point learned coordinates beside its place. The farthest points in that space are chosen, "
-        "in parts of about 2,048 points. Attention to its neighbours moves each. The weights and the network are our "
-        "own, after the publication, as the authors' are not public: trained on 1,008 procedural shapes of twelve kinds."
+        "A network gives each point learned coordinates beside its place. The farthest points in that space are "
+        "chosen, in parts of about 2,048 points. Attention to its neighbours moves each. The weights and the network "
+        "are our own, after the publication, as the authors' are not public: trained on 1,008 procedural shapes of "
+        "twelve kinds."
     )
     source = "Potamias, Bouritsas and Zafeiriou 2022"
     _bytes_per_point: ClassVar[int] = 1500

@@ -36,7 +36,7 @@ def farthest(latent: Features, n_points: int) -> NDArray[np.int64]:
 
 @kernel(fastmath=False)
 def _offer(begin, end, parts, latent, most, distances):
-    """Fill the distances, (N,), at which the farthest points of the parts `begin` to `end` were chosen; -1 of others."""
+    """Fill the distances, (N,), at which points of the parts `begin` to `end` were chosen; they are -1 of others."""
     n, width = latent.shape
     for p in range(begin, end):
         first, last = n * p // parts, n * (p + 1) // parts
@@ -63,11 +63,11 @@ def _offer(begin, end, parts, latent, most, distances):
 def moved(
     weights: Weights, points: NDArray[np.float64], features: Features, index: Index, kept: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the kept points, (M,), moved to a mean of themselves and their neighbours, weighted by attention; (M, 3)."""
+    """Return the kept points, (M,), moved to the means of themselves and their neighbours by attention; (M, 3)."""
     around = np.concatenate([kept[:, np.newaxis], index[kept]], axis=1)
     query, key = features[kept] @ weights["query"], features @ weights["key"]
     products = np.stack([np.einsum("mc,mc->m", query, key[column]) for column in around.T], axis=1)
-    shares = softmax(products / np.float32(key.shape[1] ** 0.5)).astype(np.float64)
+    shares = softmax(products, key.shape[1]).astype(np.float64)
     steps = sum(share[:, np.newaxis] * (points[j] - points[kept]) for share, j in zip(shares.T, around.T, strict=True))
     out: NDArray[np.float64] = points[kept] + steps
     return out

@@ -7,6 +7,7 @@ depend on the number of threads.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ def attended(weights: Weights, features: Features, index: Index) -> Features:
         keys = key[around] - key[rows, np.newaxis]
         keys *= (here @ weights["query"])[:, np.newaxis]
         by_head = (*around.shape, HEADS, -1)
-        shares = softmax(keys.reshape(by_head).sum(axis=3) / np.float32((key.shape[1] / HEADS) ** 0.5))
+        shares = softmax(keys.reshape(by_head).sum(axis=3), key.shape[1] // HEADS)
         values = value[around].reshape(by_head)
         values *= shares[..., np.newaxis]
         joined = here + (values.sum(axis=1).reshape(here.shape) - value[rows])
@@ -88,7 +89,7 @@ def downsampling(weights: Weights, features: Features, index: Index) -> tuple[ND
     def of_block(rows: slice) -> None:
         keys = key[index[rows]] - key[rows, np.newaxis]
         keys *= (features[rows] @ weights["query"])[:, np.newaxis]
-        shares = softmax(keys.sum(axis=2) / np.float32(key.shape[1] ** 0.5))
+        shares = softmax(keys.sum(axis=2), key.shape[1])
         scores[rows] = shares.std(axis=1, dtype=np.float64)
         out[rows] = (shares[..., np.newaxis] * value[index[rows]]).sum(axis=1)
 
@@ -102,7 +103,7 @@ def global_downsampling(weights: Weights, features: Features) -> tuple[NDArray[n
     shares = np.empty((len(key), len(key)), dtype=np.float32)
 
     def of_block(rows: slice) -> None:
-        shares[rows] = softmax(query[rows] @ key.T / np.float32(key.shape[1] ** 0.5))
+        shares[rows] = softmax(query[rows] @ key.T, key.shape[1])
 
     _on_blocks(of_block, len(key))
     return shares.sum(axis=0, dtype=np.float64), shares @ value
@@ -125,9 +126,9 @@ def _leaky(values: Features) -> Features:
     return np.maximum(values, SLOPE * values)
 
 
-def softmax(values: Features) -> Features:
-    """Return the softmax over the second axis."""
-    powers = np.exp(values - values.max(axis=1, keepdims=True))
+def softmax(products: NDArray[Any], width: int) -> Features:
+    """Return the attention over the second axis, by dot products of vectors of a width."""
+    powers: Features = np.exp((products - products.max(axis=1, keepdims=True)) / np.float32(width**0.5))
     powers /= powers.sum(axis=1, keepdims=True)
     return powers
 
