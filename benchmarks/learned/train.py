@@ -147,7 +147,7 @@ class Downsampling(nn.Module):
 
     def arrays(self) -> dict[str, Tensor]:
         """Return what NumPy needs."""
-        return {name: getattr(self, name).weight.T for name in ("query", "key", "value")}
+        return {"query": self.query.weight.T, "key": self.key.weight.T}
 
 
 class Apes(nn.Module):
@@ -243,7 +243,7 @@ def arrays_of(network: nn.Module) -> dict[str, np.ndarray]:
     """Return the weights that NumPy needs, by name."""
     arrays = {}
     for name, module in network.named_modules():
-        if hasattr(module, "arrays"):
+        if hasattr(module, "arrays") and not name.endswith((".1", ".2")):  # the first stage scores all points
             arrays |= {f"{name}.{key}": value for key, value in module.arrays().items()}
     if isinstance(network, Potamias):
         arrays |= {name: getattr(network, name).weight.T for name in ("latent", "query", "key")}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.memory import available_memory
 from gppcs.errors import InputError
-from gppcs.methods.method import Method, Selection, Wanted, largest
+from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,12 +35,13 @@ class APES(Method):
     name = "apes"
     summary = "learned: points whose attention to their neighbours is uneven, which are those near edges"
     description = (
-        "A network that was trained to tell shapes apart keeps half of the points, then half of these, and so on, each "
-        "time those whose attention to their neighbours has the largest standard deviation. The weights are our own, "
-        "not the authors': trained on 1,008 procedural shapes of twelve kinds. Attention is to the 16 points nearest "
-        "in space, so the time is linear in the number of points."
+        "Keeps the points whose attention to their neighbours has the largest standard deviation, in a network that "
+        "was trained to tell shapes apart. The weights are our own, not the authors': trained on 1,008 procedural "
+        "shapes of twelve kinds. Attention is to the 16 points nearest in space, so the time is linear in the number "
+        "of points."
     )
     source = "Wu, Zheng, Pfrommer and Beyerer 2023"
+    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING}
     _bytes_per_point: ClassVar[int] = 2200
 
     def __call__(self, wanted: Wanted) -> Selection:
@@ -57,30 +59,23 @@ class APES(Method):
         weights = weights_of(self.name)
         with timer("embedding"), one_blas_thread():
             tree = KdTree.build(points)
-            rows, index = tree.order, tree.neighbours(NEIGHBOURS)[0]
-            features = layers.embedding(part(weights, "embedding"), layers.in_unit_ball(points)[rows], index)
-        stage = 0
-        while True:
-            with timer("attention"), one_blas_thread():
-                features = layers.attended(part(weights, f"attentions.{stage}"), features, index)
-                scores, features = self._downsampled(part(weights, f"downsamplings.{min(stage, 1)}"), features, index)
-            # Half of the points at a time, as in training, while enough remain for a neighbourhood.
-            half = len(rows) // 2
-            if n_points >= half or half <= NEIGHBOURS:
-                return Selection(rows[largest(scores, n_points)])
-            kept = np.sort(largest(scores, half))
-            tree = KdTree.build(points[rows[kept]])
-            rows, features = rows[kept][tree.order], features[kept][tree.order]
-            index, stage = tree.neighbours(NEIGHBOURS)[0], min(stage + 1, 2)
+            index = tree.neighbours(NEIGHBOURS)[0]
+            places = layers.in_unit_ball(points)[tree.order]
+            features = layers.embedding(part(weights, "embedding"), places, index)
+        with timer("attention"), one_blas_thread():
+            features = layers.attended(part(weights, "attentions.0"), features, index)
+            scores = np.empty(len(points), dtype=np.float64)
+            scores[tree.order] = self._scores(part(weights, "downsamplings.0"), features, index)
+        return Selection(largest(scores, n_points))
 
     def _check_memory(self, n: int) -> None:
         """Check that a cloud of n points is small enough."""
 
-    def _downsampled(self, weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
-        """Return the scores of points, (N,), and their new features."""
-        from gppcs.methods.learned.layers import downsampling
+    def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
+        """Return the score of each point, (N,)."""
+        from gppcs.methods.learned.layers import unevenness
 
-        return downsampling(weights, features, index)
+        return unevenness(weights, features, index)
 
 
 @dataclass(frozen=True)
@@ -116,8 +111,8 @@ class APESGlobal(APES):
                 "apes, which attends to neighbours only"
             )
 
-    def _downsampled(self, weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
-        """Return the scores of points, (N,), and their new features."""
-        from gppcs.methods.learned.layers import global_downsampling
+    def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
+        """Return the score of each point, (N,)."""
+        from gppcs.methods.learned.layers import attention_received
 
-        return global_downsampling(weights, features)
+        return attention_received(weights, features)

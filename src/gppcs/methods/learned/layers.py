@@ -81,32 +81,29 @@ def attended(weights: Weights, features: Features, index: Index) -> Features:
     return out
 
 
-def downsampling(weights: Weights, features: Features, index: Index) -> tuple[NDArray[np.float64], Features]:
-    """Return the score of each point, (N,), the standard deviation of its attention to neighbours; and features."""
-    out, scores = np.empty_like(features), np.empty(len(features))
-    key, value = features @ weights["key"], features @ weights["value"]
+def unevenness(weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
+    """Return the standard deviation of the attention of each point to its neighbours, (N,)."""
+    scores, key = np.empty(len(features)), features @ weights["key"]
 
     def of_block(rows: slice) -> None:
         keys = key[index[rows]] - key[rows, np.newaxis]
         keys *= (features[rows] @ weights["query"])[:, np.newaxis]
-        shares = softmax(keys.sum(axis=2), key.shape[1])
-        scores[rows] = shares.std(axis=1, dtype=np.float64)
-        out[rows] = (shares[..., np.newaxis] * value[index[rows]]).sum(axis=1)
+        scores[rows] = softmax(keys.sum(axis=2), key.shape[1]).std(axis=1, dtype=np.float64)
 
     _on_blocks(of_block, len(features))
-    return scores, out
+    return scores
 
 
-def global_downsampling(weights: Weights, features: Features) -> tuple[NDArray[np.float64], Features]:
-    """Return the score of each point, (N,), the attention that it gets from all, and features; takes N x N numbers."""
-    query, key, value = (features @ weights[name] for name in ("query", "key", "value"))
+def attention_received(weights: Weights, features: Features) -> NDArray[np.float64]:
+    """Return the attention that each point gets from all points, (N,); it takes N x N numbers."""
+    query, key = features @ weights["query"], features @ weights["key"]
     shares = np.empty((len(key), len(key)), dtype=np.float32)
 
     def of_block(rows: slice) -> None:
         shares[rows] = softmax(query[rows] @ key.T, key.shape[1])
 
     _on_blocks(of_block, len(key))
-    return shares.sum(axis=0, dtype=np.float64), shares @ value
+    return shares.sum(axis=0, dtype=np.float64)
 
 
 def _edge_conv(weights: Weights, centre: Features, difference: Callable[[slice], Features]) -> Features:

@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parent
 NEIGHBOURS = 16  # nearest others of a point that the layers look at
 LATENT = 0.1  # weight of the learned coordinates of the latent space; the others are places in a ball of radius 1
 DIGESTS = {  # SHA-256 of each file
-    "apes": "",
+    "apes": "769d01e4a5c0ea58209ea7d23f781fc5f50920ca37a51cd011f8c44f6b14f438",
     "apes-global": "",
     "potamias": "77144f7ce946df6ab6355e1716602cef92d9a193a9f8fbf64fff048b68b03dab",
 }
