@@ -42,7 +42,7 @@ class APES(Method):
     )
     source = "Wu, Zheng, Pfrommer and Beyerer 2023"
     supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING}
-    _bytes_per_point: ClassVar[int] = 2200
+    _bytes_per_point: ClassVar[int] = 1300
 
     def __call__(self, wanted: Wanted) -> Selection:
         """Choose the points; see `Method.__call__`."""

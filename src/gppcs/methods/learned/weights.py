@@ -17,7 +17,7 @@ NEIGHBOURS = 16  # nearest others of a point that the layers look at
 LATENT = 0.1  # weight of the learned coordinates of the latent space; the others are places in a ball of radius 1
 DIGESTS = {  # SHA-256 of each file
     "apes": "769d01e4a5c0ea58209ea7d23f781fc5f50920ca37a51cd011f8c44f6b14f438",
-    "apes-global": "",
+    "apes-global": "d3433c70467b6ed9bf5c46973306ba6d4e01dadaf7262687278c882dc4f8ffb0",
     "potamias": "77144f7ce946df6ab6355e1716602cef92d9a193a9f8fbf64fff048b68b03dab",
 }
 
