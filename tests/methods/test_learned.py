@@ -1,5 +1,6 @@
 """The learned methods: the training set, the networks in NumPy beside PyTorch, the choice, and what is refused."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,13 @@ def train(training_set):
     import train
 
     return train
+
+
+def test_training_without_pytorch_names_the_extra(training_set, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "train", raising=False)
+    with pytest.raises(SystemExit, match=r"needs PyTorch, .* \(the extra train\)"):
+        import train  # noqa: F401
 
 
 def test_shapes_are_the_same_again_and_differ_from_each_other(training_set):
