@@ -69,6 +69,7 @@ SCRIPTS = (
     Script("larger_than_memory.py", "larger_than_memory"),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("meshes.py", "meshes", ("pymeshlab",)),
+    Script("tolerance.py", "tolerance", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
     Script("viewing.py", "viewing", ("pymeshlab",), programs=("node", "chromium")),

@@ -22,10 +22,11 @@ def shallow(monkeypatch):
 def test_entries_are_what_mesh_and_evaluate_mesh_give(bracket):
     cloud = gppcs.PointCloud(bracket[:3000] + np.array([500_000.0, 5_400_000.0, 0.0]))
     broken = np.concatenate([cloud.points, [[np.nan, 0, 0]]])
-    entries = gppcs.compare_meshes(broken, n_points=300, ways=["mesh", "mesh-moved"], invalid="drop")
-    assert [entry.way for entry in entries] == ["mesh", "mesh-moved"]
+    ways = {"mesh": {}, "mesh-moved": {"moved": True}, "mesh-effort": {"effort": 2}}
+    entries = gppcs.compare_meshes(broken, n_points=300, ways=ways, invalid="drop")
+    assert [entry.way for entry in entries] == [*ways]
     for entry in entries:
-        expected = gppcs.mesh(cloud, n_points=300, moved=entry.way == "mesh-moved").mesh
+        expected = gppcs.mesh(cloud, n_points=300, **ways[entry.way]).mesh
         assert entry.mesh == expected
         assert entry.report == gppcs.evaluate_mesh(cloud, expected)
         assert entry.seconds > 0

@@ -225,6 +225,12 @@ def test_the_mesh_within_a_tolerance_tells_how_far_it_strays(ball):
     assert result.diagnostics["back_distance"] == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("tolerance", ["0.01%", "1000%"])
+def test_the_smallest_meshes_are_within_any_tolerance(tolerance):
+    result = gppcs.mesh(np.vstack([np.zeros(3), np.eye(3)]), tolerance=tolerance)
+    assert (len(result.mesh.vertices), len(result.mesh.faces)) == (4, 4)
+
+
 def test_a_flat_square_within_a_tolerance_has_the_vertices_of_its_corners():
     grid = np.column_stack([*np.indices((30, 30)).reshape(2, -1), np.zeros(900)])
     result = gppcs.mesh(grid, tolerance=0.1)

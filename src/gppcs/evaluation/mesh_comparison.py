@@ -83,6 +83,7 @@ def compare_meshes(
 
         - "mesh": `gppcs.mesh` with M vertices, which are points of the cloud.
         - "mesh-moved": the same with `moved=True`.
+        - "mesh-effort": the same with `effort=2`.
         - "poisson-kept": `gp` keeps M points, with normals estimated from all N points. Screened Poisson
           reconstruction makes a mesh of them, which has more than M vertices. Its parts that lie far from all points
           are cut off.
@@ -174,5 +175,5 @@ def _load_kernels() -> None:
     """Mesh and simplify a clean and a noisy cloud once, so that the time of no way includes the loading of kernels."""
     for noise in (0.0, 0.01):
         cloud = sample("sphere", n_points=LOADING_POINTS, noise=noise)
-        meshed(cloud, n_points=100, moved=True)
+        meshed(cloud, n_points=100, effort=1)
         simplify(cloud, n_points=100)

@@ -40,8 +40,8 @@ class Wanted:
             return without_membranes(reconstruct(points, normals), points)
 
 
-def _ours(wanted: Wanted, moved: bool) -> Mesh:
-    return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, timer=wanted.timer).mesh
+def _ours(wanted: Wanted, moved: bool, effort: int = 0) -> Mesh:
+    return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, effort=effort, timer=wanted.timer).mesh
 
 
 def _with_normals(
@@ -88,6 +88,7 @@ def _advancing_front(wanted: Wanted) -> Mesh:
 MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
     "mesh": partial(_ours, moved=False),
     "mesh-moved": partial(_ours, moved=True),
+    "mesh-effort": partial(_ours, moved=True, effort=2),
     "poisson-kept": partial(_with_normals, kept=True, join=Wanted.poisson),
     "poisson-decimated": partial(_with_normals, kept=False, join=_decimated),
     "ball-pivoting": partial(_with_normals, kept=True, join=_pivoted),

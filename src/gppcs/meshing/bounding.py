@@ -39,6 +39,8 @@ def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
     while True:
         trial = draft.copy()
         trial.collapse(draft.used() // 2, False)
+        if trial.used() == draft.used():
+            return draft
         found = nearest_faces(trial)
         far, cut = counted & (found.squared > limit), cutting(trial.mesh, trial.vertices)
         if not far.any() and not len(cut):

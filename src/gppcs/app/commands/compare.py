@@ -34,7 +34,7 @@ EPILOG = (
     "gppcs compare scan.ply --ratio 3% --meshes -o meshes\n\n"
     "gppcs compare scan.ply --ratio 3% --meshes --methods mesh,poisson-decimated -o meshes\n\n"
     "[bold]Ways to a mesh[/bold]\n\n"
-    "mesh, mesh-moved: gppcs mesh, without and with --moved\n\n"
+    "mesh, mesh-moved, mesh-effort: gppcs mesh, without and with --moved, and with --effort 2\n\n"
     "poisson-kept, ball-pivoting, advancing-front: gp keeps points; then screened Poisson reconstruction, ball "
     "pivoting or CGAL's advancing front (needs the extra cgal) makes a mesh of them\n\n"
     "poisson-decimated: screened Poisson reconstruction of all points, then decimation\n\n"
