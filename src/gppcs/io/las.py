@@ -36,7 +36,7 @@ from gppcs.io.las_header import (
     scaling_of,
     waveforms_at,
 )
-from gppcs.io.laz import check_chunks, chunks_of_points, decompressed, decompressed_chunks, fewest_points
+from gppcs.io.laz import chunks_of_points, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
 
@@ -189,7 +189,6 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     if not count:
         return []
     if _is_compressed(fields):
-        check_chunks(file, layout.record, own.get(LASZIP))  # as whoever reads the whole file does
         chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
         ends = np.cumsum([points for _, _, points in chunks]).tolist()
     else:
@@ -223,13 +222,12 @@ def _blocks_as_clouds(
         blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
     elif query and query.resolution is not None:
         raise without_levels("LAZ without them" if compressed else "LAS")
-    elif compressed and span:
-        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
-        ends = np.cumsum([points for _, _, points in chunks])
-        begin, end = np.searchsorted(ends, span, side="right")
-        blocks = decompressed_chunks(file, layout.record, chunks[begin:end], own.get(LASZIP))
     elif compressed:
-        blocks = decompressed(file, layout.record, count, own.get(LASZIP))
+        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
+        if span:
+            ends = np.cumsum([points for _, _, points in chunks])
+            chunks = chunks[slice(*np.searchsorted(ends, span, side="right"))]
+        blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
     else:
         blocks = _uncompressed(file, layout, *(span or (0, count)))
     for block in chain([np.empty(0, layout.record)], blocks):
