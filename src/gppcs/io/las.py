@@ -163,11 +163,6 @@ def read_las_chunks(
     yield from at_most(rows, not_empty(_blocks_as_clouds(file, attributes, query, span)))
 
 
-def count_las_points(file: BufferedReader) -> int:
-    """Return how many points a LAS, LAZ or COPC file has, as its header says."""
-    return _count(read_header(file)[1])
-
-
 def uncounted_las_points(file: BufferedReader) -> list[str]:
     """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
     header, fields, own = read_header(file)
@@ -605,16 +600,13 @@ def _finest(reach: float) -> int:
     return exponent + (reach / float(f"1e{exponent}") > _LARGEST - 1)
 
 
-def _is_las(head: bytes, size: int, compressed: bool) -> bool:
-    return head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed
-
-
 def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
-    recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las_chunks, write, recognises, fitted=fitted, header=LasHeader, count=count_las_points,
-        unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
+        name, (suffix,), read_las_chunks, write,
+        lambda head, size: head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed,
+        fitted=fitted, header=LasHeader, count=lambda file: _count(read_header(file)[1]), unread=uncounted_las_points,
+        takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 
