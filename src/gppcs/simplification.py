@@ -131,14 +131,11 @@ class Result(ComparedByValue):
         whole = PointCloud.of(original)
         count = len(self.indices)
         wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        rows = rows_without(self.outliers, _finite_rows(whole, "drop"), len(whole))
-        return measured_curve(
-            whole if rows is None else whole.take(rows),
-            self.method,
-            wanted,
-            lambda m: self.cloud.take(np.arange(m)),
-            Timer(),
-        )
+        rows = _finite_rows(whole, "drop")
+        if self.outliers is not None:
+            rows = np.setdiff1d(rows, self.outliers, assume_unique=True)
+        kept = whole.take(rows)
+        return measured_curve(kept, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Timer())
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
@@ -328,7 +325,8 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
 
         with timer("outliers"):
             outliers = np.flatnonzero(find_outliers(cloud))
-            rows = rows_without(outliers, rows, len(cloud))
+        if len(outliers):
+            rows = np.setdiff1d(np.arange(len(cloud)) if rows is None else rows, outliers, assume_unique=True)
     with timer("preparation"):
         guide = Guide.of(cloud, rows, request) if request.guided else None
         if rows is not None:
@@ -384,15 +382,6 @@ def _finite_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
     bad = cloud.non_finite()
     check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
     return np.delete(np.arange(len(cloud)), bad)
-
-
-def rows_without(
-    left_out: NDArray[np.int64] | None, rows: NDArray[np.int64] | None, n: int
-) -> NDArray[np.int64] | None:
-    """Return rows of a cloud without those that are left out. Shapes: left_out (k,), rows (m,); returns (l,)."""
-    if left_out is None or not len(left_out):
-        return rows
-    return np.setdiff1d(np.arange(n) if rows is None else rows, left_out, assume_unique=True)
 
 
 def check_usable(n: int, bad: int, first: int, invalid: str) -> None:

@@ -123,68 +123,56 @@ def fewest_points(
         with timer("outliers"):
             aside = outliers_among(points)
     counted = Original.of(points[~aside] if aside.any() else points)
-    judge = _Judge(points, counted, tolerance, measure or "max", timer)
-    search = _Search(judge, counted.some(), len(points), tolerance, measure or "max", choose, least, timer)
+    search = _Search(points, counted, counted.some(), tolerance, measure or "max", choose, least, timer)
     selection, errors = search.ranked() if ranks else search.unranked()
     if measure is not None:
         return selection, Errors(errors)
     largest, count = errors["max"], int(np.count_nonzero(aside))
     if count and largest:
         with timer("accuracy"):
-            errors = Original.of(points).errors(judge.places(selection))
+            errors = Original.of(points).errors(search.places(selection))
     return selection, Errors(errors, largest, count)
 
 
-class _Judge:
-    """Judges by points in memory."""
-
-    def __init__(self, points: Points, whole: Original, tolerance: float, measure: Measure, timer: Timer) -> None:
-        self._points, self._whole, self._tolerance, self._measure = points, whole, tolerance, measure
-        self._timer = timer
-        self._farthest: Original | None = None  # points of the whole that may tell that a tolerance is missed
-
-    def places(self, selection: Selection) -> Points:
-        return self._points[selection.indices] if selection.points is None else selection.points
-
-    def judged(self, kept: Points) -> dict[Measure, float]:
-        """Judge first by the points that were farthest from other places: they are mostly so again."""
-        with self._timer("accuracy"):
-            surface = surface_of(kept)
-            if self._farthest is not None:
-                error = _error_at_least(self._farthest.distances(surface), len(self._whole.points), self._measure)
-                if error > self._tolerance:
-                    return {self._measure: error}
-            distances = self._whole.distances(surface)
-            if self._measure in ("p95", "max"):
-                self._farthest = self._whole.farthest(distances)
-            return _errors_of(distances)
-
-
+@dataclass
 class _Search:
     """The search for the fewest points, of which the local surface misses the original by at most a tolerance."""
 
-    def __init__(
-        self,
-        judge: _Judge,
-        some: Original,
-        n: int,
-        tolerance: float,
-        measure: Measure,
-        choose: Callable[[int], Selection],
-        least: int,
-        timer: Timer,
-    ) -> None:
-        self.judge, self.some, self.n, self.tolerance, self.measure = judge, some, n, tolerance, measure
-        self.choose, self.least, self.timer = choose, least, timer
+    points: Points  # (N, 3), among which is chosen
+    whole: Original  # The points whose distances count
+    some: Original  # Some of these, from which a guess is measured
+    tolerance: float
+    measure: Measure
+    choose: Callable[[int], Selection]
+    least: int  # Points that are chosen at least
+    timer: Timer
+    farthest: Original | None = None  # Points of the whole that may tell that a tolerance is missed
+
+    def places(self, selection: Selection) -> Points:
+        """Return the places of the chosen points, (M, 3)."""
+        return self.points[selection.indices] if selection.points is None else selection.points
+
+    def judged(self, kept: Points) -> dict[Measure, float]:
+        """Judge first by the points that were farthest from other places: they are mostly so again."""
+        with self.timer("accuracy"):
+            surface = surface_of(kept)
+            if self.farthest is not None:
+                error = _error_at_least(self.farthest.distances(surface), len(self.whole.points), self.measure)
+                if error > self.tolerance:
+                    return {self.measure: error}
+            distances = self.whole.distances(surface)
+            if self.measure in ("p95", "max"):
+                self.farthest = self.whole.farthest(distances)
+            return _errors_of(distances)
 
     def ranked(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking that is long enough."""
-        n, most = self.n, self.n - 1
+        n, most = len(self.points), len(self.points) - 1
         count = judged = max(min(FIRST, most), self.least)
         before, error_before, flattest = 0, math.inf, FLATTEST_AT_FIRST
         while 0 < count <= most:
             ranking = self.choose(count)
-            places = self.judge.places(ranking)
+            places = self.places(ranking)
             error = self._guessed(places[:judged])
             if math.isinf(error_before):
                 before = judged // 2
@@ -207,9 +195,9 @@ class _Search:
         def places(m: int) -> Points:
             if m not in known:
                 known[m] = self.choose(m)
-            return self.judge.places(known[m])
+            return self.places(known[m])
 
-        enough, errors = self._fewest(places, FIRST, self.n, FALL)
+        enough, errors = self._fewest(places, FIRST, len(self.points), FALL)
         return known[enough], errors
 
     def _fewest(
@@ -223,7 +211,7 @@ class _Search:
 
         def error(m: int) -> float:
             if m not in known:
-                known[m] = self.judge.judged(places(m))
+                known[m] = self.judged(places(m))
             return known[m][self.measure]
 
         guess, enough = min(max(round(begin), self.least), most), most

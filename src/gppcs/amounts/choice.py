@@ -34,13 +34,13 @@ def choose_amount(
     count = amount.known_count(len(points))
     if count is not None and count >= len(points) and guide is None and amount.max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
-    if count is not None and guide is not None and (guide.parts is not None or guide.groups is not None):
-        return _choose_parts(points, count, guide, method, timer)
     with timer("repeats"):
         among = _Places.of(points, guide)
-    if count is not None and guide is not None:
-        check_count(count, among.fixed + len(among.again), len(_usable(points, guide)))
     chosen = partial(among.choose, method=method, timer=timer)
+    if count is not None and guide is not None:
+        if guide.parts is not None or guide.groups is not None:
+            return _choose_parts(count, guide, among, chosen)
+        check_count(count, among.fixed + len(among.again), len(_usable(points, guide)))
     gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
     if amount.tolerance is not None:
         selection, errors = fewest_points(
@@ -64,20 +64,18 @@ def choose_amount(
     return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, timer)
 
 
-def _choose_parts(points: Points, count: int, guide: Guide, method: Method, timer: Timer) -> Selection:
-    """Let the method choose a number of points, of which each quota gets its own, or whole groups."""
-    with timer("repeats"):
-        among = _Places.of(points, guide)
+def _choose_parts(count: int, guide: Guide, among: _Places, chosen: Callable[[int], Selection]) -> Selection:
+    """Choose a number of points, of which each quota gets its own, or whole groups; `chosen` ranks places."""
 
-    def chosen(wanted: int) -> Selection:
+    def ranked(wanted: int) -> Selection:
         assert among.rows is not None
-        selection = among.choose(wanted, method, timer)
+        selection = chosen(wanted)
         return replace(selection, indices=among.rows[selection.indices])
 
     if guide.parts is not None:
-        return choose_quotas(guide.parts, count, guide.keep, among.fixed, among.again, chosen)
+        return choose_quotas(guide.parts, count, guide.keep, among.fixed, among.again, ranked)
     assert guide.groups is not None
-    return choose_groups(guide.groups, int(guide.groups.max()) + 1, among.fixed, count, chosen)
+    return choose_groups(guide.groups, int(guide.groups.max()) + 1, among.fixed, count, ranked)
 
 
 def choose_quotas(

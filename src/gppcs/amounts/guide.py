@@ -37,8 +37,8 @@ class Guide:
     values: NDArray[np.float64] | None  # (N,), of the attribute at which the method looks
 
     @classmethod
-    def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, request: Request) -> Guide | None:
-        """Look up what is asked of all or some rows of a cloud; None if nothing is. Shapes: rows (N,)."""
+    def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, request: Request) -> Guide:
+        """Look up what is asked of all or some rows of a cloud. Shapes: rows (N,)."""
         keep, weight, values_of = request.keep, request.weight, getattr(request.method, "attribute", None)
         mask = np.zeros(len(cloud), dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
@@ -50,12 +50,6 @@ class Guide:
             known = WeightRange.of(weights)
             known.check()
             weights = known.in_shares(weights)
-        if (
-            weights is None
-            and values_of is None
-            and not (mask.any() or request.detail or request.quotas or request.group)
-        ):
-            return None
         some = cloud if rows is None else cloud.take(rows)
         return cls(
             np.flatnonzero(mask),

@@ -6,7 +6,7 @@ Compiled code is read from all of these folders, and written to the first that c
 2. `__pycache__` in the folder of the package,
 3. the user's cache folder.
 
-Before them, code is looked for that came with the package: it runs on every usual processor (`make wheel`). Unpickling
+Before them, code is looked for that came with the package: it runs on every usual processor (`make dist`). Unpickling
 runs code, so a folder counts only if no other user can have written into it.
 """
 
@@ -23,7 +23,7 @@ import uuid
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-SHIPPED = PACKAGE / "compiled"  # what `make wheel` adds to the package
+SHIPPED = PACKAGE / "compiled"  # what `make dist` adds to the wheel
 MOST_FILES = 2500  # About ten versions of all kernels. When there are more, those used longest ago are removed.
 FEWER_FILES = 2000
 CHECKSUM_BYTES = 16

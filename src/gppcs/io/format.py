@@ -38,13 +38,6 @@ def keeping(cloud: PointCloud, held: Callable[[str, Column], object]) -> tuple[P
     return without_attributes(cloud, [name for name, values in cloud.attributes.items() if not held(name, values)])
 
 
-def without_foreign_header(cloud: PointCloud, own: type[Header] | None) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without the header of another format, and in words what that says."""
-    if cloud.header is None or (own and isinstance(cloud.header, own)):
-        return cloud, []
-    return replace(cloud, header=None), cloud.header.contents()
-
-
 def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
     """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
     if np.array_equal(points, rounded):
@@ -106,7 +99,9 @@ class Format:
 
     def fit(self, cloud: PointCloud) -> Fit:
         """Tell what `write` can store of a cloud and what it cannot."""
-        cloud, remarks = without_foreign_header(cloud, self.header)
+        remarks: list[str] = []
+        if (header := cloud.header) and not (self.header and isinstance(header, self.header)):
+            cloud, remarks = replace(cloud, header=None), header.contents()
         remarks += self.remarks(cloud)
         fitted, values = self.fitted(cloud)
         if fitted.points is not cloud.points:

@@ -36,7 +36,7 @@ from gppcs.io.las_header import (
     scaling_of,
     waveforms_at,
 )
-from gppcs.io.laz import check_chunks, chunks_of_points, decompressed, decompressed_chunks, fewest_points
+from gppcs.io.laz import chunks_of_points, decompressed_chunks, fewest_points
 from gppcs.io.query import Query, not_empty, without_levels
 from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
 
@@ -163,11 +163,6 @@ def read_las_chunks(
     yield from at_most(rows, not_empty(_blocks_as_clouds(file, attributes, query, span)))
 
 
-def count_las_points(file: BufferedReader) -> int:
-    """Return how many points a LAS, LAZ or COPC file has, as its header says."""
-    return _count(read_header(file)[1])
-
-
 def uncounted_las_points(file: BufferedReader) -> list[str]:
     """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
     header, fields, own = read_header(file)
@@ -189,7 +184,6 @@ def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     if not count:
         return []
     if _is_compressed(fields):
-        check_chunks(file, layout.record, own.get(LASZIP))  # as whoever reads the whole file does
         chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
         ends = np.cumsum([points for _, _, points in chunks]).tolist()
     else:
@@ -223,13 +217,12 @@ def _blocks_as_clouds(
         blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
     elif query and query.resolution is not None:
         raise without_levels("LAZ without them" if compressed else "LAS")
-    elif compressed and span:
-        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
-        ends = np.cumsum([points for _, _, points in chunks])
-        begin, end = np.searchsorted(ends, span, side="right")
-        blocks = decompressed_chunks(file, layout.record, chunks[begin:end], own.get(LASZIP))
     elif compressed:
-        blocks = decompressed(file, layout.record, count, own.get(LASZIP))
+        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
+        if span:
+            ends = np.cumsum([points for _, _, points in chunks])
+            chunks = chunks[slice(*np.searchsorted(ends, span, side="right"))]
+        blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
     else:
         blocks = _uncompressed(file, layout, *(span or (0, count)))
     for block in chain([np.empty(0, layout.record)], blocks):
@@ -607,16 +600,13 @@ def _finest(reach: float) -> int:
     return exponent + (reach / float(f"1e{exponent}") > _LARGEST - 1)
 
 
-def _is_las(head: bytes, size: int, compressed: bool) -> bool:
-    return head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed
-
-
 def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
-    recognises = partial(_is_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las_chunks, write, recognises, fitted=fitted, header=LasHeader, count=count_las_points,
-        unread=uncounted_las_points, takes_query=True, spans=spans_of_las,
+        name, (suffix,), read_las_chunks, write,
+        lambda head, size: head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed,
+        fitted=fitted, header=LasHeader, count=lambda file: _count(read_header(file)[1]), unread=uncounted_las_points,
+        takes_query=True, spans=spans_of_las,
     )  # fmt: skip
 
 

@@ -14,30 +14,7 @@ from gppcs.io.las_header import Record
 from gppcs.io.rows import BLOCK, reported
 
 _LAZRS = ("lazrs", "whole compressed points")
-_MOST_IN_CHUNK = 10_000_000  # points; of chunks up to this size, all cores decompress one each, which takes memory
-
-
-def decompressed(
-    file: BufferedReader, record: np.dtype[Any], count: int, laszip: Record | None
-) -> Iterator[NDArray[Any]]:
-    """Yield all points of a file in blocks, so that a header that lies about their number takes no memory.
-
-    Shapes: returns (n,).
-    """
-    import lazrs
-
-    if not count:
-        return
-    largest = check_chunks(file, record, laszip)
-    with reported(*_LAZRS):
-        laszip = _checked(laszip, record)
-        reader = lazrs.ParLasZipDecompressor if largest <= _MOST_IN_CHUNK else lazrs.LasZipDecompressor
-        decompressor = reader(file, laszip.data, lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL))
-    for first in range(0, count, BLOCK):
-        block = np.empty(min(BLOCK, count - first), record)
-        with reported(*_LAZRS):
-            decompressor.decompress_many(block.view(np.uint8))
-        yield block
+_MOST_IN_CHUNK = 10_000_000  # points: a table that lies takes no more memory
 
 
 def decompressed_chunks(
@@ -48,13 +25,11 @@ def decompressed_chunks(
 
     with reported(*_LAZRS):
         laszip = _checked(laszip, record)
-        layers, file_size = _layers(laszip), file.seek(0, 2)
+        layers = _layers(laszip)
     content, table, n = bytearray(), [], 0
     for i, (position, size, count) in enumerate(chunks):
         if not 0 < count <= _MOST_IN_CHUNK:
             raise FileFormatError(f"expected chunks of 1 to {_MOST_IN_CHUNK:,} points, found one of {count:,}")
-        if not 0 < size <= file_size - position:
-            raise _ends_early()
         _check_chunk(file, position, size, record.itemsize, layers)
         file.seek(position)
         content += file.read(size)
@@ -76,15 +51,20 @@ def chunks_of_points(
 ) -> list[tuple[int, int, int]]:
     """Return all chunks of a file, for `decompressed_chunks`."""
     position, left, found = file.tell() + 8, count, []
+    if not count:
+        return []
     with reported(*_LAZRS):
-        table = _chunk_table(file, _checked(laszip, record))
+        laszip = _checked(laszip, record)
+        table, layers = _chunk_table(file, laszip), _layers(laszip)
     for points, size in table:
         if min(points, left):
             found.append((position, size, min(points, left)))
+        else:  # which nobody reads
+            _check_chunk(file, position, size, record.itemsize, layers)
         position, left = position + size, left - min(points, left)
     if left:
         raise _ends_early()
-    return found if all(points <= _MOST_IN_CHUNK for _, _, points in found) else []
+    return found
 
 
 def fewest_points(file: BufferedReader, record: np.dtype[Any], laszip: Record | None) -> int:
@@ -104,22 +84,6 @@ def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
     if size != record.itemsize:
         raise FileFormatError(f"expected compressed points of {record.itemsize} bytes, found {size}")
     return laszip
-
-
-def check_chunks(file: BufferedReader, record: np.dtype[Any], laszip: Record | None) -> int:
-    """Check all chunks of a file, which is at its first point, also those behind the count; return the most points."""
-    start = file.tell()
-    with reported(*_LAZRS):
-        laszip = _checked(laszip, record)
-        chunks, n_layers = _chunk_table(file, laszip), _layers(laszip)
-    size, position = file.seek(0, 2), start + 8
-    for _, length in chunks:
-        if length > size - position:
-            raise _ends_early()
-        _check_chunk(file, position, length, record.itemsize, n_layers)
-        position += length
-    file.seek(start)
-    return max(points for points, _ in chunks)
 
 
 def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
@@ -145,11 +109,13 @@ def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
 
 
 def _check_chunk(file: BufferedReader, position: int, length: int, point_size: int, n_layers: int) -> None:
-    """Check that the layers of a chunk lie within it, and that none begins with four bytes 0xff.
+    """Check that a chunk lies in the file and its layers in the chunk, and that none begins with four bytes 0xff.
 
     No arithmetic coder writes such a beginning. It brings the decoder of lazrs into a state that it never leaves: it
     calls itself until the stack is full, which ends the process.
     """
+    if not 0 < length <= file.seek(0, 2) - position:
+        raise _ends_early()
     sizes, start = [length - point_size], position + point_size
     if n_layers:
         file.seek(start + 4)  # behind the number of points

@@ -203,11 +203,6 @@ def _corners(file: BufferedReader) -> Column:
     return np.frombuffer(data, STL_FACET, count, _STL_START)["corners"].reshape(-1, 3)
 
 
-def stl_triangles(file: BufferedReader) -> NDArray[np.int64]:
-    """Return the facets of an STL file, by the order in which `read_stl` yields their corners."""
-    return _distinct(_corners(file))[1].reshape(-1, 3)
-
-
 def _distinct(rows: Column) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
     """Return the index of the first occurrence of each distinct row, ascending, and which of these each row equals."""
     order = np.lexsort(rows.T)  # stable, so equal rows keep their order
@@ -288,14 +283,6 @@ def _count_off_faces(file: BufferedReader) -> int:
     return faces[0] if faces else 0
 
 
-def _count_obj_faces(file: BufferedReader) -> int:
-    return sum(line.split(None, 1)[:1] == ["f"] for line in lines_of(file))
-
-
-def _count_stl_faces(file: BufferedReader) -> int:
-    return len(_corners(file)) // 3
-
-
 OFF, OBJ, STL = FORMATS = (
     Format(
         "OFF",
@@ -315,11 +302,17 @@ OFF, OBJ, STL = FORMATS = (
         write_obj,
         unread=unread_obj,
         fitted=partial(held, groups=(COLOURS,)),  # normals would not be read again
-        faces=_count_obj_faces,
+        faces=lambda file: sum(line.split(None, 1)[:1] == ["f"] for line in lines_of(file)),
         triangles=obj_triangles,
         whole=True,
     ),
     Format(
-        "STL", (".stl",), read_stl, None, _looks_like_stl, faces=_count_stl_faces, triangles=stl_triangles, whole=True
+        "STL",
+        (".stl",),
+        read_stl,
+        recognises=_looks_like_stl,
+        faces=lambda file: len(_corners(file)) // 3,
+        triangles=lambda file: _distinct(_corners(file))[1].reshape(-1, 3),
+        whole=True,
     ),
 )

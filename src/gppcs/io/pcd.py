@@ -184,11 +184,6 @@ def unread_pcd(file: BufferedReader) -> list[str]:
     return [f"the grid of {layout.width:,} columns and {layout.height:,} rows"] if layout.height > 1 else []
 
 
-def count_pcd_points(file: BufferedReader) -> int:
-    """Return how many points a PCD file has, as its header says."""
-    return _read_header(file).count
-
-
 def _read_header(file: BufferedReader) -> _Layout:
     entries: dict[str, list[str]] = {}
     comments = []
@@ -451,6 +446,6 @@ FORMAT = Format(
     _fitted,
     header=PcdHeader,
     named=column_name,
-    count=count_pcd_points,
+    count=lambda file: _read_header(file).count,
     has_text=True,
 )

@@ -161,16 +161,6 @@ def spans_of_ply(file: BufferedReader, rows: int) -> list[Span]:
     return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, rows)
 
 
-def count_ply(file: BufferedReader) -> int:
-    """Return how many points a PLY file has, as its header says."""
-    return _read_header(file).element("vertex").count
-
-
-def count_ply_faces(file: BufferedReader) -> int:
-    """Return the number of faces in a PLY file."""
-    return sum(element.count for element in _read_header(file).elements if element.name == "face")
-
-
 def ply_triangles(file: BufferedReader) -> NDArray[np.int64]:
     """Read the faces of a PLY file as triangles."""
     header = _read_header(file)
@@ -474,9 +464,9 @@ FORMAT = Format(
     _fitted,
     header=PlyHeader,
     named=column_name,
-    faces=count_ply_faces,
+    faces=lambda file: sum(each.count for each in _read_header(file).elements if each.name == "face"),
     triangles=ply_triangles,
-    count=count_ply,
+    count=lambda file: _read_header(file).element("vertex").count,
     spans=spans_of_ply,
     has_text=True,
 )

@@ -66,11 +66,6 @@ class Query:
         )
 
     @property
-    def conditions(self) -> bool:
-        """Whether attributes decide which points are read."""
-        return self.only is not None
-
-    @property
     def wanted(self) -> str:
         """Which points are wanted, in words."""
         boxed = bool(np.isfinite((*self.low, *self.high)).any())
@@ -105,7 +100,7 @@ def restricted(known: Format, query: Query) -> Format:
     if query.resolution is not None and not known.takes_query:
         raise without_levels(known.name)
     chunks = partial(known.chunks, query=query) if known.takes_query else known.chunks
-    if query.conditions or not known.takes_query:
+    if query.only is not None or not known.takes_query:
         chunks = partial(_chunks, query, chunks)
     count = None if known.whole else (lambda file: sum(map(len, chunks(file, BLOCK, False))))
     return replace(known, chunks=chunks, spans=None, count=count or known.count)
@@ -120,7 +115,7 @@ def _chunks(
     **names: list[str],
 ) -> Iterator[PointCloud]:
     """Read the wanted points in chunks, as `Format.chunks` says; conditions need attributes."""
-    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.conditions, **names)))
+    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.only is not None, **names)))
     return parts if attributes else (replace(part, attributes={}) for part in parts)
 
 

@@ -124,14 +124,11 @@ def _has_words(file: BufferedReader, layout: _Layout) -> bool:
     empty = re.compile(rb"(?:^|%b)[ ]*(?:%b|\r?$)" % (mark, mark), re.MULTILINE) if mark else None
     for lines in iter(lambda: file.readlines(_LOOK), []):
         block = b"".join(lines)
-        if block.translate(None, _OF_NUMBERS) or (empty and _has_missing(empty, block)):
+        if block.translate(None, _OF_NUMBERS):
+            return True
+        if empty and any(found[0].strip(b" \r") for found in empty.finditer(block)):  # a field, not a line
             return True
     return False
-
-
-def _has_missing(empty: re.Pattern[bytes], block: bytes) -> bool:
-    """Return whether a block has an empty field; an empty line is none."""
-    return any(found[0].strip(b" \r") for found in empty.finditer(block))
 
 
 def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:

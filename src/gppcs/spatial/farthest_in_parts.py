@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gppcs.engine.timer import Timer
 from gppcs.spatial.boxes import Each, Part, classes
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.stored import StoredPoints
+from gppcs.spatial.stored import StoredPoints, within
 
 PART = 1 << 18  # Points of a part at most.
 FIRST = 4096  # Points that the first level chooses, about: so many of a sample tell its distance.
@@ -70,7 +70,7 @@ def _round(stored: StoredPoints, parts: list[Part], chosen: Farthest, level: flo
     halo = LEVEL_HALO * level if math.isfinite(level) else 0.0
     settled, known = np.zeros(len(stored.boxes), dtype=np.bool_), chosen.places
     for some in classes(parts, halo):
-        asked = [_Asked(part, _within(known, part, halo)) for part in some]
+        asked = [_Asked(part, known[within(known, part.low - halo, part.high + halo)]) for part in some]
         found = list(each(partial(_choose, stored, level, halo, settled), asked))
         added = Farthest._make(map(np.concatenate, zip(*found, strict=True)))
         known = np.concatenate([known, added.places])
@@ -85,10 +85,6 @@ class _Asked(NamedTuple):
 
     part: Part
     others: NDArray[np.float64]
-
-
-def _within(places: NDArray[np.float64], part: Part, halo: float) -> NDArray[np.float64]:
-    return places[((places >= part.low - halo) & (places <= part.high + halo)).all(axis=1)]
 
 
 def _choose(stored: StoredPoints, level: float, halo: float, settled: NDArray[np.bool_], asked: _Asked) -> Farthest:

@@ -69,7 +69,7 @@ def plan(
     files: CloudFiles, request: Request, limit: int | None = None, whole: str | None = None, shared: bool = False
 ) -> Plan:
     """Decide how: `whole` is what takes all points at once, `shared` whether an executor works on parts."""
-    limit = limit or _half_of_memory()
+    limit = limit or (available_memory() or 0) // 2 or None
     _check_read_whole(files, limit)
     head, method = files.head(), request.method
     counted = files.query is not None  # what a query leaves is counted by reading
@@ -122,12 +122,6 @@ def _check_asked(cloud: PointCloud, request: Request) -> None:
     for length in request.amount.lengths:
         if length is not None:
             length.in_cloud(1.0, metres)
-
-
-def _half_of_memory() -> int | None:
-    """Return how many bytes of memory the process may hold if users do not say it."""
-    free = available_memory()
-    return free // 2 if free else None
 
 
 def _bytes_of_row(cloud: PointCloud) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -25,7 +25,8 @@ def each_by(executor: Executor | None, threads: int) -> Iterator[Each]:
     if executor is None:
         with ThreadPoolExecutor(threads, initializer=work_alone) as own:
             try:
-                yield partial(_each_in_threads, own)
+                # A single part is worked on in this thread, which has helpers.
+                yield lambda task, parts: own.map(task, parts) if len(parts) > 1 else map(task, parts)
             except BaseException:
                 own.shutdown(cancel_futures=True)
                 raise
@@ -33,7 +34,7 @@ def each_by(executor: Executor | None, threads: int) -> Iterator[Each]:
     if not isinstance(executor, Executor):
         raise ParameterError(f"expected an executor with `map`, such as client.get_executor(), found {shown(executor)}")
     with _told_of_lost_workers():
-        yield partial(_each_alone, executor)
+        yield lambda task, parts: executor.map(partial(_alone, task), parts)
 
 
 def executor_of(workers: str | None) -> AbstractContextManager[Executor | None]:
@@ -66,15 +67,6 @@ def scheduler_at(address: str) -> Iterator[Executor]:
     with client:
         _check_versions(client)
         yield client.get_executor(pure=False)
-
-
-def _each_in_threads(pool: Executor, task: Callable[[Any], Any], parts: Sequence[Any]) -> Iterator[Any]:
-    """Work on the parts; on a single one in this thread, which has helpers."""
-    return pool.map(task, parts) if len(parts) > 1 else map(task, parts)
-
-
-def _each_alone(executor: Executor, function: Callable[[Any], Any], items: Sequence[Any]) -> Iterator[Any]:
-    return executor.map(partial(_alone, function), items)
 
 
 def _alone(function: Callable[[Any], Any], item: Any) -> Any:

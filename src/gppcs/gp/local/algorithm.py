@@ -53,16 +53,6 @@ class Ranking(NamedTuple):
     deviations: NDArray[np.float64]
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
 
-    def extended(
-        self, rows: NDArray[np.int64], scores: NDArray[np.float64], deviations: NDArray[np.float64]
-    ) -> Ranking:
-        """Return the ranking with further points behind."""
-        return self._replace(
-            rows=np.concatenate([self.rows, rows]),
-            scores=np.concatenate([self.scores, scores]),
-            deviations=np.concatenate([self.deviations, deviations]),
-        )
-
 
 def choose(
     points: NDArray[np.float64],
@@ -126,7 +116,10 @@ def rank(
             added, scores, deviations = extend(
                 field, tree, before, wanted, criterion.neighbours, criterion.error_weight, advanced=advanced
             )
-        ranking = ranking.extended(rows[added], scores, deviations)
+        ranking = Ranking(
+            np.concatenate([ranking.rows, rows[added]]), np.concatenate([ranking.scores, scores]),
+            np.concatenate([ranking.deviations, deviations]),
+        )  # fmt: skip
     return ranking
 
 

@@ -60,7 +60,6 @@ DIAGONAL = math.sqrt(3.0)  # Of a cell, in edge lengths. A halo this wide holds 
 FIXED = -1.0  # Stands for the gap of a point that is chosen from the start, and so is a candidate of every stage.
 LOWEST = 1e-6  # Below this level, all candidates are chosen.
 NOT_MEASURED = np.empty(0, dtype=np.float32)
-NO_POINTS = Ranking(np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -102,6 +101,23 @@ class _Stage:
         """The type of the records in that file."""
         features: list[Any] = [("inside", np.bool_), ("variation", np.float64), ("normal", np.float64, 3)]
         return np.dtype([*self.stored.kind.descr, *features])
+
+
+class _Chosen(NamedTuple):
+    """Chosen points, with what a `Ranking` tells of them."""
+
+    rows: NDArray[np.int64]  # (n,)
+    places: NDArray[np.float64]  # (n, 3)
+    # (n,) each.
+    scores: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+
+    def and_those(self, further: _Chosen) -> _Chosen:
+        """Return these points and further ones behind."""
+        return _Chosen._make(map(np.concatenate, zip(self, further, strict=True)))
+
+
+NO_POINTS = _Chosen(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), np.empty(0))
 
 
 class _Asked(NamedTuple):
@@ -147,13 +163,13 @@ def choose_stored(
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
             nested.append(_coarser(nested[-1], each))
-    ranking, places = _in_memory(nested.pop(), each, timer, fixed)
+    chosen = _in_memory(nested.pop(), each, timer, fixed)
     while nested:
-        ranking, places = _in_parts(nested.pop(), each, timer, ranking, places)
+        chosen = _in_parts(nested.pop(), each, timer, chosen)
     with timer("placement", len(stored)) as advanced:
-        ranking = _placed(replace(stage, stored=stored), parts, each, advanced, ranking, places, fixed)
+        rows = _placed(replace(stage, stored=stored), parts, each, advanced, chosen, fixed)
     level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    return ranking._replace(noise_in_spacings=level)
+    return Ranking(rows, chosen.scores, chosen.deviations, level)
 
 
 def _with_candidates(
@@ -274,10 +290,8 @@ def _thin(stage: _Stage, part: Part) -> tuple[Run, NDArray[np.int64]]:
     return write_run(stage.stored.folder, name, stage.stored.boxes, near.records[kept & near.inside])
 
 
-def _in_memory(
-    stage: _Stage, each: Each, timer: Timer, fixed: NDArray[np.int64]
-) -> tuple[Ranking, NDArray[np.float64]]:
-    """Choose the points of the first stages in memory; return the ranking and its places."""
+def _in_memory(stage: _Stage, each: Each, timer: Timer, fixed: NDArray[np.int64]) -> _Chosen:
+    """Choose the points of the first stages in memory."""
     with timer("candidates"):
         found = [near.records for near in each(partial(_candidates, stage, 0.0), stage.stored.parts(PART))]
         records = np.concatenate(found)
@@ -293,7 +307,8 @@ def _in_memory(
     last = records[candidates[-1].rows]
     observations, detail = _observations(last), _detail(stage, last)
     ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights, detail)
-    return ranking._replace(rows=records["row"][ranking.rows]), places[ranking.rows]
+    rows = ranking.rows
+    return _Chosen(records["row"][rows], places[rows], ranking.scores, ranking.deviations)
 
 
 def _observations(records: NDArray[Any]) -> Observations:
@@ -310,25 +325,21 @@ def _detail(stage: _Stage, records: NDArray[Any]) -> Detail | None:
     return Detail.of(stage.detail, records["detail"], np.ascontiguousarray(records["rough"]))
 
 
-def _in_parts(
-    stage: _Stage, each: Each, timer: Timer, ranking: Ranking, places: NDArray[np.float64]
-) -> tuple[Ranking, NDArray[np.float64]]:
-    """Choose the points of a further stage part by part; return the extended ranking, and its places."""
-    wanted, parts = stage.target - len(ranking.rows), stage.stored.parts(PART)
+def _in_parts(stage: _Stage, each: Each, timer: Timer, chosen: _Chosen) -> _Chosen:
+    """Choose the points of a further stage part by part, behind those that are chosen."""
+    wanted, parts = stage.target - len(chosen.rows), stage.stored.parts(PART)
     with timer("features", len(stage.stored)) as advanced:
         variation = []
         for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
             advanced(int(stage.stored.counts[part.first : part.last].sum()))
         stage = _scaled(stage, np.concatenate(variation, axis=1), parts, each)
-    added, added_places = NO_POINTS, np.empty((0, 3))
+    added = NO_POINTS
     with timer("greedy selection", wanted) as advanced:
-        before, level = len(ranking.rows), float(ranking.scores[-1]) if len(ranking.rows) else 1.0
+        before, level = len(chosen.rows), float(chosen.scores[-1]) if len(chosen.rows) else 1.0
         while (count := len(added.rows)) < wanted:
-            known = np.concatenate([ranking.rows, added.rows]), np.concatenate([places, added_places])
-            for of_part, of_places in _round(stage, parts, each, level, *known):
-                added = added.extended(of_part.rows, of_part.scores, of_part.deviations)
-                added_places = np.concatenate([added_places, of_places])
+            for of_part in _round(stage, parts, each, level, chosen.and_those(added)):
+                added = added.and_those(of_part)
             advanced(min(len(added.rows), wanted) - count)
             if level == 0.0:
                 break
@@ -336,8 +347,7 @@ def _in_parts(
     for part in parts:
         stage.file(part).unlink()
     best = np.lexsort([added.rows, -added.scores])[:wanted]
-    extended = ranking.extended(added.rows[best], added.scores[best], added.deviations[best])
-    return extended, np.concatenate([places, added_places[best]])
+    return chosen.and_those(_Chosen._make(values[best] for values in added))
 
 
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
@@ -393,24 +403,20 @@ def _squared(stage: _Stage, part: Part) -> NDArray[np.float64]:
     return field.spacings[near.inside] ** -2.0
 
 
-def _round(
-    stage: _Stage, parts: list[Part], each: Each, level: float, rows: NDArray[np.int64], places: NDArray[np.float64]
-) -> Iterator[tuple[Ranking, NDArray[np.float64]]]:
-    """Yield what each part chooses down to a level, and the places, after what is chosen."""
+def _round(stage: _Stage, parts: list[Part], each: Each, level: float, chosen: _Chosen) -> Iterator[_Chosen]:
+    """Yield what each part chooses down to a level, after what is chosen."""
     settled = np.zeros(len(stage.stored.boxes), dtype=np.bool_)
     for some in classes(parts, stage.halo):
-        asked = [_Asked.of(part, stage.halo, rows, places) for part in some]
-        for added, added_places in each(partial(_choose, stage, level, settled), asked):
-            yield added, added_places
-            rows, places = np.concatenate([rows, added.rows]), np.concatenate([places, added_places])
+        asked = [_Asked.of(part, stage.halo, chosen.rows, chosen.places) for part in some]
+        for added in each(partial(_choose, stage, level, settled), asked):
+            yield added
+            chosen = chosen.and_those(added)
         settled = settled.copy()
         for part in some:
             settled[part.first : part.last] = True
 
 
-def _choose(
-    stage: _Stage, level: float, settled: NDArray[np.bool_], asked: _Asked
-) -> tuple[Ranking, NDArray[np.float64]]:
+def _choose(stage: _Stage, level: float, settled: NDArray[np.bool_], asked: _Asked) -> _Chosen:
     """Choose the candidates of a part with a score of at least `level`; nothing in boxes that are `settled`."""
     near, field = _field(stage, asked.part)
     chosen = np.isin(near.rows, asked.rows)
@@ -424,7 +430,7 @@ def _choose(
     most = len(some) - len(before)
     added, scores, deviations = extend(field, tree, before, most, criterion.neighbours, criterion.error_weight, level)
     near, own = near.take(some[added]), near.inside[some[added]]
-    return Ranking(near.rows[own], scores[own], deviations[own]), near.points[own]
+    return _Chosen(near.rows[own], near.points[own], scores[own], deviations[own])
 
 
 def _placed(
@@ -432,17 +438,16 @@ def _placed(
     parts: list[Part],
     each: Each,
     advanced: Callable[[int], None],
-    ranking: Ranking,
-    places: NDArray[np.float64],
+    chosen: _Chosen,
     fixed: NDArray[np.int64],
-) -> Ranking:
-    """Place the chosen points part by part, as `gppcs.gp.local.placement` does."""
-    new, order = ranking.rows.copy(), np.argsort(ranking.rows)
-    asked = [_Asked.of(part, 0.5 * stage.halo, ranking.rows, places) for part in parts]
+) -> NDArray[np.int64]:
+    """Return the rows of the chosen points once they are placed, part by part, as `gppcs.gp.local.placement` does."""
+    new, order = chosen.rows.copy(), np.argsort(chosen.rows)
+    asked = [_Asked.of(part, 0.5 * stage.halo, chosen.rows, chosen.places) for part in parts]
     for one, (old, other) in zip(asked, each(partial(_place, stage, fixed), asked), strict=True):
-        new[order[np.searchsorted(ranking.rows[order], old)]] = other
+        new[order[np.searchsorted(chosen.rows[order], old)]] = other
         advanced(int(stage.stored.counts[one.part.first : one.part.last].sum()))
-    return ranking._replace(rows=new)
+    return new
 
 
 def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
