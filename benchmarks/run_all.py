@@ -64,6 +64,7 @@ SCRIPTS = (
     Script("detail.py", "detail", ("meshoptimizer",)),
     Script("placement.py", "placement", ("pymeshlab",), ("--jobs", "2")),
     Script("ask.py", "ask", ("pymeshlab",)),
+    Script("denoising.py", "denoising", ("pymeshlab", "CGAL")),
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("levels.py", "levels"),
     Script("larger_than_memory.py", "larger_than_memory"),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
-from gppcs.amounts.request import Request, require
+from gppcs.amounts.request import Request, denoises, require
 from gppcs.clouds import above
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.quantities import Scale, count_of, metres_of
@@ -192,6 +192,7 @@ def simplify(
     normals: bool = False,
     scores: bool = False,
     drop_outliers: bool = False,
+    denoise: bool = False,
     timer: Timer | None = None,
 ) -> Result:
     """Choose M points of a cloud: a number, or as many as an accuracy, a spacing or a largest gap takes.
@@ -258,6 +259,11 @@ def simplify(
     drop_outliers : bool
         Whether to leave out, before all else, the points that `gppcs.find_outliers` finds, also if they are in `keep`.
         They do not count in N. The result has their rows.
+    denoise : bool
+        Whether to move the kept points onto the surface that all points observe with noise: the same as the parameter
+        `denoise` of the method. They have the attributes of the points at `indices`, but normals of that surface. Where
+        no noise is found, they stay. It does not go with `tolerance`, `max_gap`, `keep`, `quota` and `group` (method
+        "gp").
     timer : Timer, optional
         Measures the time of each stage, and reports progress to its listener.
 
@@ -293,7 +299,7 @@ def simplify(
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
         unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
-        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
+        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers, denoise=denoise,
     )  # fmt: skip
     return simplify_cloud(cloud, request, timer_of(timer))
 
@@ -340,6 +346,10 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
+    elif denoises(method):
+        raise InputError(f"expected fewer points to keep than the {len(points):,} different ones to denoise them")
+    if selection.normals is not None and (own := kept.normals()) is not None:
+        kept = _carrying(kept, _with_signs(selection.normals, own))
     if request.normals:
         with timer("normals"):
             kept = _with_normals(kept, points, selection)
@@ -355,9 +365,19 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
     from gppcs.surface.normals import estimate_normals
 
     places = points[selection.indices] if selection.points is None else selection.points
-    columns = np.ascontiguousarray(estimate_normals(points, places).T, dtype=np.float32)
-    carried = dict(zip(NORMALS, columns, strict=True))
-    return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
+    estimated = estimate_normals(points, places)
+    return _carrying(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
+
+
+def _with_signs(normals: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return normals, (M, 3), with the signs of others, (M, 3)."""
+    return np.where(np.einsum("ij,ij->i", normals, others)[:, None] < 0.0, -normals, normals)
+
+
+def _carrying(kept: PointCloud, normals: NDArray[np.float64]) -> PointCloud:
+    """Return points with these normals, (M, 3), as attributes."""
+    columns = np.ascontiguousarray(normals.T, dtype=np.float32)
+    return dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
 
 
 def with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:

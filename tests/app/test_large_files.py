@@ -73,7 +73,7 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "--memory"]),
         (["--add", "normals", *LARGE], ["--normals takes all points at once"]),
         (["--add", "kept", *LARGE], ["--add kept takes all points at once"]),
-        (["--report", "page.html", *LARGE], ["--report takes all points at once", "found 1 GB"]),
+        (["--denoise", *LARGE], ["--denoise takes all points at once", "found 1 GB"]),
     ],
 )
 def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_message):

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, SIMPLIFY, described, files, rows_of, write_scan_with
-from web_page import WebPage
+from command_line import FAST, files, rows_of, write_scan_with
 
 
 @pytest.mark.parametrize("method", gppcs.METHODS)
@@ -85,28 +84,6 @@ def test_invalid_points_are_dropped_when_asked_to(gppcs_command):
     assert (code, json.loads(out)["points_in"], json.loads(out)["points_out"]) == (0, 400, 398)
     assert "all of its 398 points with finite coordinates were kept, fewer than the 400 asked for" in err
     assert gppcs.read("out.ply").points.tobytes() == np.delete(points, [3, 8], axis=0).tobytes()
-
-
-def test_a_report_is_that_of_the_command_report(printed, scan):
-    words = [*SIMPLIFY, "40", "--report", "page.html"]
-    printed(*words)
-    printed("report", "scan.ply", "out.ply", "-o", "other.html")
-    page, other = (WebPage(Path(name).read_text("utf-8")) for name in ("page.html", "other.html"))
-    assert page.described["made"][1] == ["command", "gppcs " + " ".join(words)]
-    assert page.described["made"][2] == other.described["made"][2]
-    reasons = [each.described["clouds"][1].pop("reason") for each in (page, other)]
-    assert reasons == [gppcs.METHODS["fps"].summary, None]  # a file does not say by which method it was made
-    assert page.described | {"made": None} == other.described | {"made": None}
-    blocks, expected = (re.findall(r'<script id="block.*?</script>', each.text, re.DOTALL) for each in (page, other))
-    assert blocks == expected != []
-
-
-def test_a_report_of_one_cloud_in_two_files_shows_the_kept_points_though_the_output_marks_them(printed, scan):
-    gppcs.write("more.ply", scan)
-    printed(*SIMPLIFY, 40, "more.ply", "--add", "kept", "--report", "page.html")
-    clouds, made = described("page.html")["clouds"], described("page.html")["made"]
-    assert [(cloud["name"], cloud["points"]) for cloud in clouds] == [("scan.ply and 1 more", 800), ("out.ply", 40)]
-    assert {"SHA-256 of scan.ply", "SHA-256 of more.ply"} <= {name for name, _ in made}
 
 
 def test_simplify_json_is_one_strict_object_a_line(record, scan):

@@ -3,10 +3,8 @@
 import json
 from pathlib import Path
 
-import pytest
-
 import gppcs
-from command_line import FAST, SIMPLIFY
+from command_line import FAST
 
 
 def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):
@@ -32,20 +30,6 @@ def test_no_input_of_the_call_is_overwritten_through_a_link_in_the_folder(refuse
     Path("results/scan.ply").hardlink_to("more.ply")
     told = "results/scan.ply: expected a file other than the input more.ply, found the same"
     refused(("simplify", "scan.ply", "more.ply", "-o", "results", "--points", 5, "--force", *FAST), told)
-
-
-@pytest.mark.parametrize("page", ["scan.html", "link.html", "out.html"])
-def test_a_report_overwrites_neither_the_input_nor_the_result(refused, scan, page):
-    gppcs.write("scan.html", scan, format="ply")  # read by its content
-    Path("link.html").hardlink_to("scan.html")
-    options = ("-o", "out.html", "--to", "ply", "--points", 5, "--report", page, "--force", *FAST)
-    refused(("simplify", "scan.html", *options), f"{page}: expected a file")
-
-
-def test_a_report_replaces_a_page_by_force(printed, scan):
-    Path("page.html").write_text("old")
-    printed(*SIMPLIFY, 5, "--report", "page.html", "--force")
-    assert Path("page.html").read_text().startswith("<!doctype html>")
 
 
 def test_what_a_file_loses_is_told_in_one_line(gppcs_command, refused, scan):

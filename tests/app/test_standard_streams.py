@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import SIMPLIFY, described, files
+from command_line import SIMPLIFY, files
 from gppcs.app import program
 from web_page import WebPage
 
@@ -59,14 +59,6 @@ def test_a_plot_on_standard_output_is_alone_there(scan, capfdbinary):
         assert program.run([*words, *more]) == 0
         out, _ = capfdbinary.readouterr()
         assert (out[:4], out[-8:-4]) == (b"\x89PNG", b"IEND")
-
-
-def test_the_page_of_a_result_on_standard_output_is_a_file(gppcs_command, scan, piped):
-    piped("scan.ply")
-    options = ("--from", "ply", "--to", "csv", "--report", "page.html", "-q")
-    code, out, err = gppcs_command("simplify", "-", "-o", "-", *SMALL, *options)
-    assert (code, err, out.count("\n")) == (0, "", 61)
-    assert [each["name"] for each in described("page.html")["clouds"]] == ["-", "result"]
 
 
 def test_a_file_may_be_called_like_standard_output(printed, record, refused, scan, folder):

@@ -8,7 +8,7 @@ from typing import Any
 
 from gppcs.amounts.quotas import Quota, quotas_of
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Amount, metres_of
+from gppcs.clouds.quantities import Amount, metres_of, option
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.errors import ParameterError, flag, nearest_name, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Method
@@ -20,6 +20,7 @@ FEATURES = {
     "weight": "weighs points",
     "detail": "looks at attributes",
     "ranking": "ranks its points",
+    "denoise": "has a field to denoise its points under",
 }  # of a method, in words
 
 
@@ -62,15 +63,21 @@ class Request:
         normals: bool = False,
         scores: bool = False,
         drop_outliers: bool = False,
+        denoise: bool = False,
     ) -> Request:
         """Check the arguments of `simplify`, as far as that is possible without the cloud."""
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = method_of(method, seed)
+        if flag("denoise", denoise):
+            require(chosen, "denoise")
+            chosen = with_settings(chosen, {"denoise": True})
         counted = {} if detail is None else weights_of_detail(detail)
         quotas = () if quota is None else quotas_of(quota)
         if group is not None and not isinstance(group, str):
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
         _check_supported(chosen, amount, keep, weight, counted, quotas, group)
+        if denoises(chosen):
+            _check_denoised(amount, keep, quotas, group)
         if unit is not None:
             metres_of(unit, None)
         if isinstance(keep, str):
@@ -93,6 +100,7 @@ class Request:
         reasons = {
             "tolerance": self.amount.tolerance is not None,
             "max_gap": self.amount.max_gap is not None,
+            "denoise": denoises(self.method),
             "normals": self.normals,
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
@@ -104,6 +112,28 @@ def require(method: Method, feature: str) -> None:
     if feature not in method.supports:
         others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
         raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
+
+
+def denoises(method: Method) -> bool:
+    """Return whether a method moves its points onto the surface below their noise."""
+    return bool(getattr(method, "denoise", False))
+
+
+def _check_denoised(amount: Amount, keep: object, quotas: object, group: str | None) -> None:
+    """Check that what is asked for can be had of denoised points."""
+    asked = {
+        "tolerance": amount.tolerance is not None,  # the points themselves are farther from the surface
+        "max_gap": amount.max_gap is not None,
+        "keep": keep is not None,
+        "quota": quotas,
+        "group": group is not None,
+    }
+    for name, given in asked.items():
+        if given:
+            expected = "expected a number, a share or a spacing of the points to denoise, found"
+            raise ParameterError(
+                f"{expected} {name}=; leave it out", command=f"{expected} {option(name)}; leave it out"
+            )
 
 
 def _check_supported(

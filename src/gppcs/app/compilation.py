@@ -49,6 +49,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
+    simplify(stray, ratio=0.02, denoise=True)
     _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba

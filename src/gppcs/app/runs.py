@@ -15,11 +15,9 @@ from gppcs.amounts.request import Request
 from gppcs.app.levels import NAME as LEVEL
 from gppcs.app.levels import Levels
 from gppcs.app.outputs import Output
-from gppcs.app.pages import different_names, how_made
 from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
-from gppcs.drawing.web.contents import Named, Page, report_page
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
@@ -66,8 +64,6 @@ class Job:
     query: Query | None
     with_index: bool
     mark: str | None
-    report: Path | None
-    command: list[str]
     dry_run: bool
     force: bool
     lossy: bool
@@ -89,13 +85,9 @@ class Job:
             self._check_storable(output, head)
             done = run(files, self.request, work, planned)
             _, unread = files.left_out()
-        page = None if self.report is None else self._page(done, output)
         with work.timer("writing"):
             clouds = self._clouds(done, output)
             lost = self._store(output, clouds, done.result.ranked and self.mark is None)
-            if self.report is not None and page is not None:
-                with io.whole_file(self.report, self.force) as file:
-                    page.write(file)
         note_left_out(output.targets[-1], [*unread, *lost])
         self._note_size(sources[0], len(done.result.indices), done.points)
         unit = unit_of(head.header, self.request.unit)
@@ -105,7 +97,7 @@ class Job:
         """Return the option that takes all points at once, if any."""
         if self.request.whole:
             return option(self.request.whole)
-        return "--add kept" if self.mark is not None else "--report" if self.report else None
+        return None if self.mark is None else "--add kept"
 
     def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""
@@ -178,17 +170,6 @@ class Job:
                 target.unlink(missing_ok=True)
             raise
         return lost
-
-    def _page(self, done: Run, output: Output) -> Page:
-        """Return a page of the result beside its original, both without outliers."""
-        assert done.cloud is not None
-        cloud, result, target = done.cloud, done.result, output.targets[-1]
-        if result.outliers is not None:
-            cloud = cloud.take(np.delete(np.arange(len(cloud)), result.outliers))
-        names = different_names([Path(titled(output.sources)), Path("result") if io.is_standard(target) else target])
-        simplified = Named(names[1], result.cloud, reason=result.method.summary)
-        made = how_made(self.command, output.sources)
-        return report_page(Named(names[0], cloud), [simplified], made, detail=list(self.request.detail))
 
     def _told(self, output: Output, counts: list[int], done: Run, readings: int, unit: str | None) -> Told:
         """Return what is told of a run that is done, with so many points in each file."""

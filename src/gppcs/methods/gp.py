@@ -60,6 +60,7 @@ class LocalGP(Method):
         "weight": "The density of the kept points is multiplied by the weight.",
         "detail": "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
         "files": "Other points than in memory, chosen equally well.",
+        "denoise": "Points are chosen where the surface lies most probably, and moved there.",
     }
 
     feature_weight: float = parameter(
@@ -76,6 +77,9 @@ class LocalGP(Method):
     )
     candidates: float = parameter(
         8.0, "Number of cells of the candidates' grid per squared target spacing.", least=3, most=1000
+    )
+    denoise: bool = parameter(
+        False, "Move the points onto the surface that all points observe with noise, with their attributes."
     )
 
     @property
@@ -95,7 +99,7 @@ class LocalGP(Method):
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        from gppcs.gp.local.algorithm import choose
+        from gppcs.gp.local.algorithm import choose, choose_denoised
         from gppcs.gp.local.beyond_memory import choose_stored
 
         timer, stored, count = wanted.timer, wanted.stored, wanted.n_points
@@ -107,6 +111,10 @@ class LocalGP(Method):
             ranking = choose_stored(
                 stored, count, self.criterion, self.candidates, timer, wanted.each, rows, wanted.points
             )
+        elif count < len(wanted.points) and self.denoise:
+            ranking = choose_denoised(
+                wanted.points, count, self.criterion, self.candidates, timer, wanted.weights, wanted.detail
+            )
         elif count < len(wanted.points):
             ranking = choose(
                 wanted.points, count, self.criterion, self.candidates, timer, wanted.fixed, wanted.weights,
@@ -115,7 +123,10 @@ class LocalGP(Method):
         else:
             return Selection(np.arange(len(wanted.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
-        return Selection(ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, attributes=attributes)
+        places, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
+        return Selection(
+            ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, places, attributes, normals=normals
+        )
 
     def _bytes(self, n: int, n_points: int) -> int:
         from gppcs.gp.local.candidates import sample_size

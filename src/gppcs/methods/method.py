@@ -92,6 +92,8 @@ class Selection(ComparedByValue):
     ranked : bool
         Whether the first points are a choice of fewer, if the method ranks its points. They are not where all points
         but repeats are chosen, in the order of the cloud.
+    normals : (M, 3) array, float64, optional
+        Unit normals at the new positions, whose signs have no meaning, if the method finds them.
 
     Examples
     --------
@@ -107,6 +109,7 @@ class Selection(ComparedByValue):
     points: NDArray[np.float64] | None = None
     attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     ranked: bool = True
+    normals: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,7 @@ class Method(ABC):
         What else the method can do, and what that means for it. "ranking": the first k of the chosen points are a
         simplification to k points. "spacing": it chooses as many points as have a spacing. "keep", "weight",
         "detail": it keeps given points, weighs points, and looks at attributes. "files": it takes points on disk.
+        "denoise": it moves points onto the surface below their noise, by its parameter `denoise`.
 
     Examples
     --------

@@ -45,6 +45,7 @@ def simplify_files(
     normals: bool = False,
     scores: bool = False,
     drop_outliers: bool = False,
+    denoise: bool = False,
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
     box: Sequence[float] | None = None,
@@ -70,8 +71,8 @@ def simplify_files(
         One file or several, in any format that `gppcs.read` reads. Several files are one cloud: its points are those of
         the first, then those of the second and so on. They must have the same attributes. A virtual point cloud (.vpc)
         stands for the files that it lists.
-    ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, timer
-        As for `gppcs.simplify`. Normals need all points in memory.
+    ratio, n_points, method, seed, invalid, normals, scores, drop_outliers, denoise, timer
+        As for `gppcs.simplify`. `normals` and `denoise` need all points in memory.
     tolerance, spacing, max_gap, unit, keep, weight, detail, quota, group
         As for `gppcs.simplify`. All points must be in memory for `tolerance` and `max_gap`, for texts as `detail`, for
         `keep` that is no condition, and for `weight` that is no name.
@@ -130,7 +131,7 @@ def simplify_files(
     request = Request.of(
         ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
         unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
-        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers,
+        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers, denoise=denoise,
     )  # fmt: skip
     work = Work(
         None if memory is None else bytes_of(memory), None if scratch is None else file_path(scratch), executor,

@@ -47,6 +47,11 @@ class Layer(NamedTuple):
         """Return the layer, given the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
         return cls(float(np.quantile(distances, SHARE)) / DEVIATIONS, float(np.median(radii)))
 
+    @classmethod
+    def between(cls, places: NDArray[np.float64], feet: NDArray[np.float64], fitted: Quadrics) -> Layer:
+        """Return the layer between places and their feet on quadrics, (3, m) both."""
+        return cls.of(np.sqrt(((feet - places) ** 2).sum(axis=0)), fitted.reaches)
+
 
 class Observations(NamedTuple):
     """What observations at n places are worth."""
@@ -137,4 +142,4 @@ def layer_of(tree: KdTree, neighbours: int) -> Layer:
     """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
     some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
     feet, fitted = projections(tree, some, neighbours)
-    return Layer.of(np.sqrt(((feet - some.points) ** 2).sum(axis=0)), fitted.reaches)
+    return Layer.between(some.points, feet, fitted)

@@ -79,8 +79,8 @@ def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, sear
         if k >= COEFFICIENTS:
             u, v = tangents(normal[0], normal[1], normal[2])
             _fill_terms(search.local, k, reach, u, v, normal, terms)
-            _fill_equations(terms, equations)
-            _solve(equations)
+            fill_equations(terms, equations)
+            solve(equations)
             height = _turn(equations[:, COEFFICIENTS], u, v, normal)
         fitted.heights[i], fitted.reaches[i] = height * reach, reach
         fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]
@@ -110,7 +110,7 @@ def _fill_terms(local, k, reach, s, t, normal, terms):
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _fill_equations(terms, equations):
+def fill_equations(terms, equations):
     """Fill the upper triangle of the normal equations, (6, 7), whose last column is the right-hand side."""
     weights = terms[TERMS - 1]
     for a in range(COEFFICIENTS):
@@ -136,7 +136,7 @@ def _turn(coefficients, s, t, normal):
 
 
 @kernel(fastmath=False)
-def _solve(equations):
+def solve(equations):
     """Solve symmetric positive definite equations, (n, n + 1), in place, without pivots; see the last column."""
     n = len(equations)
     for a in range(n):

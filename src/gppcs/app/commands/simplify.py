@@ -5,13 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from gppcs.app import options
 from gppcs.app.levels import Levels
-from gppcs.app.outputs import check_output, outputs_of
-from gppcs.app.pages import SUFFIXES
-from gppcs.app.panels import ATTRIBUTES, CHOICE, LOOK, METHOD
+from gppcs.app.outputs import outputs_of
+from gppcs.app.panels import ATTRIBUTES, CHOICE, METHOD
 from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
 from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
@@ -30,6 +27,7 @@ EPILOG = (
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --add normals\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 0.05 --denoise\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --detail rgb\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
     "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
@@ -48,7 +46,6 @@ EPILOG = (
 
 
 def simplify(
-    context: typer.Context,
     inputs: list[Path] = options.file_argument("IN...", options.FILES),
     output: str = options.option(
         "OUT",
@@ -82,6 +79,12 @@ def simplify(
     settings: list[str] | None = options.option(
         "KEY=VALUE", "Set a parameter of the method. Can be repeated.", METHOD, "--set"
     ),
+    denoise: bool = options.flag(
+        "--denoise",
+        "Move the kept points onto the surface that all points observe with noise. They keep their attributes, but get "
+        "normals of that surface if the input has normals (method gp).",
+        METHOD,
+    ),
     input_format: str | None = options.FROM,
     output_format: str | None = options.TO,
     inside: list[str] | None = options.INSIDE,
@@ -100,9 +103,6 @@ def simplify(
         "kept, or kept:NAME for another name, alone: write all points that are read, with 1 for kept ones and 0 for "
         "others.",
         ATTRIBUTES,
-    ),
-    report: Path | None = options.option(
-        "HTML", "Write a page that shows the result beside the original in the browser; see gppcs report.", LOOK
     ),
     threads: int | None = options.THREADS,
     memory: str | None = options.MEMORY,
@@ -139,7 +139,7 @@ def simplify(
         detail=options.weights_of(detail),
         quota=None if quota is None else dict(map(_numbered, quota)), group=group, method=chosen,
         invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
-        drop_outliers="outliers" in dropped,
+        drop_outliers="outliers" in dropped, denoise=denoise,
     )  # fmt: skip
     if dry_run and request.amount.ratio is None and request.amount.n_points is None:
         raise ParameterError(
@@ -148,20 +148,13 @@ def simplify(
     limit, (box, polygon) = None if memory is None else bytes_of(memory), options.region_of(inside)
     query = Query.of(box, None, only, polygon)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
-    if report and len(outputs) > 1:
-        raise ParameterError(f"expected one input with --report, found {len(outputs)}")
-    if report:
-        check_output(report, [], force, SUFFIXES)
     written = [target for each in outputs for target in each.targets]
     sources = [source for each in outputs for source in each.sources]
-    check_distinct([*written, *filter(None, [report])], [*inputs, *sources, *filter(None, [polygon])])
+    check_distinct(written, [*inputs, *sources, *filter(None, [polygon])])
     by_source = {each.sources[0]: each for each in outputs}
     with executor_of(workers) as executor:
         work = Work(limit, None, executor, timer)
-        job = Job(
-            request, wanted, work, input_format, query, "index" in added, mark, report, context.obj, dry_run, force,
-            lossy,
-        )  # fmt: skip
+        job = Job(request, wanted, work, input_format, query, "index" in added, mark, dry_run, force, lossy)
         several = len(outputs) > 1
         for_each(by_source, lambda source: _print(job.run(by_source[source]), dry_run, several, quiet, as_json))
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Candidates, cell_edge, nested_candidates, survey
+from gppcs.gp.local.candidates import Candidates, cell_edge, nested_candidates, sample, survey
+from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
@@ -52,6 +53,7 @@ class Ranking(NamedTuple):
     scores: NDArray[np.float64]
     deviations: NDArray[np.float64]
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
+    surface: Denoised | None = None  # Where the chosen points go, if they are denoised
 
 
 def choose(
@@ -85,6 +87,28 @@ def choose(
     with timer("placement"):
         chosen = placed(points, ranking.rows, fixed, area, noise, detail and detail.values)
     return ranking._replace(rows=chosen, noise_in_spacings=level)
+
+
+def choose_denoised(
+    points: NDArray[np.float64],
+    n_points: int,
+    criterion: Criterion,
+    density: float,
+    timer: Timer,
+    weights: NDArray[np.float64] | None = None,
+    attributes: NDArray[np.float32] | None = None,
+) -> Ranking:
+    """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
+    rows = sample(points, n_points)
+    with timer("denoising"):
+        surface = denoised(points[rows], n_points)
+        if (trusted := surface.trusted).sum() > n_points:
+            rows, surface = rows[trusted], surface.take(np.flatnonzero(trusted))
+    ranking = choose(
+        surface.places, n_points, criterion, density, timer, 0, weights if weights is None else weights[rows],
+        attributes if attributes is None else attributes[rows],
+    )  # fmt: skip
+    return ranking._replace(rows=rows[ranking.rows], surface=surface.take(ranking.rows))
 
 
 def rank(

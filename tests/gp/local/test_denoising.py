@@ -1,0 +1,138 @@
+"""Denoising: kept points go to the surface below the noise, edges stay, and what it cannot do is refused."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.errors import InputError, ParameterError
+
+NOISE = 0.01
+
+
+def noisy(points, noise=NOISE):
+    return points + noise * np.random.default_rng(1).standard_normal(points.shape)
+
+
+def plane(n):
+    return np.column_stack([np.random.default_rng(0).random((n, 2)), np.zeros(n)])
+
+
+def sphere(n):
+    points = np.random.default_rng(0).standard_normal((n, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+def cube(n):
+    """Points on the unit cube around the origin."""
+    rng = np.random.default_rng(0)
+    points = rng.random((n, 3)) - 0.5
+    points[np.arange(n), rng.integers(0, 3, n)] = rng.choice([-0.5, 0.5], n)
+    return points
+
+
+def off_cube(points):
+    """Distances from the surface of the cube."""
+    beyond = np.abs(points) - 0.5
+    return np.abs(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0))
+
+
+SHAPES = {
+    "plane": (plane, lambda points: np.abs(points[:, 2]), 5.0),
+    "sphere": (sphere, lambda points: np.abs(np.linalg.norm(points, axis=1) - 1.0), 2.5),
+    "cube": (cube, off_cube, 3.0),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_kept_points_come_nearer_to_the_surface_by_a_factor(shape):
+    make, off, factor = SHAPES[shape]
+    scan = noisy(make(20_000))
+    kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
+    assert off(kept).mean() < off(scan).mean() / factor
+
+
+def test_edges_are_rounded_no_more_than_without():
+    scan = noisy(cube(20_000))
+    near = {}
+    for denoise in (False, True):
+        kept = gppcs.simplify(scan, n_points=800, denoise=denoise).cloud.points
+        beside_edges = np.sort(0.5 - np.abs(kept), axis=1)[:, 1] < 2 * np.sqrt(6 / 800)
+        near[denoise] = off_cube(kept[beside_edges]).mean()
+    assert near[True] < 0.7 * near[False]
+
+
+def test_without_noise_points_stay():
+    for points in (plane(5_000), sphere(5_000)):
+        result = gppcs.simplify(points, n_points=300, denoise=True)
+        assert np.abs(result.cloud.points - points[result.indices]).max() < 1e-9
+
+
+def test_attributes_go_along_and_normals_are_those_of_the_surface():
+    scan, true = noisy(sphere(20_000)), sphere(20_000)
+    wrong = true + 0.3 * np.random.default_rng(2).standard_normal(true.shape)
+    wrong /= np.linalg.norm(wrong, axis=1)[:, None]
+    columns = dict(zip(("nx", "ny", "nz"), wrong.T.astype(np.float32), strict=True))
+    cloud = gppcs.PointCloud(scan, {"number": np.arange(len(scan)), **columns})
+    result = gppcs.simplify(cloud, n_points=500, denoise=True)
+    assert (result.cloud.attributes["number"] == result.indices).all()
+    assert str(result.method) == "gp (denoise=True)"
+    cosines = (result.cloud.normals() * true[result.indices]).sum(axis=1)
+    assert np.degrees(np.arccos(cosines.clip(-1, 1))).mean() < 4.0  # 20 degrees or so before
+
+
+def test_normals_that_are_asked_for_are_better_and_point_the_same_way():
+    points, heights = noisy(plane(10_000)), []
+    for denoise in (False, True):
+        kept = gppcs.simplify(points, n_points=200, denoise=denoise, normals=True).cloud
+        heights.append(kept.normals()[:, 2])
+    assert (heights[1] > 0.0).all()
+    assert np.arccos(heights[1]).mean() < np.arccos(heights[0]).mean()
+
+
+def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
+    monkeypatch.setattr("gppcs.gp.local.candidates.LARGE", 5_000)
+    scan = noisy(plane(20_000))
+    result = gppcs.simplify(scan, n_points=100, denoise=True)
+    assert np.linalg.norm(result.cloud.points - scan[result.indices], axis=1).max() < 5 * NOISE
+    assert np.abs(result.cloud.points[:, 2]).mean() < NOISE / 4
+
+
+def test_the_result_does_not_depend_on_threads():
+    results = []
+    for threads in (1, 3):
+        gppcs.set_threads(threads)
+        results.append(gppcs.simplify(noisy(cube(8_000)), n_points=200, denoise=True))
+    gppcs.set_threads(None)
+    assert results[0].cloud.points.tobytes() == results[1].cloud.points.tobytes()
+    assert (results[0].indices == results[1].indices).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"method": "fps"}, "a method that has a field to denoise its points under, found 'fps'; use 'gp'"),
+        ({"n_points": None, "tolerance": "1%"}, "to denoise, found tolerance="),
+        ({"max_gap": "1%"}, "to denoise, found max_gap="),
+        ({"keep": [1]}, "to denoise, found keep="),
+        ({"quota": {"z > 0": 5}}, "to denoise, found quota="),
+        ({"group": "number"}, "to denoise, found group="),
+    ],
+)
+def test_what_cannot_be_denoised_is_refused(options, told):
+    with pytest.raises(ParameterError, match=told):
+        gppcs.simplify(plane(100), **{"n_points": 10, "denoise": True, **options})
+
+
+def test_all_points_cannot_be_denoised():
+    with pytest.raises(InputError, match="expected fewer points to keep than the 100 different ones"):
+        gppcs.simplify(plane(100), ratio=1, denoise=True)
+
+
+def test_weights_and_detail_count_among_denoised_points():
+    scan = noisy(plane(10_000))
+    weights = np.where(scan[:, 0] < 0.5, 3.0, 1.0)
+    result = gppcs.simplify(scan, n_points=400, denoise=True, weight=weights)
+    assert (scan[result.indices, 0] < 0.5).mean() == pytest.approx(0.75, abs=0.06)
+    cloud = gppcs.PointCloud(scan, {"side": (scan[:, 0] > 0.5).astype(np.int32)})
+    result = gppcs.simplify(cloud, n_points=400, denoise=True, detail="side")
+    assert (np.abs(scan[result.indices, 0] - 0.5) < 0.05).mean() > 0.15
