@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
-from gppcs.amounts.request import Request, denoises, require
+from gppcs.amounts.request import Request, require
 from gppcs.clouds import above
 from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
 from gppcs.clouds.quantities import Scale, count_of, metres_of
@@ -346,7 +346,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
-    elif denoises(method):
+    elif request.denoise:
         raise InputError(f"expected fewer points to keep than the {len(points):,} different ones to denoise them")
     if selection.normals is not None and (own := kept.normals()) is not None:
         kept = _carrying(kept, _with_signs(selection.normals, own))

@@ -40,6 +40,7 @@ class Request:
     normals: bool
     scores: bool
     drop_outliers: bool
+    denoise: bool  # Whether the method moves its points onto the surface below their noise
     guided: bool  # Whether anything is asked of single points, which `Guide` looks up
 
     @classmethod
@@ -76,7 +77,8 @@ class Request:
         if group is not None and not isinstance(group, str):
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
         _check_supported(chosen, amount, keep, weight, counted, quotas, group)
-        if denoises(chosen):
+        denoise = getattr(chosen, "denoise", False)
+        if denoise:
             _check_denoised(amount, keep, quotas, group)
         if unit is not None:
             metres_of(unit, None)
@@ -89,7 +91,7 @@ class Request:
         return cls(
             chosen, amount, unit, keep, weight, counted, quotas, group,
             one_of("invalid", invalid, ("error", "drop")),
-            flag("normals", normals), scores, flag("drop_outliers", drop_outliers),
+            flag("normals", normals), scores, flag("drop_outliers", drop_outliers), denoise,
             keep is not None or weight is not None or bool(by_name),
         )  # fmt: skip
 
@@ -100,7 +102,7 @@ class Request:
         reasons = {
             "tolerance": self.amount.tolerance is not None,
             "max_gap": self.amount.max_gap is not None,
-            "denoise": denoises(self.method),
+            "denoise": self.denoise,
             "normals": self.normals,
             **{name: value is not None and not isinstance(value, str) for name, value in arrays.items()},
         }
@@ -112,11 +114,6 @@ def require(method: Method, feature: str) -> None:
     if feature not in method.supports:
         others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
         raise ParameterError(f"expected a method that {FEATURES[feature]}, found {method.name!r}; use {others}")
-
-
-def denoises(method: Method) -> bool:
-    """Return whether a method moves its points onto the surface below their noise."""
-    return bool(getattr(method, "denoise", False))
 
 
 def _check_denoised(amount: Amount, keep: object, quotas: object, group: str | None) -> None:
