@@ -8,12 +8,13 @@ import numpy as np
 
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import Floats, Ints
+from gppcs.meshing.layers import FITTED, Layers
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
-from gppcs.surface.normals import EDGES, normals_of
+from gppcs.surface.normals import EDGES, normals_of, with_signs
 
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
@@ -34,12 +35,16 @@ class DensePoints:
     normals: Floats  # (n, 3): unit normals with signs
     cover: Cover  # what the places cover
     noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
+    uneven: bool = False  # whether the noise differs from place to place
 
     @classmethod
     def of(cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False) -> DensePoints | None:
         """Take enough points of a cloud for a mesh, evenly."""
         rows = _some_rows(points, n_vertices, chosen)
         tree = KdTree.build(points[rows])
+        layers = None if thick else Layers.of(tree)
+        if layers:
+            return cls._in_layers(rows[tree.order], tree, layers)
         noise = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
@@ -60,6 +65,21 @@ class DensePoints:
         reaches = _reaches(near[:, :RANK], squared[:, :RANK])
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, noise)
+
+    @classmethod
+    def _in_layers(cls, rows: Ints, tree: KdTree, layers: Layers) -> DensePoints:
+        """Take points to the surface across noise that differs from place to place; rows in the order of the tree."""
+        raw = np.ascontiguousarray(tree.points.T)
+        feet, normals, fitted = layers.projected(tree)
+        tree = KdTree.build(feet)
+        rows, raw, places = rows[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
+        near, squared = tree.neighbours(EDGES)
+        normals = with_signs(tree.in_own_order(), near, normals[tree.order])
+        # A point covers the surface as far as it would in the thinned cloud that its quadric is fitted to.
+        reaches = _reaches(near[:, :RANK], squared[:, :RANK])
+        reaches = np.maximum(reaches, fitted[tree.order] * (RANK / FITTED) ** 0.5)
+        cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
+        return cls(rows, raw, places, normals, cover, float(np.sqrt((layers.noise**2).mean())), True)
 
 
 def _some_rows(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

@@ -38,6 +38,7 @@ from gppcs.surface.outliers import outliers_among
 FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
 LEVEL = 8  # points of the first mesh, in vertices of the result
 LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not worth joining
+STRAY_TRIANGLES = 24  # of a piece of the first mesh where noise is uneven; smaller ones are strays of its layers
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
 LEAST_AGREED = 0.38  # of the fans' triangles, the share that another fan has too; below it, points lie on no surface
@@ -370,7 +371,7 @@ class _FirstMesh:
                 "together: they fill a volume, are too few, or have noise thicker than their spacing"
             )
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
-        faces = without_scraps(faces, len(level))
+        faces = without_scraps(faces, len(level), STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES)
         vertices = places if moved else dense.raw[level]
         faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
         first = cls(dense, level, faces, agreed)

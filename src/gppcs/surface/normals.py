@@ -103,6 +103,11 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
     return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
 
 
+def with_signs(tree: KdTree, near: NDArray[np.int64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give normals, (N, 3), of the points of a tree signs that agree between their neighbours, (N, EDGES)."""
+    return _turned(normals, _oriented(tree, None, near))
+
+
 def _points_of_fits(tree: KdTree) -> int:
     """Return to how many points quadrics are fitted: as few as the noise of the points of a tree allows."""
     neighbours, layer = across_noise(tree)

@@ -1,0 +1,68 @@
+"""Noise that differs from place to place, as that of depth cameras."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.layers import Layers
+from gppcs.spatial.kdtree import KdTree
+
+SIGMA = 0.004  # standard deviation of the noise at the far end of the wall
+
+
+def wall(n, seed=0, steps=True):
+    """Points of a wall, z = 0, whose noise grows as that of a depth camera, and its standard deviation at each point.
+
+    With steps, heights above a slanted plane are rounded to multiples of two standard deviations.
+    """
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 1, (2, n))
+    sigma = SIGMA * (0.3 + 0.7 * y) ** 2
+    z = sigma * rng.standard_normal(n)
+    if steps:
+        z = 2 * sigma * np.round((z + 0.3 * x) / (2 * sigma)) - 0.3 * x
+    return np.column_stack([x, y, z]), sigma
+
+
+def test_noise_is_measured_at_each_place():
+    points, sigma = wall(50_000, steps=False)
+    tree = KdTree.build(points)
+    layers = Layers.of(tree)
+    ratio = layers.noise / sigma[tree.order]
+    assert np.median(ratio) == pytest.approx(1, abs=0.1)
+    assert np.quantile(ratio, 0.1) > 0.6
+    assert np.quantile(ratio, 0.9) < 1.6
+
+
+def test_projections_lie_on_the_surface_and_their_normals_across_it():
+    points, sigma = wall(50_000)
+    tree = KdTree.build(points)
+    feet, normals, _ = Layers.of(tree).projected(tree)
+    inner = (np.abs(feet[:, :2] - 0.5) < 0.45).all(axis=1)
+    assert np.median(np.abs(feet[inner, 2]) / sigma[tree.order][inner]) < 0.5
+    assert np.quantile(np.abs(normals[inner, 2]), 0.1) > 0.98
+
+
+def test_clean_and_evenly_noisy_clouds_have_no_layers():
+    """Noise of the same thickness everywhere is measured otherwise, and a clean cloud must not be touched."""
+    rng = np.random.default_rng(0)
+    even = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
+    for points in (even, gppcs.sample("statue", n_points=50_000).points, gppcs.sample("room", n_points=5_000).points):
+        assert Layers.of(KdTree.build(points)) is None
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_wall_of_steps_is_one_piece_however_many_points_there_are(seed):
+    for n in (40_000, 80_000):
+        mesh = gppcs.mesh(wall(n, seed)[0], n_points=2500).mesh
+        topology = topology_of(mesh.faces)
+        assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
+
+
+def test_a_room_seen_by_a_depth_camera_has_few_pieces():
+    """Before noise was measured at each place, there were 101 pieces with 122 borders."""
+    mesh = gppcs.mesh(gppcs.sample("room"), n_points=5_000).mesh
+    topology = topology_of(mesh.faces)
+    assert topology.pieces <= 10
+    assert topology.borders <= 24
