@@ -75,7 +75,7 @@ Methods of simplification
     AIVS                     "aivs": farthest points in each voxel
     PCSimp                   "pc-simp": a graph filter
     QEM                      "qem": quadric error metrics
-    APES                     "apes": learned, points near edges
+    APES                     "apes": learned, uneven attention to neighbours
     APESGlobal               "apes-global": the same with attention to all points
     Potamias                 "potamias": learned, farthest points of a latent space, moved
 

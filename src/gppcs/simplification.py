@@ -346,8 +346,11 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
+        if request.denoise:
+            steps = np.ldexp(selection.points - points[selection.indices], frame.exponent)
+            selection = _with_shifts(selection, steps)
     elif request.denoise:
-        raise InputError(f"expected fewer points to keep than the {len(points):,} different ones to denoise them")
+        raise InputError("expected fewer points to denoise than there are different ones of a weight above 0")
     if selection.normals is not None and (own := kept.normals()) is not None:
         kept = _carrying(kept, _with_signs(selection.normals, own))
     if request.normals:
@@ -367,6 +370,13 @@ def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Sele
     places = points[selection.indices] if selection.points is None else selection.points
     estimated = estimate_normals(points, places)
     return _carrying(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
+
+
+def _with_shifts(selection: Selection, steps: NDArray[np.float64]) -> Selection:
+    """Return a selection that also tells how far its points have moved, given the steps, (M, 3)."""
+    shifts = np.sqrt(np.einsum("ij,ij->i", steps, steps))
+    found = {"moved_mean": float(shifts.mean()), "moved_largest": float(shifts.max())}
+    return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
 
 
 def _with_signs(normals: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:

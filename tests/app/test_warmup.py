@@ -46,6 +46,8 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     for words in (
         "mesh room.ply -o a.ply --points 4k",
         "mesh scan.ply -o b.ply --faces 2k --fill-holes 5%",
+        "mesh scan.ply -o h.ply --tolerance 1%",
+        "evaluate scan.ply --simplified-mesh h.ply",
         "simplify scan.ply -o c.ply --points 500 --drop outliers --max-gap 5% --add normals,scores",
         "simplify scan.ply -o d.ply --tolerance 1% --keep 'curvature > 1'",
         "simplify scan.ply -o g.ply --points 500 --denoise",

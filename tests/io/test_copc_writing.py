@@ -120,9 +120,10 @@ def test_what_changes_is_said(tmp_path, point_format):
         for name in ("three", "both")
     ]
     if point_format in RAISED:
-        several.append(f"point format {point_format} (it becomes {RAISED[point_format]})")
+        raised = RAISED[point_format]
+        several.append(f"point format {point_format} (it becomes {raised}, which holds all that it holds)")
     if point_format < 6:
-        several.append("a coordinate system, as the cloud names none (no map can show it)")
+        several.append("a coordinate system, which the input does not name either (no map can show the file)")
     assert losses("a.copc.laz", cloud) == several
     with pytest.raises(OutputError, match=r"cannot hold: waveforms; choose another format"):
         gppcs.write(tmp_path / "a.copc.laz", with_waveforms(cloud))

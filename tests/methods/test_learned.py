@@ -167,3 +167,12 @@ def test_weights_are_small(name):
 def test_the_choice_does_not_depend_on_the_number_of_threads(name, on_threads):
     one, *several = on_threads(lambda: gppcs.simplify(CLOUD, n_points=100, method=name).indices.tolist())
     assert all(indices == one for indices in several)
+
+
+def test_points_that_rounding_puts_in_one_place_are_kept_once():
+    rng = np.random.default_rng(0)
+    cluster, others = 1e-40 * rng.random((50, 3)), 1 + rng.random((30, 3))
+    points = np.vstack([cluster, others])
+    assert len(np.unique(gppcs.simplify(points, n_points=60, method="potamias").indices)) == 60
+    moved = gppcs.simplify(points, n_points=10, method=gppcs.Potamias(snap=False))
+    assert np.isfinite(moved.cloud.points).all()

@@ -127,9 +127,9 @@ def _check_denoised(amount: Amount, keep: object, quotas: object, group: str | N
     }
     for name, given in asked.items():
         if given:
-            expected = "expected a number, a share or a spacing of the points to denoise, found"
             raise ParameterError(
-                f"{expected} {name}=; leave it out", command=f"{expected} {option(name)}; leave it out"
+                f"expected denoise= without {name}=, found both",
+                command=f"expected --denoise without {option(name)}, found both",
             )
 
 

@@ -16,7 +16,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.summary import info
 from gppcs.engine.timer import Timer
 from gppcs.evaluation.comparison import PREPARATION_POINTS
-from gppcs.evaluation.judge import evaluate
+from gppcs.evaluation.judge import evaluate, evaluate_mesh
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import write
 from gppcs.meshing.pipeline import mesh
@@ -42,7 +42,9 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
         advanced(1)
     evaluate(original, kept)
     estimate_normals(original, kept)
-    mesh(original, n_points=100, effort=1)
+    light = mesh(original, n_points=100, effort=1).mesh
+    evaluate_mesh(original, light)
+    mesh(original, tolerance="2%")
     mesh(sample("room", ROOM), n_points=ROOM // 10)
     stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
     mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole

@@ -32,7 +32,7 @@ Values = np.ndarray[Any, Any]  # of an attribute
 
 INDEX = "index"  # the attribute of the row in the input
 NOISES = (
-    (0.04, "little, it changes nothing"),
+    (0.04, "little, points are chosen as without noise"),
     (0.25, "some, kept points favour the surface that is fitted through it"),
     (math.inf, "much; with fewer points it would matter less"),
 )  # up to which share of the spacing of the kept points, what noise means for the result
@@ -90,6 +90,10 @@ class Job:
             lost = self._store(output, clouds, done.result.ranked and self.mark is None)
         note_left_out(output.targets[-1], [*unread, *lost])
         self._note_size(sources[0], len(done.result.indices), done.points)
+        if done.result.diagnostics.get("moved_largest") == 0.0:
+            print_error(
+                f"note: {sources[0]}: --denoise moved no point: no noise was found, or none that differs from detail"
+            )
         unit = unit_of(head.header, self.request.unit)
         return self._told(output, list(map(len, clouds)), done, planned.readings, unit)
 
@@ -201,13 +205,14 @@ class Job:
         """Return a diagnostic as a row of the table, with what was asked of it."""
         if name == "noise_in_spacings":
             meaning = next(words for most, words in NOISES if value <= most)
+            meaning = "left after denoising" if self.request.denoise else meaning
             return "noise", f"{100 * value:.2g} % of the spacing of the kept points: {meaning}"
         amount, text = self.request.amount, number_in_words(value)
         asked = {"largest_gap": amount.max_gap}
         if amount.tolerance is not None:
             measure = amount.tolerance.measure
             asked["largest_error" if measure is None else f"surface_{measure}"] = amount.tolerance.length
-        if unit and name.startswith(("surface_", "largest_")):
+        if unit and name.startswith(("surface_", "largest_", "moved_")):
             text += f" {unit}"
         if length := asked.get(name):
             text += f"  (asked: {length.given})"

@@ -46,7 +46,7 @@ require_pyarrow = partial(_imported, "pyarrow", "Parquet and Feather files need 
 require_distributed = partial(
     _imported, "distributed", "work on several processes or machines needs Dask's distributed", "dask"
 )
-require_pymeshlab = partial(_imported, "pymeshlab", "meshes need PyMeshLab", "evaluate")
+require_pymeshlab = partial(_imported, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", "evaluate")
 require_trimesh = partial(_imported, "trimesh", "glTF files need trimesh", "gltf")
 require_sklearn = partial(_imported, "sklearn", "a transformer of scikit-learn needs it", "sklearn")
 

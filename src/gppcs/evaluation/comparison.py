@@ -10,6 +10,7 @@ from typing import Literal
 from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.quantities import Amount
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import COMPILATION, Timer, timer_of
@@ -117,7 +118,7 @@ def compare(
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     if methods is None:
-        chosen = those_that_fit(chosen, len(original))
+        chosen = _those_that_fit(chosen, len(original), Amount.of(ratio, n_points, None, None, None))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
@@ -134,10 +135,10 @@ def compare(
     return entries
 
 
-def those_that_fit(methods: Iterable[Method], n: int) -> list[Method]:
-    """Return the methods that can take n points in the memory that is free."""
-    free = available_memory()
-    return [method for method in methods if free is None or method.memory(n, n) <= free]
+def _those_that_fit(methods: Iterable[Method], n: int, amount: Amount) -> list[Method]:
+    """Return the methods that can choose so many of n points in the memory that is free."""
+    free, kept = available_memory(), amount.known_count(n) or n
+    return [method for method in methods if free is None or method.memory(n, kept) <= free]
 
 
 def checked_methods(

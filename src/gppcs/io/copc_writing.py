@@ -220,9 +220,10 @@ def _remarks(cloud: PointCloud) -> list[str]:
         for name in _several(cloud.attributes, header)
     ]
     if header and header.point_format in _RAISED:
-        found.append(f"point format {header.point_format} (it becomes {_RAISED[header.point_format]})")
+        raised = _RAISED[header.point_format]
+        found.append(f"point format {header.point_format} (it becomes {raised}, which holds all that it holds)")
     if header is None or header.crs is None:
-        found.append("a coordinate system, as the cloud names none (no map can show it)")
+        found.append("a coordinate system, which the input does not name either (no map can show the file)")
     elif all(each.kind != WKT for each in header.records):
         found.append("the coordinate system as WKT (it stays as keys of GeoTIFF, which not all readers know)")
     return found

@@ -407,7 +407,7 @@ class _Maker:
     def search(self, tolerance: float, unit: float) -> _Made:
         """Return a mesh of about as few vertices as a mean distance of the points allows."""
         count, best, tries = min(FIRST_TRY, len(self.points)), None, 0
-        enough, too_few = np.inf, 0
+        enough, too_few, nearest = np.inf, 0, np.inf
         while tries < MOST_TRIES:
             tries += 1
             made = self.make(count)
@@ -418,11 +418,9 @@ class _Maker:
                     break
             else:
                 too_few = count
+                nearest = min(nearest, distance)
                 if len(made.vertices) < count or count == len(self.points):
-                    raise ParameterError(
-                        f"expected a tolerance that the mesh of all points reaches, of about {unit * distance:.3g}, "
-                        f"found {unit * tolerance:.3g}"
-                    )
+                    break
             wanted = count * distance / (0.95 * tolerance)  # the distance falls about as one over the vertices
             if not too_few < wanted < enough:
                 wanted = np.sqrt(max(too_few, FEWEST_VERTICES) * enough)
@@ -430,7 +428,10 @@ class _Maker:
             if count in (too_few, enough):
                 break
         if best is None:
-            return self.make(len(self.points))
+            raise ParameterError(
+                f"expected a mean distance that a mesh of these points reaches, of about {unit * nearest:.3g} or more, "
+                f"found {unit * tolerance:.3g}"
+            )
         return best
 
     def within(self, tolerance: float, unit: float) -> _Made:
@@ -446,8 +447,9 @@ class _Maker:
         counted = usual & (squared <= limit)
         if 2 * np.count_nonzero(counted) < np.count_nonzero(usual):
             raise ParameterError(
-                "expected a tolerance that the mesh of all points reaches for most of these, of about "
-                f"{unit * np.sqrt(np.median(squared)):.3g}, found {unit * tolerance:.3g}"
+                f"the tolerance of {unit * tolerance:.3g} is below the noise: half of the points are farther than "
+                f"{unit * np.sqrt(np.median(squared)):.3g} from the mesh of all points; give a larger tolerance, or a "
+                "number of vertices"
             )
         with self.timer("collapse"):
             draft = thinned_by_quadrics(draft, counted, limit)
@@ -607,6 +609,8 @@ def _result(
     kept = cloud.take(indices)
     if moved:
         kept = kept.moved(np.ldexp(made.vertices, exponent) + corner)
+    if "tolerance" in made.diagnostics:  # rounded to the type of the points, vertices may leave the tolerance
+        kept = dataclasses.replace(kept, coordinate_dtype=np.dtype(np.float64))
     if kept.normals() is None:
         columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
         kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})

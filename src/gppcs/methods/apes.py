@@ -33,7 +33,7 @@ class APES(Method):
     """
 
     name = "apes"
-    summary = "learned: points whose attention to their neighbours is uneven, which are those near edges"
+    summary = "learned: points whose attention to their neighbours is uneven, more of them near edges"
     description = (
         "Keeps the points whose attention to their neighbours has the largest standard deviation, in a network that "
         "was trained to tell shapes apart. The weights are our own, not the authors': trained on 1,008 procedural "

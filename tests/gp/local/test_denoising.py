@@ -111,11 +111,11 @@ def test_the_result_does_not_depend_on_threads():
     ("options", "told"),
     [
         ({"method": "fps"}, "a method that has a field to denoise its points under, found 'fps'; use 'gp'"),
-        ({"n_points": None, "tolerance": "1%"}, "to denoise, found tolerance="),
-        ({"max_gap": "1%"}, "to denoise, found max_gap="),
-        ({"keep": [1]}, "to denoise, found keep="),
-        ({"quota": {"z > 0": 5}}, "to denoise, found quota="),
-        ({"group": "number"}, "to denoise, found group="),
+        ({"n_points": None, "tolerance": "1%"}, "denoise= without tolerance=, found both"),
+        ({"max_gap": "1%"}, "denoise= without max_gap=, found both"),
+        ({"keep": [1]}, "denoise= without keep=, found both"),
+        ({"quota": {"z > 0": 5}}, "denoise= without quota=, found both"),
+        ({"group": "number"}, "denoise= without group=, found both"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused(options, told):
@@ -124,7 +124,7 @@ def test_what_cannot_be_denoised_is_refused(options, told):
 
 
 def test_all_points_cannot_be_denoised():
-    with pytest.raises(InputError, match="expected fewer points to keep than the 100 different ones"):
+    with pytest.raises(InputError, match="expected fewer points to denoise"):
         gppcs.simplify(plane(100), ratio=1, denoise=True)
 
 
@@ -136,3 +136,14 @@ def test_weights_and_detail_count_among_denoised_points():
     cloud = gppcs.PointCloud(scan, {"side": (scan[:, 0] > 0.5).astype(np.int32)})
     result = gppcs.simplify(cloud, n_points=400, denoise=True, detail="side")
     assert (np.abs(scan[result.indices, 0] - 0.5) < 0.05).mean() > 0.15
+
+
+def test_the_result_tells_how_far_points_have_moved():
+    points = gppcs.sample("sphere", n_points=4000).points
+    for noise in (0.0, 1.0):
+        noisy = points + noise * np.random.default_rng(0).standard_normal(points.shape)
+        result = gppcs.simplify(noisy, n_points=400, denoise=True)
+        shifts = np.linalg.norm(result.cloud.points - noisy[result.indices], axis=1)
+        assert result.diagnostics["moved_mean"] == pytest.approx(shifts.mean(), abs=1e-9)
+        assert result.diagnostics["moved_largest"] == pytest.approx(shifts.max(), abs=1e-9)
+        assert (result.diagnostics["moved_largest"] > 0) == (noise > 0)

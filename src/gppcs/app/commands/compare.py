@@ -145,6 +145,8 @@ def compare(
         original, ratio=share, n_points=count, mesh=surface, invalid="drop" if drop else "error", timer=timer
     )
     rows = [Row.of(entry) for entry in entries]
+    if not (meshes or methods) and (missing := METHODS.keys() - {row.name for row in rows}):
+        print_error(f"note: {cloud}: left out, as memory is too small: {', '.join(sorted(missing))}")
     with timer("tables and picture"):
         contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
         shown = _meshes(entries) if meshes else _clouds(entries, original, surface, picture)

@@ -74,9 +74,11 @@ def convert(
         if left_out is not None:
             note_left_out(target, left_out)
             return
-    cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
+    with timer("reading"):
+        cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
     if drop and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
-    lost = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
+    with timer("levels and writing" if chosen.has_levels else "writing"):
+        lost = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
     note_left_out(target, [*unread, *lost])

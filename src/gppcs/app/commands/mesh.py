@@ -23,7 +23,8 @@ WORDS = {
     "dense_points": "dense points",
     "noise": "noise of the points",
     "mean_distance": "mean distance of the points from the mesh",
-    "largest_distance": "largest distance of the points from the mesh",
+    "tolerance": "tolerance",
+    "largest_distance": "largest distance of the points that count",
     "back_distance": "largest distance of a vertex from the points' surface",
     "left_out": "share of the points on no piece of the surface",
     "opened": "places with small holes",
@@ -86,7 +87,8 @@ def mesh(
     """Make a light mesh straight from a dense cloud.
 
     Give one of --points, --ratio, --faces, --tolerance and --keep-points. The vertices are points of the cloud, with
-    all their attributes. Where the points leave holes, the mesh is open.
+    all their attributes; with --tolerance, --moved and --effort they leave the points. Where the points leave holes,
+    the mesh is open.
     """
     from gppcs import io
     from gppcs.io.files import naming
@@ -176,8 +178,8 @@ def _note_bound(source: Path, result: MeshResult) -> None:
     outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
     if outliers or beside:
         print_error(
-            f"note: {source}: the tolerance holds without {outliers:,} outliers and {beside:,} points that are farther "
-            "than it from the mesh of all points, as noise moves them away or they are on no piece of the surface"
+            f"note: {source}: {outliers:,} outliers and {beside:,} points may be farther than the tolerance: noise "
+            "moved them, or no triangle reaches them. gppcs evaluate IN --simplified-mesh OUT measures all points"
         )
     if found["noise"] > found["tolerance"]:
         print_error(

@@ -145,6 +145,8 @@ def simplify(
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
+    if denoise and mark is not None:
+        raise ParameterError("expected --add kept without --denoise, as it writes the points where they were")
     limit, (box, polygon) = None if memory is None else bytes_of(memory), options.region_of(inside)
     query = Query.of(box, None, only, polygon)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)

@@ -51,6 +51,7 @@ def embedding(weights: Weights, points: NDArray[np.float64], index: Index) -> Fe
     def steps(rows: slice) -> Features:
         differences = points[index[rows]] - points[rows, np.newaxis]
         reach = np.sqrt((differences[:, -1:] ** 2).sum(axis=2, keepdims=True))
+        reach[reach == 0.0] = 1.0  # of points that rounding has moved to one place
         return (differences / reach).astype(np.float32) @ first["difference"]
 
     one = _edge_conv(first, places, steps)
