@@ -141,9 +141,10 @@ def test_too_few_points_are_refused(name):
 
 
 def test_more_pairs_than_fit_into_memory_are_refused(monkeypatch):
-    monkeypatch.setattr(apes, "available_memory", lambda: 1 << 20)
-    with pytest.raises(gppcs.InputError, match=r"1,500 points need 0\.0 GiB, found 0\.0 GiB .* use apes"):
-        gppcs.simplify(CLOUD, n_points=5, method="apes-global")
+    monkeypatch.setattr(apes, "available_memory", lambda: 2 * 10**9)
+    cloud = np.random.default_rng(0).random((40_000, 3))
+    with pytest.raises(gppcs.InputError, match=r"40,000 points need 6\.5 GB, found 2 GB .* use apes"):
+        gppcs.simplify(cloud, n_points=5, method="apes-global")
 
 
 @pytest.mark.parametrize(

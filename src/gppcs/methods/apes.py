@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.engine.memory import available_memory
+from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import InputError
 from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from gppcs.methods.learned.layers import Features, Index
     from gppcs.methods.learned.weights import Weights
-
-GIB = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class APESGlobal(APES):
         if free is not None and needed > free:
             raise InputError(
                 f"method 'apes-global' holds the attention between all pairs of points: {n:,} points need "
-                f"{needed / GIB:.1f} GiB, found {free / GIB:.1f} GiB of free memory: thin the cloud first, or use "
+                f"{size_of(needed)}, found {size_of(free)} of free memory: thin the cloud first, or use "
                 "apes, which attends to neighbours only"
             )
         return super().__call__(wanted)
