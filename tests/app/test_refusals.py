@@ -89,7 +89,7 @@ REFUSED = {
         ("--memory 0.8", "expected an amount of memory such as 4GB or 512MB, found '0.8'"),
         ("--weight red --memory 1MB", "MB of memory to choose 5 of"),
         ("--keep 'z > 60' --memory 1MB", "to choose 5 of 400 points, found"),
-        ("--denoise --method fps", "a method that has a field to denoise its points under, found 'fps'; use 'gp'"),
+        ("--denoise --method fps", "a method that can denoise its points, found 'fps'; use 'gp'"),
         ("--denoise --keep 'z > 0'", "expected --denoise without --keep, found both"),
         ("--denoise --add kept", "expected --add kept without --denoise"),
         ("-o none/out.ply", f"none/out.ply: {NO_FOLDER}"),

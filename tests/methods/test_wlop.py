@@ -1,11 +1,8 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from gppcs.methods.wlop.projection import nearest_unused, project
-from gppcs.spatial.kdtree import KdTree
+from gppcs.methods.wlop.projection import project
 
 
 def plain_project(points, samples, radius, iterations, mu, require_uniform):
@@ -33,15 +30,6 @@ def plain_project(points, samples, radius, iterations, mu, require_uniform):
     return samples
 
 
-def plain_nearest_unused(positions, points):
-    free = np.ones(len(points), dtype=bool)
-    indices = []
-    for position in positions:
-        indices.append(np.argmin(np.where(free, ((points - position) ** 2).sum(axis=1), np.inf)))
-        free[indices[-1]] = False
-    return indices
-
-
 def cgal_wlop(points, percentage, radius, iterations=35, require_uniform=False):
     kernel = pytest.importorskip("CGAL.CGAL_Kernel")
     from CGAL.CGAL_Point_set_3 import Point_set_3
@@ -60,16 +48,6 @@ def test_equals_the_plain_algorithm(n, m, radius, require_uniform):
     points = np.random.default_rng(n).random((n, 3))
     moved = project(points, points[:m], radius, 5, 0.45, require_uniform)
     np.testing.assert_allclose(moved, plain_project(points, points[:m], radius, 5, 0.45, require_uniform), atol=1e-10)
-
-
-@given(st.integers(1, 300), st.booleans(), st.integers(0, 99), st.data())
-def test_nearest_unused_equals_the_plain_algorithm(n, on_grid, seed, data):
-    rng = np.random.default_rng(seed)
-    points = rng.integers(0, 4, (n, 3)).astype(float) if on_grid else rng.random((n, 3))
-    positions = points[rng.integers(0, n, data.draw(st.integers(1, n)))] + (0 if on_grid else 0.01)
-    np.testing.assert_array_equal(
-        nearest_unused(positions, KdTree.build(points)), plain_nearest_unused(positions, points)
-    )
 
 
 @pytest.mark.oracle

@@ -20,7 +20,7 @@ FEATURES = {
     "weight": "weighs points",
     "detail": "looks at attributes",
     "ranking": "ranks its points",
-    "denoise": "has a field to denoise its points under",
+    "denoise": "can denoise its points",
 }  # of a method, in words
 
 

@@ -18,6 +18,7 @@ from gppcs.app.outputs import Output
 from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
+from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
@@ -26,7 +27,6 @@ from gppcs.simplification import Result
 from gppcs.streaming.beyond_memory import Run
 from gppcs.streaming.files import Work, run
 from gppcs.streaming.plan import Plan
-from gppcs.streaming.sizes import size_of
 
 Values = np.ndarray[Any, Any]  # of an attribute
 

@@ -1,7 +1,8 @@
-"""Measure the memory that this process has held, and that it may still take; find the groups that limit it."""
+"""Measure the memory that this process has held and may still take; find the groups that limit it; write sizes."""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -34,6 +35,15 @@ def available_memory(root: Path = Path("/")) -> int | None:
         return None
     free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
     return max(0, min([*free, *_left_to_groups(root)])) if free else None
+
+
+def size_of(memory: int) -> str:
+    """Return a number of bytes as messages show it."""
+    if memory < 1e6:
+        return f"{memory:,} B"
+    if memory < 1e9:
+        return f"{math.ceil(memory / 1e6)} MB"
+    return f"{memory / 1e9:.2g} GB" if memory < 1e10 else f"{memory / 1e9:,.0f} GB"
 
 
 def control_groups(controller: str, root: Path = Path("/")) -> Iterator[Path]:

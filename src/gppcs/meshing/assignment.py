@@ -9,6 +9,7 @@ import numpy as np
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around
+from gppcs.spatial.nearest_triangles import nearest_triangles
 from gppcs.spatial.triangles import area_vector, cross, dot, minus, nearest_in_triangle, row, squared_distance
 
 POINTS_AT_ONCE = 1024  # dense points that a thread takes at once, at least
@@ -36,6 +37,13 @@ class Assignment(NamedTuple):
             least=POINTS_AT_ONCE,
         )  # fmt: skip
         return found
+
+    @classmethod
+    def on_any_sheet(cls, mesh: HalfEdges, vertices: Floats, points: Floats) -> Self:
+        """Find the nearest of all triangles, whatever sheet it is on; this takes longer."""
+        numbers = np.flatnonzero(mesh.origin[::3] >= 0)
+        nearest, squared, weights = nearest_triangles(vertices, mesh.faces(), points)
+        return cls(numbers[nearest], squared, weights)
 
     def mean_square(self) -> float:
         """Return the mean of the squared distances."""

@@ -5,29 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.collapse import move_triangles
 from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut, follow
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.exchange import collapsed
+from gppcs.meshing.exchange import collapse_edge, collapsed, tried, try_collapses
 from gppcs.meshing.flips import flip_edge, is_better, is_flippable, share_out
 from gppcs.meshing.halfedges import MOST_AROUND, Flags, Floats, Ints, following, preceding
 from gppcs.meshing.stars import Surface, add_around, empty, fit_star, room_for_star, store
-from gppcs.spatial.nearest_triangles import nearest_triangles
-from gppcs.spatial.triangles import minus, row
+from gppcs.spatial.triangles import row
 
-AT_ONCE = 64  # edges that a thread takes at once, at least
 MOST_KEPT = 0.02  # of the vertices, the share that may have to stay when half of all are removed by quadrics
 FITS = 2  # of all vertices, before edges are collapsed again
 THIN_COST = 0.5  # of a triangle without area, in squared limits of its points
-
-
-def nearest_faces(draft: Draft) -> Assignment:
-    """Return the nearest triangles of the dense points where the cloud has them, on any sheet."""
-    numbers = np.flatnonzero(draft.mesh.origin[::3] >= 0)
-    face, squared, weights = nearest_triangles(draft.vertices, draft.mesh.faces(), draft.dense.raw)
-    return Assignment(numbers[face], squared, weights)
 
 
 def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
@@ -35,18 +24,18 @@ def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
 
     Where half of the vertices are too few, or triangles cut others, the vertices stay.
     """
-    nearest = nearest_faces(draft)
+    nearest = draft.assigned_on_any_sheet()
     while True:
         trial = draft.copy()
         trial.collapse(draft.used() // 2, False)
         if trial.used() == draft.used():
             return draft
-        found = nearest_faces(trial)
+        found = trial.assigned_on_any_sheet()
         far, cut = counted & (found.squared > limit), cutting(trial.mesh, trial.vertices)
         if not far.any() and not len(cut):
             trial.compact()
             trial.kept[:] = False
-            draft, nearest = trial, nearest_faces(trial)
+            draft, nearest = trial, trial.assigned_on_any_sheet()
             continue
         before = np.count_nonzero(draft.kept)
         draft.kept |= np.isin(trial.start[draft.level], trial.mesh.origin.reshape(-1, 3)[cut])
@@ -60,33 +49,31 @@ def bound(draft: Draft, counted: Flags, limit: float, rounds: int) -> None:
 
     Between rounds, edges are flipped and vertices fitted; then more can go.
     """
-    found = nearest_faces(draft)
+    found = draft.assigned_on_any_sheet()
     assigned = Assignment(np.where(counted, found.face, -1), found.squared, found.weights)
     surface = Surface.of(draft.mesh, draft.vertices, draft.dense.raw, assigned, limit, draft.dense.cover.reaches**2)
-    price = THIN_COST * limit * np.count_nonzero(counted)
-    _collapse_what_can(surface, draft.level, price)
+    thin_cost = THIN_COST * limit * np.count_nonzero(counted)
+    _collapse_what_can(surface, draft.level, thin_cost)
     for _ in range(rounds):
         for _ in range(FITS):
-            _flip_and_fit(surface, draft.dense.normals[draft.level], price / len(draft.mesh.faces()))
-        if not _collapse_what_can(surface, draft.level, price):
+            _flip_and_fit(surface, draft.dense.normals[draft.level], thin_cost / len(draft.mesh.faces()))
+        if not _collapse_what_can(surface, draft.level, thin_cost):
             break
     draft.normals = draft.dense.normals[draft.level]
 
 
-def _collapse_what_can(surface: Surface, level: Ints, price: float) -> int:
+def _collapse_what_can(surface: Surface, level: Ints, thin_cost: float) -> int:
     """Collapse edges, the cheapest first, until none can; return by how many vertices there are fewer.
 
-    Thin triangles cost this price together.
+    `thin_cost` is what all triangles would cost together if they had no area.
     """
     mesh, removed = surface.mesh, 0
     costs, changed = np.full(len(mesh.origin), np.inf), np.ones(len(mesh.leaving), dtype=np.bool_)
     while True:
-        extra = price / len(mesh.faces())
-        edges = _edges(surface)
-        stale = edges[changed[mesh.origin[edges]] | changed[mesh.origin[_following(edges)]]]
-        found = np.empty(len(stale))
-        on_ranges(_try_all, len(stale), surface, stale, extra, found, least=AT_ONCE)
-        costs[stale], changed[:] = found, False
+        extra = thin_cost / len(mesh.faces())
+        edges, ends = _edges(surface), np.roll(mesh.origin.reshape(-1, 3), -1, axis=1).ravel()
+        stale = edges[changed[mesh.origin[edges]] | changed[ends[edges]]]
+        costs[stale], changed[:] = tried(try_collapses, surface, stale, extra), False
         order = np.argsort(costs[edges], kind="stable")[: np.count_nonzero(costs[edges] < np.inf)]
         tree = TriangleTree.of(mesh, surface.vertices)
         count = _collapse_all(surface, tree, edges[order], level, extra, costs, changed)
@@ -102,24 +89,11 @@ def _flip_and_fit(surface: Surface, normals: Floats, extra: float) -> None:
     _fit_all(surface, tree, extra)
 
 
-def _following(h: Ints) -> Ints:
-    """Return the next half-edges around their triangles."""
-    return np.where(h % 3 == 2, h - 2, h + 1)
-
-
 def _edges(surface: Surface) -> Ints:
     """Return a half-edge of each edge."""
     mesh = surface.mesh
     first = (mesh.opposite < 0) | (mesh.opposite > np.arange(len(mesh.origin)))
     return np.flatnonzero((mesh.origin >= 0) & first)
-
-
-@kernel
-def _try_all(begin, end, surface, edges, extra, costs):
-    """Fill the costs of collapses, (m,), for a range of edges."""
-    star = room_for_star(len(surface.points))
-    for i in range(begin, end):
-        costs[i], _ = collapsed(surface, star, edges[i], extra)
 
 
 @kernel
@@ -137,23 +111,10 @@ def _collapse_all(surface, tree, edges, level, extra, costs, changed):
         if cost == np.inf or not _is_free(surface, tree, star, u, place, faces, inside):
             costs[h] = np.inf
             continue
-        if _squared(surface, level[v], place) < _squared(surface, level[u], place):
-            level[u] = level[v]
-        move_triangles(mesh, v, u, star.halves)
-        store(surface, star, u, place, extra)
+        collapse_edge(surface, star, v, u, place, level, extra, changed)
         _follow(surface, tree, star)
-        changed[v] = changed[u] = True
-        for k in range(star.sizes[0]):
-            changed[mesh.origin[star.edges[k]]] = changed[mesh.origin[following(star.edges[k])]] = True
         count += 1
     return count
-
-
-@kernel
-def _squared(surface, i, place):
-    """Return the squared distance of a point from a place."""
-    step = minus(row(surface.points, i), place)
-    return step[0] * step[0] + step[1] * step[1] + step[2] * step[2]
 
 
 @kernel(allocates=False)

@@ -11,8 +11,7 @@ from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.meshing.layers import FITTED, Layers
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import nearest_distances
+from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, normals_of, with_signs
 

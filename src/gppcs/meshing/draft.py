@@ -68,6 +68,10 @@ class Draft:
         """Return the triangles of the dense points."""
         return Assignment.of(self.mesh, self.vertices, self.dense.places, self.dense.normals, self.start)
 
+    def assigned_on_any_sheet(self) -> Assignment:
+        """Return the nearest triangles, on any sheet, of the dense points where the cloud has them."""
+        return Assignment.on_any_sheet(self.mesh, self.vertices, self.dense.raw)
+
     def collapse(self, target: int, faces: bool, advanced: Callable[[int], None] | None = None) -> None:
         """Remove vertices by quadrics until few enough are left; see `collapse.collapse` for the arguments."""
         density = len(self.start) / self.used()

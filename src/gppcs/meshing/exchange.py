@@ -48,7 +48,7 @@ def exchange(surface: Surface, level: Ints, extra: float) -> None:
     """
     mesh = surface.mesh
     edges = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
-    costs, gains = _tried(_try_collapses, surface, edges, extra), -_tried(_try_splits, surface, edges, extra)
+    costs, gains = tried(try_collapses, surface, edges, extra), -tried(_try_splits, surface, edges, extra)
     cheapest, best = np.argsort(costs, kind="stable"), np.argsort(-gains, kind="stable")
     worthless = np.flatnonzero(~(gains[best] >= WORTH * costs[cheapest]))
     count = worthless[0] if len(worthless) else len(edges)
@@ -56,13 +56,13 @@ def exchange(surface: Surface, level: Ints, extra: float) -> None:
     added = -1
     while missing and added:
         edges = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
-        order = np.argsort(_tried(_try_splits, surface, edges, extra), kind="stable")
+        order = np.argsort(tried(_try_splits, surface, edges, extra), kind="stable")
         added = _split_all(surface, edges[order], level, extra, missing)
         missing -= added
     _fit_all(surface, extra)
 
 
-def _tried(kernel: Callable[..., None], surface: Surface, edges: Ints, extra: float) -> Floats:
+def tried(kernel: Callable[..., None], surface: Surface, edges: Ints, extra: float) -> Floats:
     """Return by how much the energy would rise with a change of each edge, infinity where it is not allowed."""
     found = np.empty(len(edges))
     on_ranges(kernel, len(edges), surface, edges, extra, found, least=AT_ONCE)
@@ -70,7 +70,7 @@ def _tried(kernel: Callable[..., None], surface: Surface, edges: Ints, extra: fl
 
 
 @kernel
-def _try_collapses(begin, end, surface, edges, extra, found):
+def try_collapses(begin, end, surface, edges, extra, found):
     """Fill `found`, (m,), with what collapses of edges, (m,), cost; for a range of these."""
     star = room_for_star(len(surface.points))
     for i in range(begin, end):
@@ -111,15 +111,22 @@ def _collapse_all(surface, edges, level, extra):
         cost, place = collapsed(surface, star, h, extra)
         if cost == np.inf:
             continue
-        if _squared(surface, level[v], place) < _squared(surface, level[u], place):
-            level[u] = level[v]
-        move_triangles(mesh, v, u, star.halves)
-        store(surface, star, u, place, extra)
-        changed[v] = changed[u] = True
-        for k in range(star.sizes[0]):
-            changed[mesh.origin[star.edges[k]]] = changed[mesh.origin[following(star.edges[k])]] = True
+        collapse_edge(surface, star, v, u, place, level, extra, changed)
         count += 1
     return count
+
+
+@kernel(allocates=False)
+def collapse_edge(surface, star, v, u, place, level, extra, changed):
+    """Let the vertex u take the triangles and points of v at a place; mark both and all around them as changed."""
+    mesh = surface.mesh
+    if _squared(surface, level[v], place) < _squared(surface, level[u], place):
+        level[u] = level[v]
+    move_triangles(mesh, v, u, star.halves)
+    store(surface, star, u, place, extra)
+    changed[v] = changed[u] = True
+    for k in range(star.sizes[0]):
+        changed[mesh.origin[star.edges[k]]] = changed[mesh.origin[following(star.edges[k])]] = True
 
 
 @kernel

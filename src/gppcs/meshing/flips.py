@@ -128,7 +128,7 @@ def is_better(mesh, vertices, points, assigned, extra, first, after, limit, h):
 
 @kernel
 def price(squared, limit):
-    """Return what a squared distance costs: itself, and soon more where it is above the limit."""
+    """Return what a squared distance costs: itself, and more the nearer it is to the limit."""
     return squared * (1.0 + (SHARP * squared / limit) ** 3)
 
 

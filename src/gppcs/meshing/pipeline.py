@@ -20,7 +20,7 @@ from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
 from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.bounding import bound, nearest_faces, thinned_by_quadrics
+from gppcs.meshing.bounding import bound, thinned_by_quadrics
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
@@ -443,7 +443,7 @@ class _Maker:
         with self.timer("quadrics"):
             draft = Draft.of(dense, self.moved, first.level, np.zeros(len(first.level), dtype=np.bool_), first.faces)
         with self.timer("distances"):
-            squared, usual = nearest_faces(draft).squared, ~outliers[dense.rows]
+            squared, usual = draft.assigned_on_any_sheet().squared, ~outliers[dense.rows]
         counted = usual & (squared <= limit)
         if 2 * np.count_nonzero(counted) < np.count_nonzero(usual):
             raise ParameterError(
@@ -456,7 +456,7 @@ class _Maker:
         with self.timer("bounded collapse"):
             bound(draft, counted, limit, BOUNDED[self.effort])
         with self.timer("distances"):
-            distances = np.sqrt(nearest_faces(draft).squared[counted])
+            distances = np.sqrt(draft.assigned_on_any_sheet().squared[counted])
             used = draft.vertices[np.unique(draft.mesh.faces())]
             diagnostics = {
                 "tolerance": tolerance,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.engine.memory import available_memory
+from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import InputError
 from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from gppcs.methods.learned.layers import Features, Index
     from gppcs.methods.learned.weights import Weights
-
-GIB = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -49,27 +47,16 @@ class APES(Method):
         import numpy as np
 
         from gppcs.engine.blas import one_blas_thread
-        from gppcs.methods.learned import layers
-        from gppcs.methods.learned.weights import NEIGHBOURS, part, weights_of
-        from gppcs.spatial.kdtree import KdTree
+        from gppcs.methods.learned.embedded import Embedded
+        from gppcs.methods.learned.layers import attended
+        from gppcs.methods.learned.weights import part
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
-        layers.check_size(self.name, len(points))
-        self._check_memory(len(points))
-        weights = weights_of(self.name)
-        with timer("embedding"), one_blas_thread():
-            tree = KdTree.build(points)
-            index = tree.neighbours(NEIGHBOURS)[0]
-            places = layers.in_unit_ball(points)[tree.order]
-            features = layers.embedding(part(weights, "embedding"), places, index)
-        with timer("attention"), one_blas_thread():
-            features = layers.attended(part(weights, "attentions.0"), features, index)
-            scores = np.empty(len(points), dtype=np.float64)
+        weights, tree, index, _, features = Embedded.of(self.name, wanted.points, wanted.timer)
+        with wanted.timer("attention"), one_blas_thread():
+            features = attended(part(weights, "attentions.0"), features, index)
+            scores = np.empty(len(features), dtype=np.float64)
             scores[tree.order] = self._scores(part(weights, "downsamplings.0"), features, index)
-        return Selection(largest(scores, n_points))
-
-    def _check_memory(self, n: int) -> None:
-        """Check that a cloud of n points is small enough."""
+        return Selection(largest(scores, wanted.n_points))
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""
@@ -101,15 +88,17 @@ class APESGlobal(APES):
     def _bytes(self, n: int, n_points: int) -> int:
         return super()._bytes(n, n_points) + 4 * n * n
 
-    def _check_memory(self, n: int) -> None:
-        """Check that the attention between all pairs of n points fits into memory."""
+    def __call__(self, wanted: Wanted) -> Selection:
+        """Choose the points; raise an error if the attention between all pairs does not fit into memory."""
+        n = len(wanted.points)
         free, needed = available_memory(), self._bytes(n, n)
         if free is not None and needed > free:
             raise InputError(
                 f"method 'apes-global' holds the attention between all pairs of points: {n:,} points need "
-                f"{needed / GIB:.1f} GiB, found {free / GIB:.1f} GiB of free memory: thin the cloud first, or use "
+                f"{size_of(needed)}, found {size_of(free)} of free memory: thin the cloud first, or use "
                 "apes, which attends to neighbours only"
             )
+        return super().__call__(wanted)
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""

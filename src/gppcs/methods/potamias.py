@@ -43,19 +43,12 @@ class Potamias(Method):
         import numpy as np
 
         from gppcs.engine.blas import one_blas_thread
-        from gppcs.methods.learned import latent, layers
-        from gppcs.methods.learned.weights import NEIGHBOURS, part, weights_of
-        from gppcs.methods.wlop.projection import nearest_unused
-        from gppcs.spatial.kdtree import KdTree
+        from gppcs.methods.learned import latent
+        from gppcs.methods.learned.embedded import Embedded
+        from gppcs.spatial.nearest_unused import nearest_unused
 
-        points, timer = wanted.points, wanted.timer
-        layers.check_size(self.name, len(points))
-        weights = weights_of(self.name)
-        with timer("embedding"), one_blas_thread():
-            tree = KdTree.build(points)
-            index = tree.neighbours(NEIGHBOURS)[0]
-            places = layers.in_unit_ball(points)[tree.order]
-            features = layers.embedding(part(weights, "embedding"), places, index)
+        timer = wanted.timer
+        weights, tree, index, places, features = Embedded.of(self.name, wanted.points, timer)
         with timer("farthest points"), one_blas_thread():
             kept = latent.farthest(latent.coordinates(weights, places, features), wanted.n_points)
         with timer("attention"), one_blas_thread():

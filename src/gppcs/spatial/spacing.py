@@ -7,8 +7,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree
-from gppcs.spatial.kdtree import nearest_distances as nearest_distances
+from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree, nearest_distances
 from gppcs.spatial.nearest import squared_reaches
 
 

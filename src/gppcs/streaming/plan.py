@@ -13,12 +13,11 @@ from gppcs.amounts.guide import ChunkGuide
 from gppcs.amounts.request import Request
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import metres_of
-from gppcs.engine.memory import available_memory
+from gppcs.engine.memory import available_memory, size_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles, Head
 from gppcs.spatial.stored import RECORD
-from gppcs.streaming.sizes import size_of
 
 READINGS = 2  # Of the files, if the points go to disk: one stores the points, the other takes the kept ones.
 GUESS = 0.1  # Share of the points that are kept, if only the work tells their number.

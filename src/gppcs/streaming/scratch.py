@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from gppcs.engine.memory import size_of
 from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError
-from gppcs.streaming.sizes import size_of
 
 FULL = 1 << 20  # A disk with less space is full: NumPy tells of a write that is cut short, and not why.
 

@@ -1,8 +1,7 @@
-"""Amounts of memory and disk, as people write them."""
+"""Read amounts of memory, as people write them."""
 
 from __future__ import annotations
 
-import math
 import re
 from decimal import Decimal
 
@@ -20,12 +19,3 @@ def bytes_of(memory: int | str) -> int:
     if size <= 0 or (found and not found[2] and exact != size):
         raise ParameterError(f"expected an amount of memory such as 4GB or 512MB, found {shown(memory)}")
     return size
-
-
-def size_of(memory: int) -> str:
-    """Return a number of bytes as messages show it."""
-    if memory < 1e6:
-        return f"{memory:,} B"
-    if memory < 1e9:
-        return f"{math.ceil(memory / 1e6)} MB"
-    return f"{memory / 1e9:.2g} GB" if memory < 1e10 else f"{memory / 1e9:,.0f} GB"

@@ -110,7 +110,7 @@ def test_the_result_does_not_depend_on_threads():
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"method": "fps"}, "a method that has a field to denoise its points under, found 'fps'; use 'gp'"),
+        ({"method": "fps"}, "a method that can denoise its points, found 'fps'; use 'gp'"),
         ({"n_points": None, "tolerance": "1%"}, "denoise= without tolerance=, found both"),
         ({"max_gap": "1%"}, "denoise= without max_gap=, found both"),
         ({"keep": [1]}, "denoise= without keep=, found both"),

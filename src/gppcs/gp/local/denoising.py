@@ -28,8 +28,10 @@ LAYER = 0.31  # Noise above this, in radii of the neighbourhood, is thick: more 
 # which more points cut off detail. Noise alone makes about 2.5.
 UNBIASED = 4.5
 RUN = 64  # Points in tree order that are sampled together.
-FEW, PLENTY = 4, 16  # Points that are denoised for each one to keep, where many points tell each place, and otherwise.
-CURVATURE = 0.5  # Prior standard deviation of the height that each curvature makes at the border, in that of the noise.
+FEW, PLENTY = 4, 16  # Least points denoised for each kept one: with thick noise, and otherwise.
+# Prior standard deviation of each curvature: of the height that it makes at the reach, in standard deviations of the
+# noise.
+CURVATURE = 0.5
 ROUNDS = 2  # With more, weights follow the noise of the normals.
 TURN = 0.1  # An observation whose normal is off by 1 - cos = TURN is worth 1 / e of what it would be.
 LEAST_WORTH = 0.25  # Places of which observations tell less than this share of the median are not trusted.

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.threads import on_ranges
-from gppcs.errors import InputError
-from gppcs.methods.learned.weights import NEIGHBOURS, Weights, part
+from gppcs.methods.learned.weights import Weights, part
 
 BLOCK = 1024  # points of a block: their neighbours' features fit into the CPU cache
 HEADS = 4  # of the attention to neighbours
@@ -22,15 +21,6 @@ SLOPE = np.float32(0.2)  # of LeakyReLU below zero
 
 Features = NDArray[np.float32]
 Index = NDArray[np.int64]
-
-
-def check_size(name: str, n: int) -> None:
-    """Check that a cloud of n different points has enough of them for a neighbourhood."""
-    if n <= NEIGHBOURS:
-        raise InputError(
-            f"method {name!r} looks at the {NEIGHBOURS} nearest points of each, so it needs at least {NEIGHBOURS + 1} "
-            f"different points, found {n}: choose another method, such as fps"
-        )
 
 
 def in_unit_ball(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -56,6 +56,7 @@ class WLOP(Method):
 
         from gppcs.methods.wlop import projection
         from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.nearest_unused import nearest_unused
 
         points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
         with timer("tree"):
@@ -67,5 +68,5 @@ class WLOP(Method):
                 points, start, radius, self.iterations, self.mu, self.require_uniform, tree, advanced
             )  # fmt: skip
         with timer("nearest points"):
-            indices = projection.nearest_unused(samples, tree)
+            indices = nearest_unused(samples, tree)
         return Selection(indices, {}, None if self.snap else samples)
