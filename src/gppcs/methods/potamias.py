@@ -30,7 +30,7 @@ class Potamias(Method):
         "twelve kinds."
     )
     source = "Potamias, Bouritsas and Zafeiriou 2022"
-    _bytes_per_point: ClassVar[int] = 900
+    _bytes_per_point: ClassVar[int] = 1000
 
     snap: bool = parameter(
         True,
