@@ -15,7 +15,7 @@ from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.amounts.request import Request, require
 from gppcs.clouds import above
-from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
@@ -352,10 +352,10 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     elif request.denoise:
         raise InputError("expected fewer points to denoise than there are different ones of a weight above 0")
     if selection.normals is not None and (own := kept.normals()) is not None:
-        kept = _carrying(kept, _with_signs(selection.normals, own))
+        kept = with_normals(kept, _with_signs(selection.normals, own))
     if request.normals:
         with timer("normals"):
-            kept = _with_normals(kept, points, selection)
+            kept = _with_estimated_normals(kept, points, selection)
     if request.scores:
         kept = with_scores(kept, method, selection)
     if rows is not None:
@@ -363,13 +363,13 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     return result_of(selection, kept, method, timer, outliers)
 
 
-def _with_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
+def _with_estimated_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
     """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
     from gppcs.surface.normals import estimate_normals
 
     places = points[selection.indices] if selection.points is None else selection.points
     estimated = estimate_normals(points, places)
-    return _carrying(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
+    return with_normals(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
 
 
 def _with_shifts(selection: Selection, steps: NDArray[np.float64]) -> Selection:
@@ -382,12 +382,6 @@ def _with_shifts(selection: Selection, steps: NDArray[np.float64]) -> Selection:
 def _with_signs(normals: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return normals, (M, 3), with the signs of others, (M, 3)."""
     return np.where(np.einsum("ij,ij->i", normals, others)[:, None] < 0.0, -normals, normals)
-
-
-def _carrying(kept: PointCloud, normals: NDArray[np.float64]) -> PointCloud:
-    """Return points with these normals, (M, 3), as attributes."""
-    columns = np.ascontiguousarray(normals.T, dtype=np.float32)
-    return dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
 
 
 def with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:

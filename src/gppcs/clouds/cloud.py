@@ -440,6 +440,12 @@ class PointCloud(ComparedByValue):
 CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `PointCloud.of`
 
 
+def with_normals(cloud: PointCloud, normals: NDArray[np.float64]) -> PointCloud:
+    """Return a cloud with these normals, (N, 3), as attributes."""
+    columns = np.ascontiguousarray(normals.T, dtype=np.float32)
+    return replace(cloud, attributes={**cloud.attributes, **dict(zip(NORMALS, columns, strict=True))})
+
+
 def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
     """Return the coordinates, (N, 3), if there are some and all are finite; errors call the cloud by a name."""
     cloud = PointCloud.of(cloud)

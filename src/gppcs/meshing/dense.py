@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import Floats, Ints
-from gppcs.meshing.layers import FITTED, Layers
+from gppcs.meshing.uneven_noise import FITTED, UnevenNoise
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree, nearest_distances
@@ -41,9 +41,9 @@ class DensePoints:
         """Take enough points of a cloud for a mesh, evenly."""
         rows = _some_rows(points, n_vertices, chosen)
         tree = KdTree.build(points[rows])
-        layers = None if thick else Layers.of(tree)
-        if layers:
-            return cls._in_layers(rows[tree.order], tree, layers)
+        uneven = None if thick else UnevenNoise.of(tree)
+        if uneven:
+            return cls._of_uneven(rows[tree.order], tree, uneven)
         noise = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
@@ -66,10 +66,10 @@ class DensePoints:
         return cls(rows, raw, places, normals, cover, noise)
 
     @classmethod
-    def _in_layers(cls, rows: Ints, tree: KdTree, layers: Layers) -> DensePoints:
+    def _of_uneven(cls, rows: Ints, tree: KdTree, uneven: UnevenNoise) -> DensePoints:
         """Take points to the surface across noise that differs from place to place; rows in the order of the tree."""
         raw = np.ascontiguousarray(tree.points.T)
-        feet, normals, fitted = layers.projected(tree)
+        feet, normals, fitted = uneven.projected(tree)
         tree = KdTree.build(feet)
         rows, raw, places = rows[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
         near, squared = tree.neighbours(EDGES)
@@ -78,7 +78,7 @@ class DensePoints:
         reaches = _reaches(near[:, :RANK], squared[:, :RANK])
         reaches = np.maximum(reaches, fitted[tree.order] * (RANK / FITTED) ** 0.5)
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
-        return cls(rows, raw, places, normals, cover, float(np.sqrt((layers.noise**2).mean())), True)
+        return cls(rows, raw, places, normals, cover, float(np.sqrt((uneven.noise**2).mean())), True)
 
 
 def _some_rows(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.clouds.cloud import NORMALS, CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, option, share_of
 from gppcs.clouds.topology import topology_of
@@ -612,8 +612,7 @@ def _result(
     if "tolerance" in made.diagnostics:  # rounded to the type of the points, vertices may leave the tolerance
         kept = dataclasses.replace(kept, coordinate_dtype=np.dtype(np.float64))
     if kept.normals() is None:
-        columns = np.ascontiguousarray(made.normals.T, dtype=np.float32)
-        kept = dataclasses.replace(kept, attributes={**kept.attributes, **dict(zip(NORMALS, columns, strict=True))})
+        kept = with_normals(kept, made.normals)
     scaled = {name: made.diagnostics[name] * 2.0**exponent for name in LENGTHS if name in made.diagnostics}
     topology = topology_of(made.faces)
     counts = {name: float(getattr(topology, name)) for name in ("borders", "pieces", "genus")}

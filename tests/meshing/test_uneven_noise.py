@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.layers import Layers
+from gppcs.meshing.uneven_noise import UnevenNoise
 from gppcs.spatial.kdtree import KdTree
 
 SIGMA = 0.004  # standard deviation of the noise at the far end of the wall
@@ -28,8 +28,7 @@ def wall(n, seed=0, steps=True):
 def test_noise_is_measured_at_each_place():
     points, sigma = wall(50_000, steps=False)
     tree = KdTree.build(points)
-    layers = Layers.of(tree)
-    ratio = layers.noise / sigma[tree.order]
+    ratio = UnevenNoise.of(tree).noise / sigma[tree.order]
     assert np.median(ratio) == pytest.approx(1, abs=0.1)
     assert np.quantile(ratio, 0.1) > 0.6
     assert np.quantile(ratio, 0.9) < 1.6
@@ -38,18 +37,27 @@ def test_noise_is_measured_at_each_place():
 def test_projections_lie_on_the_surface_and_their_normals_across_it():
     points, sigma = wall(50_000)
     tree = KdTree.build(points)
-    feet, normals, _ = Layers.of(tree).projected(tree)
+    feet, normals, _ = UnevenNoise.of(tree).projected(tree)
     inner = (np.abs(feet[:, :2] - 0.5) < 0.45).all(axis=1)
     assert np.median(np.abs(feet[inner, 2]) / sigma[tree.order][inner]) < 0.5
     assert np.quantile(np.abs(normals[inner, 2]), 0.1) > 0.98
 
 
-def test_clean_and_evenly_noisy_clouds_have_no_layers():
-    """Noise of the same thickness everywhere is measured otherwise, and a clean cloud must not be touched."""
+def test_noise_of_the_same_thickness_everywhere_is_not_uneven():
     rng = np.random.default_rng(0)
-    even = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
-    for points in (even, gppcs.sample("statue", n_points=50_000).points, gppcs.sample("room", n_points=5_000).points):
-        assert Layers.of(KdTree.build(points)) is None
+    points = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
+    assert UnevenNoise.of(KdTree.build(points)) is None
+
+
+@pytest.mark.parametrize("name", ["bracket", "statue"])
+def test_clean_clouds_have_no_noise(name):
+    assert UnevenNoise.of(KdTree.build(gppcs.sample(name, n_points=50_000).points)) is None
+
+
+def test_few_points_cannot_tell_noise():
+    of_many, of_few = (UnevenNoise.of(KdTree.build(gppcs.sample("room", n_points=n).points)) for n in (50_000, 5_000))
+    assert of_many
+    assert of_few is None
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -61,7 +69,7 @@ def test_a_wall_of_steps_is_one_piece_however_many_points_there_are(seed):
 
 
 def test_a_room_seen_by_a_depth_camera_has_few_pieces():
-    """Before noise was measured at each place, there were 101 pieces with 122 borders."""
+    """Without this, there are 101 pieces with 122 borders."""
     mesh = gppcs.mesh(gppcs.sample("room"), n_points=5_000).mesh
     topology = topology_of(mesh.faces)
     assert topology.pieces <= 10
