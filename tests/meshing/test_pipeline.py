@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.clouds.topology import topology_of
@@ -225,6 +226,21 @@ def test_the_mesh_within_a_tolerance_tells_how_far_it_strays(ball):
     result = gppcs.mesh(ball, tolerance=1.0)
     expected = LocalSurface.of(ball.points).nearest_to(result.mesh.vertices)[0].max()
     assert result.diagnostics["back_distance"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("sample", ["bracket", "medallion", "statue"])
+def test_vertices_within_a_tolerance_are_no_farther_from_the_nearest_point_than_its_sixth_neighbour(sample):
+    points = gppcs.sample(sample, n_points=4000).points
+    result, tree = gppcs.mesh(points, tolerance="0.1%"), cKDTree(points)
+    distances, nearest = tree.query(result.mesh.vertices)
+    sixth = tree.query(points[nearest], 7)[0][:, 6]
+    assert (distances <= np.maximum(sixth, result.diagnostics["tolerance"])).all()
+
+
+def test_moved_changes_nothing_with_a_tolerance_of_the_largest_distance(ball):
+    one, other = (gppcs.mesh(ball, tolerance=1.0, moved=moved) for moved in (False, True))
+    assert np.array_equal(one.mesh.faces, other.mesh.faces)
+    assert np.array_equal(one.cloud.points, other.cloud.points)
 
 
 @pytest.mark.parametrize("tolerance", ["0.01%", "1000%"])

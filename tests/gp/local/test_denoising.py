@@ -128,6 +128,14 @@ def test_all_points_cannot_be_denoised():
         gppcs.simplify(plane(100), ratio=1, denoise=True)
 
 
+def test_as_many_points_are_denoised_as_have_a_spacing():
+    scan = noisy(plane(10_000), 0.002)  # noise as thick as the points' distances would add to the area that is measured
+    result = gppcs.simplify(scan, spacing=0.05, denoise=True)
+    count = len(result.indices)
+    assert count == pytest.approx(1 / 0.05**2, rel=0.1)  # the area of the plane is 1
+    assert np.array_equal(result.cloud.points, gppcs.simplify(scan, n_points=count, denoise=True).cloud.points)
+
+
 def test_weights_and_detail_count_among_denoised_points():
     scan = noisy(plane(10_000))
     weights = np.where(scan[:, 0] < 0.5, 3.0, 1.0)
