@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import gppcs
 import report
 from gppcs.amounts.request import method_of
+from gppcs.clouds.quantities import Amount
 from gppcs.evaluation.comparison import those_that_fit
 from gppcs.evaluation.report import relative
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
@@ -132,7 +133,8 @@ def path_of(name: str) -> Path:
 
 def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gppcs.Entry]]:
     """Return the entries of each method whose memory suffices, one for each condition."""
-    fitting = those_that_fit(methods.values(), max(len(condition.cloud) for condition in conditions))
+    largest = max(conditions, key=lambda condition: len(condition.cloud))
+    fitting = those_that_fit(methods.values(), len(largest.cloud), Amount(largest.ratio, None))
     methods = {label: method for label, method in methods.items() if method in fitting}
     entries = []
     for condition in conditions:

@@ -118,7 +118,7 @@ def compare(
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     if methods is None:
-        chosen = _those_that_fit(chosen, len(original), Amount.of(ratio, n_points, None, None, None))
+        chosen = those_that_fit(chosen, len(original), Amount.of(ratio, n_points, None, None, None))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
@@ -135,7 +135,7 @@ def compare(
     return entries
 
 
-def _those_that_fit(methods: Iterable[Method], n: int, amount: Amount) -> list[Method]:
+def those_that_fit(methods: Iterable[Method], n: int, amount: Amount) -> list[Method]:
     """Return the methods that can choose so many of n points in the memory that is free."""
     free, kept = available_memory(), amount.known_count(n) or n
     return [method for method in methods if free is None or method.memory(n, kept) <= free]
