@@ -34,6 +34,7 @@ from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 from gppcs.evaluation.report import relative
 from gppcs.scans import SCENES
+from gppcs.surface.local_surface import LocalSurface
 
 SQUARES = 20  # along the edge of the gridded cube
 REFERENCE = 60_000  # points of a scan, at most, to which the rebuilt surface is compared
@@ -69,6 +70,7 @@ H_MAX = Column("H max, 1e-3 diagonals", "hausdorff_max", 1e3)
 VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
 COVER = Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3)
 SURFACE = Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4)
+EXACT = Column("mean distance from the true surface to the local surface, 1e-4 diagonals", "exact_mean", 1e4)
 SURFACE_P95 = Column("95th percentile of these distances, 1e-4 diagonals", "surface_p95", 1e4)
 SURFACE_BY_AREA = Column("mean distance to the local surface, by area, 1e-4 diagonals", "surface_mean_by_area", 1e4)
 SURFACE_P95_BY_AREA = Column("95th percentile of these distances, by area, 1e-4 diagonals", "surface_p95_by_area", 1e4)
@@ -127,6 +129,11 @@ class Condition:
     def reference(self) -> Reference | None:
         """Where there is no mesh: what the rebuilt surface is compared to."""
         return None
+
+    @property
+    def exact(self) -> Array | None:
+        """Points of the surface without the noise that the cloud has; None where none was added."""
+        return self.mesh.vertices if self.mesh and "noise" in self.file else None
 
     @property
     def diagonal(self) -> float:
@@ -236,6 +243,11 @@ class Sample(Condition):
     def cloud(self) -> gppcs.PointCloud:
         """The sample, without the exact normals that it carries."""
         return gppcs.PointCloud.of(gppcs.sample(self.file, self.size, noise=self.noise).points)
+
+    @property
+    def exact(self) -> Array | None:
+        """Points of the surface without the noise that the cloud has; None where none was added."""
+        return self.reference.points if self.noise else None
 
     @cached_property
     def mesh(self) -> None:
@@ -381,6 +393,9 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
         if value is not None:
             scaled = relative(known, value, condition.diagonal)
             wanted[name] = value if scaled is None else scaled
+    wanted["exact_mean"] = wanted["surface_mean"]
+    if condition.exact is not None:
+        wanted["exact_mean"] = mean_to_local_surface(condition.exact, kept.points) / condition.diagonal
     if condition.reference:
         try:
             wanted |= distances_from(condition.reference, kept.points, carried)
@@ -389,6 +404,11 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
     if failure:
         print(f"{condition.name}: {failure}", file=sys.stderr)
     return wanted
+
+
+def mean_to_local_surface(places: Array, kept: Array) -> float:
+    """Return the mean distance of places, (Q, 3), from the local surface of kept points, (M, 3)."""
+    return float(LocalSurface.of(kept).nearest_to(places)[0].mean())
 
 
 def distances_from(reference: Reference, kept: Array, normals: Array | None) -> dict[str, float]:

@@ -17,7 +17,6 @@ from gppcs.gp.local import algorithm, candidates, density, greedy, placement
 from gppcs.methods import gp
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import noise
-from gppcs.surface.local_surface import LocalSurface
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
@@ -82,6 +81,7 @@ CONSTANTS = (
     Constant(placement, "THROUGH", "share of a cell on the other side of a thin wall", "-"),
     Constant(placement, "PARALLEL", "cosine of planes on both sides of a thin wall", "-"),
     Constant(placement, "STEEP", "squared sine of the slope of a way through it", "-"),
+    Constant(placement, "TRIED", "points of a cell around which the triangles are tried", "points"),
     Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
@@ -109,11 +109,11 @@ def judged(condition: Condition, constant: Constant | None, factor: float) -> tu
     )
     with patch.object(module, name, value):
         kept = conditions.simplified(condition, method)[0].points
-    known = condition.reference.points if condition.reference else condition.original.points
-    places = condition.mesh.vertices if condition.mesh and "noise" in condition.file else known
-    distances, _ = LocalSurface.of(kept).nearest_to(places)
+    places = condition.original.points if condition.exact is None else condition.exact
     cover = np.sqrt(KdTree.build(kept).nearest_of(places, 1)[1].max())
-    return max(float(distances.mean()) / condition.diagonal, ROUNDING), float(cover) / condition.diagonal
+    return max(conditions.mean_to_local_surface(places, kept) / condition.diagonal, ROUNDING), float(
+        cover
+    ) / condition.diagonal
 
 
 def cells(ratios: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -15,7 +15,9 @@ import conditions
 import gppcs
 import report
 from conditions import (
+    COLUMNS,
     COVER,
+    EXACT,
     FEATURES,
     FOUND_ON,
     H_MAX,
@@ -76,7 +78,9 @@ NOTES = (
     f"{conditions.SURFACE_SAMPLE:,} other points of its surface, without noise. A scene of LiDAR spans no closed "
     "surface, so none is rebuilt.",
     "Lengths are in diagonals of the bounding box of these points, or of the cloud where there are none.",
-    "All other figures compare the kept points with the original points, also where these are noisy.",
+    "The true surface of a cloud to which noise was added is given by points without it; of another cloud, by its own "
+    "points. All other figures compare the kept points with the original points, also where these are noisy: they are "
+    "lower where kept points follow the noise.",
     "wlop, moved, wlop by CGAL, and potamias, moved, move the points. The other methods keep points of the cloud.",
     "Seconds are of each run once, with compiled kernels and one thread, while other runs may be under way. For times, "
     "see main_job.md and speed.md.",
@@ -148,7 +152,7 @@ def shown(ratio: float) -> str:
     return f"**{ratio:.3f}, behind**" if round(ratio, 3) > 1 else f"{ratio:.3f}"
 
 
-BESIDE = (H_MEAN, H_MAX, SURFACE)  # figures of the summaries
+BESIDE = (H_MEAN, H_MAX, SURFACE, EXACT)  # figures of the summaries
 
 
 def summary(heading: str, all_made: Mapping[Condition, Made]) -> report.Section:
@@ -245,7 +249,10 @@ def main() -> None:
             *(summary(f"Summary: {title}", group) for title, group in groups.items() if group),
             *([lidar(scenes)] if scenes else []),
             rival_by_rival(groups),
-            *(conditions.section(condition, of_condition) for condition, of_condition in made.items()),
+            *(
+                conditions.section(condition, of_condition, COLUMNS if condition.exact is None else (*COLUMNS, EXACT))
+                for condition, of_condition in made.items()
+            ),
         ],
         chosen,
         NOTES,

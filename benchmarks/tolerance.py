@@ -63,14 +63,18 @@ def measured(name: str) -> list[tuple[str, ...]]:
     rows = []
     for percent in TOLERANCES:
         tolerance, start = percent / 100.0 * diagonal, time.process_time()
-        result = gppcs.mesh(points, tolerance=f"{percent}%")
+        head = name if not rows else "", f"{len(points):,}", f"{percent}"
+        try:
+            result = gppcs.mesh(points, tolerance=f"{percent}%")
+        except gppcs.ParameterError:
+            rows.append((*head, "", "", "below the noise", *6 * [""]))
+            continue
         seconds, found = time.process_time() - start, result.diagnostics
         outliers, beside = (int(found[key]) for key in ("outliers", "off_surface"))
         missing = gppcs.mesh(points, n_points=round(FEWER * len(result.indices)), effort=2).mesh
-        row = [name if not rows else "", f"{len(points):,}", f"{percent}", f"{outliers:,}", f"{beside:,}",
-               f"{len(result.indices):,}", *(f"{100.0 * value / tolerance:.1f}" for value in
-               (largest(result.mesh, points, outliers + beside), largest(missing, points, outliers + beside),
-                found["back_distance"])), f"{seconds:.0f}"]  # fmt: skip
+        largest_ones = [largest(mesh, points, outliers + beside) for mesh in (result.mesh, missing)]
+        percents = [f"{100.0 * value / tolerance:.1f}" for value in (*largest_ones, found["back_distance"])]
+        row = [*head, f"{outliers:,}", f"{beside:,}", f"{len(result.indices):,}", *percents, f"{seconds:.0f}"]
         vertices = "no surface"
         if rebuilt is not None:
             vertices = _of_rival(rebuilt, points, outliers + beside, tolerance)
