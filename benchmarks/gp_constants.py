@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from conditions import SMALLER, Condition
 from gppcs.gp.local import algorithm, candidates, density, greedy, placement
 from gppcs.methods import gp
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface import noise
+from gppcs.surface import noise, quadrics
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
@@ -86,6 +88,7 @@ CONSTANTS = (
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
+    Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
     Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
     Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
@@ -97,23 +100,28 @@ CONSTANTS = (
 )
 
 
-def judged(condition: Condition, constant: Constant | None, factor: float) -> tuple[float, float]:
-    """Return mean distance to the local surface and covering radius, in diagonals, with one constant changed."""
-    method = gppcs.LocalGP()
-    if constant and constant.module is None:
-        method = replace(method, **{constant.name: constant.times(factor)})
-    module, name, value = (
-        (constant.module, constant.name, constant.times(factor))
-        if constant and constant.module
-        else (algorithm, "NUGGET", algorithm.NUGGET)
-    )
-    with patch.object(module, name, value):
-        kept = conditions.simplified(condition, method)[0].points
+def judged(condition: Condition, method: gppcs.LocalGP) -> tuple[float, float]:
+    """Return mean distance to the local surface and covering radius, in diagonals."""
+    kept = conditions.simplified(condition, method)[0].points
     places = condition.original.points if condition.exact is None else condition.exact
-    cover = np.sqrt(KdTree.build(kept).nearest_of(places, 1)[1].max())
-    return max(conditions.mean_to_local_surface(places, kept) / condition.diagonal, ROUNDING), float(
-        cover
-    ) / condition.diagonal
+    surface, cover = conditions.mean_to_local_surface(places, kept), KdTree.build(kept).nearest_of(places, 1)[1].max()
+    return max(surface / condition.diagonal, ROUNDING), float(np.sqrt(cover)) / condition.diagonal
+
+
+def changed(change: tuple[int, float] | None, chosen: Sequence[Condition]) -> dict[str, tuple[float, float]]:
+    """Return the figures by condition with one constant changed, given by its number, for good: a process of its own.
+
+    Kernels hold the values that constants have when they are first called.
+    """
+    gppcs.set_threads(1)
+    method = gppcs.LocalGP()
+    if change:
+        constant, value = CONSTANTS[change[0]], CONSTANTS[change[0]].times(change[1])
+        if constant.module:
+            setattr(constant.module, constant.name, value)
+        else:
+            method = replace(method, **{constant.name: value})
+    return {each.name: judged(each, method) for each in chosen}
 
 
 def cells(ratios: Mapping[str, tuple[float, float]]) -> list[str]:
@@ -128,14 +136,15 @@ def cells(ratios: Mapping[str, tuple[float, float]]) -> list[str]:
 
 def main() -> None:
     """Print the tables, and write them if they are of all conditions."""
-    chosen, _ = conditions.asked(SMALLER, __doc__)
-    usual = {each.name: judged(each, None, 1.0) for each in chosen}
+    chosen, runs = conditions.asked(SMALLER, __doc__)
+    changes = [None, *((i, factor) for i in range(len(CONSTANTS)) for factor in FACTORS)]
     rows: dict[float, list[Sequence[str]]] = {factor: [] for factor in FACTORS}
-    for constant in CONSTANTS:
-        for factor in FACTORS:
-            found = {each.name: judged(each, constant, factor) for each in chosen}
-            ratios = {name: (value[0] / usual[name][0], value[1] / usual[name][1]) for name, value in found.items()}
-            rows[factor].append([constant.name, shown(constant.times(factor)), *cells(ratios)])
+    with ProcessPoolExecutor(runs.jobs, get_context("spawn"), max_tasks_per_child=1) as processes:
+        made = dict(zip(changes, processes.map(partial(changed, chosen=chosen), changes), strict=True))
+    usual = made.pop(None)
+    for (number, factor), found in made.items():
+        ratios = {name: (value[0] / usual[name][0], value[1] / usual[name][1]) for name, value in found.items()}
+        rows[factor].append([CONSTANTS[number].name, shown(CONSTANTS[number].times(factor)), *cells(ratios)])
     header = ["constant", "value", "mean distance to the local surface", "covering radius", "best cloud", "worst cloud"]
     meanings = [[each.name, each.meaning, each.unit, shown(each.value())] for each in CONSTANTS]
     conditions.keep(
@@ -152,7 +161,6 @@ def main() -> None:
             "The first four are parameters of the method. Beyond memory there are three more constants: parts of "
             "131,072 candidates, halos of 6 target spacings "
             "(research/experiments.md), and 16 parts on which noise and scale are measured.",
-            "Steepest quadric: a slope of 60 degrees; it is compiled into a kernel, so it is not changed here.",
         ),
         whole=len(chosen) == len(SMALLER),
     )
