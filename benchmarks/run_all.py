@@ -81,7 +81,7 @@ SCRIPTS = (
     Script("paper/noise.py", "paper_noise", ("pymeshlab",)),
     Script("paper/scans.py", "paper_scans", ("pymeshlab",)),
     Script("paper/scenes.py", "paper_scenes"),
-    Script("paper/modelnet.py", "paper_modelnet"),
+    Script("paper/modelnet.py", "paper_modelnet", ("matplotlib",)),
     Script("learned/edges.py", "learned_edges"),
     Script("paper/registration.py", "paper_registration", ("open3d",)),
 )

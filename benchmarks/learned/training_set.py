@@ -256,8 +256,8 @@ KINDS = {
 }  # fmt: skip
 
 
-def draw(kind: int, number: int, n_points: int) -> tuple[Array, Array]:
-    """Draw so many points of a shape, turned at random: points and unit normals, (n, 3) each."""
+def draw(kind: int, number: int, n_points: int, *, upright: bool = False) -> tuple[Array, Array]:
+    """Draw so many points of a shape, turned at random or as it stands: points and unit normals, (n, 3) each."""
     rng = np.random.default_rng((kind, number))
     parts = list(KINDS.values())[kind](rng.uniform, rng)
     rng = np.random.default_rng((kind, number, n_points))  # so that the numbers above decide the shape alone
@@ -270,5 +270,5 @@ def draw(kind: int, number: int, n_points: int) -> tuple[Array, Array]:
             free = ~np.any([other.holds(new) for other in parts if other is not part] or [_nowhere(new)], axis=0)
             points, normals = np.concatenate([points, new[free]]), np.concatenate([normals, theirs[free]])
     rows = rng.permutation(len(points))[:n_points]
-    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    turn = np.eye(3) if upright else np.linalg.qr(rng.standard_normal((3, 3)))[0]
     return points[rows] @ turn.T, normals[rows] @ turn.T

@@ -49,6 +49,10 @@ LEARNED_NOTE = (
     "and the paper's figures of Potamias et al. are of a network and a set-up that are not known. apes-global runs "
     "only where its N x N attention fits into memory."
 )
+SECONDS_NOTE = (
+    "Seconds are of one run, after its kernels were compiled, while other programs may have been running. For times, "
+    "see main_job.md and speed.md."
+)
 FIGURES = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
 
 Methods = Mapping[str, gppcs.Method]  # by the name in the table
@@ -169,10 +173,17 @@ def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
     return f"{column.factor * (value if scaled is None else scaled):.{column.digits}f}"
 
 
-def keep(name: str, title: str, sections: Sequence[report.Section], files: Sequence[str], notes: Sequence[str]) -> None:
+def keep(
+    name: str,
+    title: str,
+    sections: Sequence[report.Section],
+    files: Sequence[str],
+    notes: Sequence[str],
+    introduction: str = "",
+) -> None:
     """Print the tables, and write them to results/NAME.md if they are of all methods."""
-    data = [path_of(file) for file in dict.fromkeys(files)]
+    data, notes = [path_of(file) for file in dict.fromkeys(files)], [*notes, SECONDS_NOTE]
     if sys.argv[1:]:
-        print(report.text(title, sections, data, notes))
+        print(report.text(title, sections, data, notes, introduction))
     else:
-        report.write_sections(name, title, sections, data, notes)
+        report.write_sections(name, title, sections, data, notes, introduction)

@@ -36,6 +36,7 @@ NOTES = (
     "First table: distances are in diagonals of the clean mesh, which also orients the normals. H is from its vertices "
     "to the rebuilt surface; back is from the vertices of the rebuilt surface. Each method ran once.",
     "The paper shows its noisy Armadillo in a picture only. It has no figures on noise for the other methods.",
+    experiment.LEARNED_NOTE,
 )
 
 

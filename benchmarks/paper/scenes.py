@@ -32,6 +32,7 @@ NOTES = (
     "the same camera. The paper's Hausdorff distances are to a mesh that it does not name, so they cannot be "
     "compared.",
     "The other scenes have no counterpart in the paper. Each method ran once.",
+    experiment.LEARNED_NOTE,
 )
 
 
