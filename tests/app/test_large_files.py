@@ -124,12 +124,6 @@ def test_what_the_first_points_tell_is_told_before_all_else(
         refused(("simplify", "scan.ply", "-o", "out.ply", "--memory", memory, *options), *parts_of_message)
 
 
-def test_files_that_do_not_fit_each_other(refused, parts):
-    gppcs.write("c.ply", gppcs.PointCloud(parts.points))
-    told = ("c.ply: expected the same attributes in all files of a cloud", "curvature")
-    refused(("simplify", "a.ply", "c.ply", "-o", "out.ply", "--points", 2), *told)
-
-
 def test_files_with_different_coordinate_systems(refused, two_systems, large):
     merged = ("simplify", "a.las", "b.las", "-o", "out.las", "--points", 2, "-q")
     told = ("expected one coordinate system", "found UTM 32N and ETRS89", "--assume-same-crs")
