@@ -337,11 +337,7 @@ def _attribute(field: str) -> str:
 
 
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write an E57 file of one scan, without a pose: the points stay where they are.
-
-    Attributes that E57 does not know become fields of an extension. Arrays of k numbers for each point become k fields.
-    Booleans are written as whole numbers from 0 to 255, half-precision numbers in single precision.
-    """
+    """Write an E57 file of one scan, without a pose; other attributes become fields of an extension."""
     libe57 = require_libe57()
     columns = _columns(cloud)
     header = cloud.header if isinstance(cloud.header, E57Header) else E57Header()
