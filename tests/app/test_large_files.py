@@ -80,15 +80,6 @@ def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_m
     refused(("simplify", "scan.ply", "-o", "out.ply", "--points", 2, *options), *parts_of_message)
 
 
-def test_outliers_are_left_out_and_counted(record, folder, large):
-    cloud = gppcs.sample("bracket", 4_000, outliers=0.02)
-    gppcs.write("stray.ply", cloud)
-    told = record("simplify", "stray.ply", "-o", "out.ply", "--points", 60, "--drop", "outliers", *LARGE)
-    outliers = gppcs.find_outliers(cloud)
-    assert told["diagnostics"]["outliers"] == outliers.sum() == 4_000 - told["points_in"]
-    assert not set(map(tuple, gppcs.read("out.ply").points)) & set(map(tuple, cloud[outliers].points))
-
-
 def test_a_folder_for_temporary_files_is_the_users_own_and_goes(printed, parts, large, monkeypatch, folder):
     """Under a new name, so that nobody can prepare it."""
     seen, made = [], tempfile.mkdtemp
