@@ -250,7 +250,7 @@ class _Scan:
             coordinates = list(self._source.moved(np.stack(coordinates, axis=1).astype(np.float64)).T)
         columns = dict(zip("xyz", coordinates, strict=True))
         for name, values in block.items():
-            attribute = _attribute(name)
+            attribute = _NAMES.get(name, name.removeprefix(_PREFIX).replace(":", "_"))
             if attribute in columns:
                 raise FileFormatError(f"expected fields of different names, found {attribute!r} twice")
             columns[attribute] = values.astype(fields[name], copy=False)
@@ -330,10 +330,6 @@ def _shared(scans: list[_Scan]) -> dict[str, np.dtype[Any]]:
             whole = all(each.kind in "iu" for each in types)
             shared[name] = np.dtype(np.int64) if whole and common.kind == "f" else common  # E57 has no larger integers
     return shared
-
-
-def _attribute(field: str) -> str:
-    return _NAMES.get(field, field.removeprefix(_PREFIX).replace(":", "_"))
 
 
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
