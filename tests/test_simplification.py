@@ -155,25 +155,6 @@ def test_points_that_are_not_finite_are_counted_or_dropped(bad):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({}, "either a ratio or a number of points, found neither"),
-        ({"ratio": 0.5, "n_points": 5}, "found both"),
-        ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),
-        ({"ratio": 3}, "found 3; for 3 percent, write 0.03$"),
-        ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
-        ({"ratio": 0.5, "method": gppcs.SpectralGP}, "expected the name of a method"),
-        ({"ratio": 0.5, "method": "fpss"}, "did you mean 'fps'"),
-        ({"ratio": 0.5, "invalid": "ignore"}, "invalid to be 'error' or 'drop', found 'ignore'"),
-        ({"ratio": 0.5, "seed": -1, "method": "random"}, "expected seed to be at least 0, found -1"),
-    ],
-)
-def test_parameters_out_of_range_are_named(options, message):
-    with pytest.raises(gppcs.ParameterError, match=message):
-        gppcs.simplify(SMALL["random 8"], **options)
-
-
-@pytest.mark.parametrize(
     ("cloud", "message"),
     [
         (np.empty((0, 3)), "empty"),

@@ -57,10 +57,7 @@ def _outcome(*asked: Any) -> Any:
 
 
 def simplified(cloud: Any, amount: str, method: str, feature_weight: str) -> Any:
-    """Return a copy of a cloud with fewer points, and with all its scalar fields, colours, normals and its shift.
-
-    `amount` is a number of points such as "1.5M", or a share such as "5%" or "0.05".
-    """
+    """Return a copy of a cloud, and of all it carries, with an amount of points such as "1.5M", "5%" or "0.05"."""
     share, number = (amount, None) if "%" in amount or amount.startswith(("0", ".")) else (None, amount)
     settings = {"feature_weight": feature_weight} if method == "gp" else {}
     result = gppcs.simplify(cloud.points(), ratio=share, n_points=number, method=method_of(method, settings=settings))

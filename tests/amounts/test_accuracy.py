@@ -120,32 +120,3 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
         assert wanted <= len(selection.indices) <= max(wanted + 1, 1.02 * wanted)
         assert found.by_measure["p95"] <= 1.0 / wanted
         assert len(sizes) < 40
-
-
-WRONG = [
-    ({}, "found neither; or give a tolerance, a spacing or a largest gap"),
-    ({"tolerance": 0}, "above 0, found 0; to keep every point, give a ratio of 1"),
-    ({"tolerance": -1}, "found -1"),
-    ({"tolerance": math.nan}, "a length, such as 0.5, 0.5mm or 0.02%, found nan"),
-    ({"tolerance": math.inf}, "above 0, found inf"),
-    ({"tolerance": "half"}, "a length, such as .*, found 'half'"),
-    ({"tolerance": "1 mmm"}, "a unit, found 'mmm' in '1 mmm'; did you mean 'mm'?"),
-    ({"tolerance": "1" + "m" * 9999}, r"a unit, found 'm{79}\.\.\. in '1m{78}\.\.\."),
-    ({"tolerance": True}, "a length, .*found True"),
-    ({"tolerance": 1, "unit": "parsec"}, "the name of a unit of length, found 'parsec'"),
-    ({"tolerance": 1, "n_points": 5}, "one of ratio, n_points, tolerance and spacing, found n_points and tolerance"),
-    ({"tolerance": "1:p99"}, "tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"),
-    ({"ratio": "3"}, "at most 1, found 3.0; for 3 percent"),
-    ({"n_points": "5.5"}, "a whole number of at most 1e18, found '5.5'"),
-]
-
-
-@pytest.mark.parametrize(("wanted", "message"), WRONG)
-def test_what_cannot_be_asked_for_is_refused(wanted, message):
-    with pytest.raises(gppcs.ParameterError, match=message):
-        gppcs.simplify(CLOUD, **wanted)
-
-
-def test_a_unit_needs_that_of_the_cloud():
-    with pytest.raises(gppcs.InputError, match=r"does not say in which unit.*how much 0\.5mm is; give unit="):
-        gppcs.simplify(CLOUD, tolerance="0.5mm")

@@ -46,13 +46,6 @@ def test_voxel_keeps_one_point_for_each_cell_of_the_size_asked_for():
     assert len(np.unique(cells[result.indices], axis=0)) == len(result.indices)
 
 
-def test_a_method_without_a_spacing_says_which_have_one():
-    with pytest.raises(
-        gppcs.ParameterError, match="expected a method that takes a spacing, found 'hc'; use 'gp' or 'fps'"
-    ):
-        gppcs.simplify(CLOUD, spacing=4.0, method="hc")
-
-
 @pytest.mark.parametrize("method", ["gp", "voxel", "random"])
 def test_points_are_added_until_no_gap_is_too_large(method):
     result = gppcs.simplify(CLOUD, n_points=200, max_gap=6.0, method=method)
@@ -163,36 +156,6 @@ def test_an_attribute_that_is_no_weight_is_told(values, found):
     cloud = gppcs.PointCloud(BALL.points, {"worth": values})
     with pytest.raises(gppcs.ParameterError, match=f"'worth' to hold one number for each point, found {found}$"):
         gppcs.simplify(cloud, n_points=5, weight="worth")
-
-
-WRONG = [
-    ({"keep": range(6)}, gppcs.InputError, "6 points are to be kept .* only 5 points are asked for"),
-    ({"keep": [4000]}, gppcs.ParameterError, "rows from 0 to 3999, found 4000"),
-    ({"keep": [-1]}, gppcs.ParameterError, "found -1"),
-    ({"keep": [True]}, gppcs.ParameterError, "a mask of the 4,000 points"),
-    ({"keep": [0.5]}, gppcs.ParameterError, "a mask of the 4,000 points, or rows"),
-    ({"keep": "nzz > 0"}, gppcs.InputError, "at character 1 .* no attribute 'nzz'; did you mean 'nz'?"),
-    ({"keep": "nz > 9"}, gppcs.InputError, "expected points with nz > 9 to keep, found none; .* omit keep"),
-    ({"keep": "nz >"}, gppcs.ParameterError, "at its end"),
-    (
-        {"keep": [1], "method": "fps"},
-        gppcs.ParameterError,
-        "expected a method that keeps given points, found 'fps'; use 'gp'",
-    ),
-    ({"weight": -np.ones(4000)}, gppcs.InputError, "finite weights from 0 on, found -1 at index 0 and 3999 more"),
-    ({"weight": np.full(4000, np.inf)}, gppcs.InputError, "found inf at index 0"),
-    ({"weight": np.zeros(4000)}, gppcs.InputError, "a weight above 0 of at least one point"),
-    ({"weight": np.arange(4000) < 3}, gppcs.InputError, "at least 5 points of a weight above 0, found 3"),
-    ({"weight": [1.0]}, gppcs.ParameterError, "a number for each of the 4,000 points"),
-    ({"weight": "n" * 9999}, gppcs.InputError, "no attribute 'n{79}\\.\\.\\. to weigh"),
-    ({"weight": "nzz"}, gppcs.InputError, "no attribute 'nzz' .*; did you mean 'nz'?"),
-]
-
-
-@pytest.mark.parametrize(("wanted", "error", "message"), WRONG)
-def test_what_cannot_be_asked_for_is_refused(wanted, error, message):
-    with pytest.raises(error, match=message):
-        gppcs.simplify(CLOUD, n_points=5, **wanted)
 
 
 def test_the_number_is_exact_with_repeats_too():

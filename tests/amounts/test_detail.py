@@ -89,11 +89,6 @@ def test_what_is_no_detail_is_told(attributes, detail, error, text):
         kept(gppcs.PointCloud(PLACES, attributes), detail=detail)
 
 
-def test_a_method_that_sees_the_shape_alone_says_so():
-    with pytest.raises(gppcs.ParameterError, match="expected a method that looks at attributes, found 'fps'; use 'gp'"):
-        kept(detail="intensity", method="fps")
-
-
 def test_oklab_has_its_published_values():
     """Of white, red and blue (Ottosson 2020)."""
     found = oklab(np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], dtype=np.float32))

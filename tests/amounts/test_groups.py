@@ -66,8 +66,3 @@ def test_attributes_that_make_no_groups(group, problem):
     cloud = gppcs.PointCloud(cloud.points, {**cloud.attributes, "broken": broken})
     with pytest.raises(gppcs.InputError, match=problem):
         gppcs.simplify(cloud, n_points=100, group=group)
-
-
-def test_methods_that_move_points_take_no_groups():
-    with pytest.raises(gppcs.ParameterError, match="expected a method that ranks its points, found 'wlop'"):
-        gppcs.simplify(pulses(), n_points=100, group="gps_time", method="wlop")

@@ -92,19 +92,3 @@ def test_one_choice_leaves_no_seam(cloud):
 def test_quotas_that_cannot_be_met(cloud, quota, problem):
     with pytest.raises(gppcs.GppcsError, match=problem):
         gppcs.simplify(cloud, n_points=400, quota=quota)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        ({"n_points": 9, "quota": "classification == 6"}, "expected quota to be a mapping"),
-        ({"n_points": 9, "quota": {"classification == 6": -1}}, "quota"),
-        ({"n_points": 9, "quota": {"classification == 6": 3}, "method": "wlop"}, "a method that ranks its points"),
-        ({"tolerance": 0.1, "quota": {"classification == 6": 3}}, "expected a number or a share of the points"),
-        ({"n_points": 9, "max_gap": 0.1, "quota": {"classification == 6": 3}}, "expected a number or a share"),
-        ({"n_points": 9, "group": "gps_time", "quota": {"classification == 6": 3}}, "either quotas or a group"),
-    ],
-)
-def test_arguments_that_do_not_go_together(cloud, arguments, problem):
-    with pytest.raises(gppcs.ParameterError, match=problem):
-        gppcs.simplify(cloud, **arguments)

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import math
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -63,15 +64,22 @@ def test_a_file_with_only_the_code_of_its_system_takes_a_unit(printed, refused, 
     assert printed(*words, "--unit", "m") == ""
 
 
+SPECTRAL = ("--method", "gp-spectral", "--set", "k_add=5", "--set", "nu=inf", "--set", "seed=3")
+
+
 def test_options_do_what_the_library_does(printed, scan):
     for options, wanted in (
         (["--spacing", "1cm", "--unit", "mm", *FAST], {"spacing": 10.0, "method": "fps"}),
         (["--points", 20, "--max-gap", 30, *FAST], {"n_points": 20, "max_gap": 30.0, "method": "fps"}),
         (["--points", 50, "--keep", "z > 60"], {"n_points": 50, "keep": "z > 60"}),
         (["--points", 50, "--weight", "red"], {"n_points": 50, "weight": "red"}),
+        (["--points", 50, "--quota", "z > 60: 30%"], {"n_points": 50, "quota": {"z > 60": "30%"}}),
+        (["--ratio", "20%", "--group", "red"], {"ratio": 0.2, "group": "red"}),
+        (["--points", 40, "--add", "scores"], {"n_points": 40, "scores": True}),
+        ([*SPECTRAL, "--points", 30], {"n_points": 30, "method": gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)}),
     ):
         printed("simplify", "scan.ply", "-o", "out.ply", "--force", *options)
-        assert (gppcs.read("out.ply").points == gppcs.simplify(scan, **wanted).cloud.points).all()
+        assert gppcs.read("out.ply") == gppcs.simplify(scan, **wanted).cloud, options
 
 
 def test_conditions_boxes_and_polygons(printed, record, scan):
@@ -146,3 +154,21 @@ def test_two_sizes_have_no_knee(gppcs_command, record, scan):
     words = ["curve", "scan.ply", "--methods", "random", "--sizes", "50,100"]
     assert "knee" not in gppcs_command(*words)[1]
     assert record(*words)["knee"] is None
+
+
+def test_detail_that_counts_for_nothing_is_told(gppcs_command):
+    rng = np.random.default_rng(0)
+    cloud = gppcs.PointCloud(rng.random((2_000, 3)), {"grey": np.full(2_000, 7.0), "noise": rng.random(2_000)})
+    gppcs.write("scan.ply", cloud)
+    for name, told in (("grey", "attribute 'grey' is 7 everywhere"), ("noise", "the detail is only noise")):
+        words = ("simplify", "scan.ply", "-o", f"{name}.ply", "--points", 200, "-q", "--detail", name)
+        code, _, err = gppcs_command(*words)
+        assert (code, err.count("\n")) == (0, 1)
+        assert err.startswith(f"gppcs: note: {told}")
+
+
+def test_groups_that_are_kept_are_counted(printed, scan):
+    groups = len(np.unique(scan.attributes["red"]))
+    told = rows_of(printed("simplify", "scan.ply", "-o", "out.ply", "--ratio", "20%", "--group", "red"))
+    kept = len(np.unique(gppcs.read("out.ply").attributes["red"]))
+    assert any(str(kept) in row and str(groups) in row for row in told if row.startswith("groups")), told

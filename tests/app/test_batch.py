@@ -50,16 +50,6 @@ def test_quiet_prints_errors_and_notes_only(gppcs_command, printed, record, refu
     assert gppcs_command("simplify", "scan.ply", "-o", "big.ply", "--points", 500, flag)[2].count("note") == 1
 
 
-def test_names_of_columns_are_given(printed, folder):
-    rows = "".join(f"{i} {i % 7} {i % 5} {i % 256} 0 255\n" for i in range(300))
-    Path("table.txt").write_text(rows)
-    assert printed("convert", "table.txt", "out.ply", "--columns", "x, y,z,red,green,blue") == ""
-    kept = gppcs.read("out.ply")
-    kinds = [(name, str(values.dtype)) for name, values in kept.attributes.items()]
-    assert kinds == [("red", "uint8"), ("green", "uint8"), ("blue", "uint8")]
-    np.testing.assert_array_equal(kept.attributes["red"], kept.points[:, 0] % 256)
-
-
 def test_a_virtual_point_cloud_stands_for_its_files(printed, refused, folder):
     features = []
     for i in range(3):

@@ -10,7 +10,7 @@ import pytest
 import typer.main
 
 import gppcs
-from command_line import COMMAND, FAST, assert_one_line, files
+from command_line import COMMAND, FAST, files
 from gppcs.app import program
 
 
@@ -107,18 +107,6 @@ def test_words_are_completed(monkeypatch, capsys, words, completions):
         program.run([])
     out, err = capsys.readouterr()
     assert (out.split(), err) == (completions, "")
-
-
-@pytest.mark.slow
-def test_exit_codes_and_streams_of_the_installed_command(kernels, scan):
-    def run(*arguments):
-        done = subprocess.run([COMMAND, *arguments], capture_output=True, text=True, check=False)
-        return done.returncode, done.stdout, done.stderr
-
-    code, out, err = run("simplify", "scan.ply", "-o", "out.ply", "--points", "9", *FAST)
-    assert (code, err) == (0, "")
-    assert "400 in, 9 out" in out
-    assert_one_line(run("simplify", "scan.ply", "-o", "out.ply", "--points", "9"), "out.ply: expected a new file")
 
 
 @pytest.mark.slow

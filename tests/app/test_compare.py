@@ -73,13 +73,6 @@ def test_compare_into_an_empty_folder_and_again_with_force(printed, refused, sca
     assert printed(*arguments, "--force") == ""
 
 
-def test_compare_drops_invalid_points_when_asked_to(printed, scan):
-    scan.points[9] = np.nan
-    gppcs.write("scan.ply", scan, force=True)
-    records = printed(*COMPARE, "--drop", "invalid", "--json").splitlines()
-    assert [json.loads(line)["figures"]["points_in"] for line in records] == [399, 399]
-
-
 @pytest.fixture
 def columns(monkeypatch):
     """The columns of the pictures that were drawn."""

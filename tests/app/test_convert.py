@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST
 
 FACES = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"
 
@@ -44,20 +43,6 @@ def test_points_that_are_not_finite_are_kept_or_dropped_with_a_word(gppcs_comman
     note = "gppcs: note: a.las: left out: points with NaN or infinite coordinates (2)\n"
     assert gppcs_command("convert", "a.csv", "a.las", "--drop", "invalid") == (0, "", note)
     assert gppcs.read("a.las").attributes["label"].tolist() == [1, 4]
-
-
-def test_a_part_is_read(printed, record, scan, folder):
-    def n(box):
-        low, high = box
-        return int(((scan.points[:, :2] >= low) & (scan.points[:, :2] <= high)).all(axis=1).sum())
-
-    words = ["--inside", "-20,-5.5,1e2,30"]
-    expected = n(([-20, -5.5], [100, 30]))
-    assert 0 < expected < 400
-    assert printed("convert", "scan.ply", "part.ply", *words) == ""
-    assert len(gppcs.read("part.ply")) == expected
-    assert record("info", "scan.ply", *words)["points"] == expected
-    assert f"{expected} in, 3 out" in printed("simplify", "scan.ply", "-o", "a.ply", *words, "--points", 3, *FAST)
 
 
 def test_a_virtual_point_cloud_becomes_one_file(printed, refused, two_systems):

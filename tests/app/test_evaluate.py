@@ -50,9 +50,7 @@ def test_evaluate_with_a_mesh(printed):
     pytest.importorskip("pymeshlab")
     ball = gppcs.sample("sphere", 300)
     gppcs.write("scan.ply", ball)
-    faces = "\n".join(f"3 {a} {b} {c}" for a, b, c in hull_mesh(ball.points).faces)
-    rows = "\n".join(f"{x} {y} {z}" for x, y, z in ball.points)
-    Path("mesh.off").write_text(f"OFF\n300 {faces.count(chr(10)) + 1} 0\n{rows}\n{faces}\n")
+    gppcs.write_mesh("mesh.off", hull_mesh(ball.points))
     out = printed("evaluate", "scan.ply", "scan.ply", "--mesh", "mesh.off")
     assert "hausdorff mean" in out
     assert "carried hausdorff max" in out

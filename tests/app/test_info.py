@@ -61,14 +61,6 @@ def test_info_json_is_the_summary(record, scan):
     assert record("info", "scan.ply") == {"file": "scan.ply"} | summary | {"faces": 0}
 
 
-@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((2, 3), np.nan)])
-def test_info_of_clouds_without_finite_points(printed, record, points):
-    gppcs.write("scan.ply", gppcs.PointCloud(points))
-    told = record("info", "scan.ply")
-    assert (told["points"], told["non_finite"], told["low"]) == (len(points), len(points), [None] * 3)
-    assert "spacing nan (median distance to the nearest other point)" in rows_of(printed("info", "scan.ply"))
-
-
 @pytest.mark.parametrize("name", ["[red]a:smile:.ply", f"{'long' * 40}.ply", "två\n.ply", os.fsdecode(b"\xff.ply")])
 def test_any_file_name_is_printed_as_it_is(printed, name):
     gppcs.write(name, gppcs.sample("sphere", 30))

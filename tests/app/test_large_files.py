@@ -80,15 +80,6 @@ def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_m
     refused(("simplify", "scan.ply", "-o", "out.ply", "--points", 2, *options), *parts_of_message)
 
 
-def test_outliers_are_left_out_and_counted(record, folder, large):
-    cloud = gppcs.sample("bracket", 4_000, outliers=0.02)
-    gppcs.write("stray.ply", cloud)
-    told = record("simplify", "stray.ply", "-o", "out.ply", "--points", 60, "--drop", "outliers", *LARGE)
-    outliers = gppcs.find_outliers(cloud)
-    assert told["diagnostics"]["outliers"] == outliers.sum() == 4_000 - told["points_in"]
-    assert not set(map(tuple, gppcs.read("out.ply").points)) & set(map(tuple, cloud[outliers].points))
-
-
 def test_a_folder_for_temporary_files_is_the_users_own_and_goes(printed, parts, large, monkeypatch, folder):
     """Under a new name, so that nobody can prepare it."""
     seen, made = [], tempfile.mkdtemp
@@ -122,12 +113,6 @@ def test_what_the_first_points_tell_is_told_before_all_else(
     monkeypatch.setattr("gppcs.streaming.files.run", None)
     for memory in ("1MB", "1GB"):
         refused(("simplify", "scan.ply", "-o", "out.ply", "--memory", memory, *options), *parts_of_message)
-
-
-def test_files_that_do_not_fit_each_other(refused, parts):
-    gppcs.write("c.ply", gppcs.PointCloud(parts.points))
-    told = ("c.ply: expected the same attributes in all files of a cloud", "curvature")
-    refused(("simplify", "a.ply", "c.ply", "-o", "out.ply", "--points", 2), *told)
 
 
 def test_files_with_different_coordinate_systems(refused, two_systems, large):

@@ -31,12 +31,8 @@ def test_a_mesh_is_written_with_its_vertices(gppcs_command, ball, suffix):
     lost = "" if suffix == ".ply" else f"gppcs: note: small{suffix}: left out: attribute curvature (float32)\n"
     command = ("mesh", "ball.ply", "-o", f"small{suffix}", "--points", 100, "-q")
     assert gppcs_command(*command, *["--lossy"] * bool(lost)) == (0, "", lost)
-    read = gppcs.read(f"small{suffix}")
-    assert np.array_equal(read.points.astype(np.float32), expected.mesh.vertices.astype(np.float32))
-    if suffix == ".ply":
-        assert set(read.attributes) == set(ball.attributes)
-        faces = np.frombuffer(Path("small.ply").read_bytes()[-196 * 13 :], "u1")
-        assert np.array_equal(faces.reshape(196, 13)[:, 1:].copy().view("<i4"), expected.mesh.faces)
+    gppcs.write_mesh(f"expected{suffix}", expected.mesh, expected.cloud, lossy=True)
+    assert Path(f"small{suffix}").read_bytes() == Path(f"expected{suffix}").read_bytes()
 
 
 @pytest.mark.parametrize(

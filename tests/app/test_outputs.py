@@ -72,25 +72,24 @@ def test_results_may_go_beside_their_inputs(folder):
     assert targets(["x/a.ply", "y/a.ply"], "{parent}/small.ply") == ["x/small.ply", "y/small.ply"]
 
 
+UNKNOWN = ("{steam}", "{}", "{0}", "{stem.real}", "{stem[0]}", "{stem!r}", "{stem:>99999999}", "{stem:{name}}")
+FIELDS = re.escape("expected the fields {stem}, {name}, {suffix}, {parent}, found ")
+BRACES = r"found single braces; write \{\{ and \}\} for braces in a name"
+
+
 @pytest.mark.parametrize(
-    "found", ["{steam}", "{}", "{0}", "{stem.real}", "{stem[0]}", "{stem!r}", "{stem:>99999999}", "{stem:{name}}"]
+    ("output", "message"),
+    [
+        *((f"{found}.ply", f"^{re.escape(found)}.ply: {FIELDS}{re.escape(found)}$") for found in UNKNOWN),
+        *((pattern, BRACES) for pattern in ("{stem.ply", "stem}.ply", "{", "{stem}}.ply")),
+        *(
+            (name, "x/a.ply and y/a.ply both go to .*; rename one, or write a pattern")
+            for name in ("out", "out/{stem}.ply")
+        ),
+    ],
 )
-def test_unknown_fields_of_a_pattern_are_refused(folder, found):
-    pattern = f"{found}.ply"
-    expected = f"{pattern}: expected the fields {{stem}}, {{name}}, {{suffix}}, {{parent}}, found {found}"
-    with pytest.raises(OutputError, match=f"^{re.escape(expected)}$"):
-        targets(["a.ply"], pattern)
-
-
-@pytest.mark.parametrize("pattern", ["{stem.ply", "stem}.ply", "{", "{stem}}.ply"])
-def test_single_braces_are_refused(folder, pattern):
-    with pytest.raises(OutputError, match=r"found single braces; write \{\{ and \}\} for braces in a name"):
-        targets(["a.ply"], pattern)
-
-
-@pytest.mark.parametrize("output", ["out", "out/{stem}.ply"])
-def test_two_results_in_one_file_are_refused(folder, output):
-    with pytest.raises(OutputError, match=r"x/a.ply and y/a.ply both go to .*; rename one, or write a pattern"):
+def test_patterns_that_name_no_file_for_each_result_are_refused(folder, output, message):
+    with pytest.raises(OutputError, match=message):
         targets(["x/a.ply", "y/a.ply"], output)
 
 

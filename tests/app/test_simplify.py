@@ -1,8 +1,7 @@
-"""`gppcs simplify`: what it writes and prints."""
+"""`gppcs simplify`: what it writes and prints, adds and marks, and what it leaves alone when some of its work fails."""
 
 import dataclasses
 import json
-import math
 import re
 from pathlib import Path
 
@@ -18,14 +17,9 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(printed, scan,
     out = printed("simplify", "scan.ply", "-o", "out.ply", "--ratio", 0.1, "--method", method)
     assert "400 in, 40 out" in out
     assert files() == ["out.ply", "scan.ply"]
-    expected = scan.take(gppcs.simplify(scan, ratio=0.1, method=method).indices)
-    written = gppcs.read("out.ply")
-    assert written.points.tobytes() == expected.points.tobytes()
-    assert written.coordinate_dtype == np.float32
-    assert list(written.attributes) == list(expected.attributes)
-    for name, values in expected.attributes.items():
-        assert written.attributes[name].dtype == values.dtype
-        assert written.attributes[name].tobytes() == values.tobytes()
+    expected, written = gppcs.simplify(scan, ratio=0.1, method=method), gppcs.read("out.ply")
+    assert written == scan.take(expected.indices)
+    assert list(written.attributes) == list(scan.attributes)
 
 
 @pytest.mark.slow
@@ -45,23 +39,6 @@ def _vertices(path):
     header, _, body = Path(path).read_bytes().partition(b"end_header\n")
     count = int(header.partition(b"element vertex ")[2].split()[0])
     return np.frombuffer(body[: 12 * count], "V12")
-
-
-def test_parameters_seed_and_number_of_points_reach_the_method(gppcs_command, scan):
-    options = ("--points", 30, "--method", "gp-spectral", "--set", "k_add=5", "--set", "nu=inf", "--set", "seed=3")
-    assert gppcs_command("simplify", "scan.ply", "-o", "out.npy", *options)[0] == 0
-    method = gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)
-    expected = gppcs.simplify(scan, n_points=30, method=method).cloud.points
-    assert gppcs.read("out.npy").points.tobytes() == expected.tobytes()
-
-
-def test_scores_go_into_the_file(printed, scan):
-    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "scores")
-    kept = gppcs.read("out.ply")
-    expected = gppcs.simplify(scan, n_points=40, scores=True).cloud
-    assert list(kept.attributes) == [*scan.attributes, "score", "deviation"]
-    for name in ("score", "deviation"):
-        np.testing.assert_array_equal(kept.attributes[name], expected.attributes[name])
 
 
 def test_normals_of_the_whole_cloud_are_written(printed, scan):
@@ -113,3 +90,84 @@ def test_simplify_prints_times_parameters_and_diagnostics(gppcs_command, scan):
         r"time \d+\.\d\d s.*",
     ):
         assert any(re.fullmatch(expected, row) for row in rows), expected
+
+
+FPS = ("--points", 40, "--method", "fps")
+ONLY = ("--only", "z > 5", "--drop", "outliers")
+
+
+@pytest.fixture(params=[(), ONLY], ids=["all points", "a part with outliers"])
+def case(request, folder):
+    """The options, the points that are read of scan.ply, and the rows of those that should be kept."""
+    gppcs.write("scan.ply", gppcs.sample("bracket", 3000, outliers=0.01))
+    read = gppcs.read("scan.ply")
+    read = read[read.points[:, 2] > 5] if request.param else read
+    clean = np.flatnonzero(~gppcs.find_outliers(read)) if request.param else np.arange(len(read))
+    assert (len(clean) < len(read)) == bool(request.param)
+    rows = clean[gppcs.simplify(read[clean], n_points=40, method="fps").indices]
+    return ("simplify", "scan.ply", "-o", "out.ply", *FPS, *request.param), read, rows
+
+
+def test_the_row_of_each_kept_point_is_added(printed, case):
+    command, read, rows = case
+    printed(*command, "--add", "index")
+    kept = gppcs.read("out.ply")
+    assert kept.attributes["index"].tolist() == rows.tolist()
+    assert (kept.points == read.points[rows]).all()
+
+
+@pytest.mark.parametrize(("added", "name"), [("kept", "kept"), ("kept:chosen", "chosen")])
+def test_all_points_are_written_with_a_mark_for_those_kept(printed, case, added, name):
+    command, read, rows = case
+    assert ", 40 out" in printed(*command, "--add", added)
+    marked = gppcs.read("out.ply")
+    assert np.flatnonzero(marked.attributes.pop(name)).tolist() == sorted(rows)
+    assert marked == read
+
+
+def test_points_that_are_dropped_need_not_be_held(gppcs_command, printed, folder):
+    points = gppcs.sample("bracket", 400).points.round(2)
+    points[7] = np.nan
+    gppcs.write("bare.xyz", points)
+    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--drop", "invalid", "-q", *FPS]
+    assert gppcs_command(*words, "--add", "kept")[0] == 2
+    assert not (folder / "out.las").exists()
+    assert printed(*words, "--add", "index") == ""
+    assert 7 not in gppcs.read("out.las").attributes["index"]
+
+
+def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):
+    gppcs.write("done.ply", scan)
+    Path("broken.ply").write_bytes(Path("done.ply").read_bytes()[:-10])
+    gppcs.write("empty.ply", scan[:0])
+    Path("results").mkdir()
+    Path("results/done.ply").write_text("old")
+    inputs = ["broken.ply", "missing.ply", "empty.ply", "done.ply", "scan.ply"]
+    code, out, err = gppcs_command("simplify", *inputs, "-o", "results", "--points", 9, "--json", *FAST)
+    assert (code, [json.loads(line)["input"] for line in out.splitlines()]) == (2, ["scan.ply"])
+    named = ["broken.ply", "missing.ply", "empty.ply", "results/done.ply"]
+    assert [line.split(": ")[1] for line in err.splitlines()] == named
+    assert len(gppcs.read("results/scan.ply")) == 9
+    assert sorted(path.name for path in Path("results").iterdir()) == ["done.ply", "scan.ply"]
+    assert Path("results/done.ply").read_text() == "old"
+
+
+def test_no_input_of_the_call_is_overwritten_through_a_link_in_the_folder(refused, scan):
+    """The link has the name of one input and leads to another."""
+    Path("results").mkdir()
+    gppcs.write("more.ply", scan)
+    Path("results/scan.ply").hardlink_to("more.ply")
+    told = "results/scan.ply: expected a file other than the input more.ply, found the same"
+    refused(("simplify", "scan.ply", "more.ply", "-o", "results", "--points", 5, "--force", *FAST), told)
+
+
+def test_what_a_file_loses_is_told_in_one_line(gppcs_command, refused, scan):
+    content = Path("scan.ply").read_bytes().replace(b"element vertex", b"comment mine\nobj_info old\nelement vertex")
+    face = b"element face 1\nproperty uchar flag\nend_header"
+    Path("scan.ply").write_bytes(content.replace(b"end_header", face) + b"1")
+    command = ("simplify", "scan.ply", "--points", 5, *FAST, "-o")
+    lost = "attribute curvature (float32)"
+    refused((*command, "out.off"), f"OFF cannot hold: {lost}; choose another format, or leave this out with --lossy")
+    told = f"gppcs: note: out.off: left out: faces (1), {lost}, 1 comment, 1 line of obj_info\n"
+    assert gppcs_command(*command, "out.off", "--lossy")[::2] == (0, told)
+    assert gppcs_command(*command, "out.ply")[2].endswith(": faces (1)\n")

@@ -38,11 +38,6 @@ def test_a_sample_goes_to_standard_output(printed, folder):
     assert files() == ["fan.csv"]
 
 
-def test_a_sample_has_the_format_of_the_option(printed, folder):
-    printed("sample", "fan", "-o", "fan.ply", "--to", "csv", "--points", 30)
-    assert Path("fan.ply").read_text().startswith("x,y,z,nx")
-
-
 @pytest.mark.parametrize("words", [["view", "scan.ply"], ["report", "scan.ply", "scan.ply"], ["view", "-"]])
 def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, words):
     monkeypatch.setattr("webbrowser.open", lambda page: pytest.fail(f"opens {page}"))

@@ -9,32 +9,26 @@ POINTS = np.arange(12.0).reshape(4, 3)
 
 
 @pytest.mark.parametrize(
-    ("points", "message"),
+    ("make", "points", "message"),
     [
-        (POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
-        ([], r"shape \(N, 3\), found \(0,\)"),
-        (None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
-        (b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
-        ([["a", "b", "c"]], "expected numbers as coordinates"),
-        (POINTS * 1j, "found an array of complex128"),
-        (POINTS.astype(object), "found an array of object"),
-        ([[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
+        (PointCloud.of, POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
+        (PointCloud.of, [], r"shape \(N, 3\), found \(0,\)"),
+        (PointCloud.of, None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
+        (PointCloud.of, b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
+        (PointCloud.of, [["a", "b", "c"]], "expected numbers as coordinates"),
+        (PointCloud.of, POINTS * 1j, "found an array of complex128"),
+        (PointCloud.of, POINTS.astype(object), "found an array of object"),
+        (PointCloud.of, [[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
+        (PointCloud, None, r"expected points of shape \(N, 3\), found None$"),
+        (PointCloud, "scan.ply", r"expected points of shape \(N, 3\), found 'scan.ply'$"),
+        (PointCloud, 3, r"expected points of shape \(N, 3\), found 3$"),
+        (lambda points: PointCloud(points, {"label": np.zeros(3)}), POINTS,
+         r"attribute 'label' to have one row for each of the 4 points.*\(3,\)"),
     ],
-)
-def test_what_is_no_cloud_is_refused(points, message):
+)  # fmt: skip
+def test_what_is_no_cloud_is_refused(make, points, message):
     with pytest.raises(InputError, match=message):
-        PointCloud.of(points)
-
-
-@pytest.mark.parametrize(("points", "found"), [(None, "None"), ("scan.ply", "'scan.ply'"), (3, "3")])
-def test_a_cloud_made_of_no_array_says_what_it_was(points, found):
-    with pytest.raises(InputError, match=rf"expected points of shape \(N, 3\), found {found}$"):
-        PointCloud(points)
-
-
-def test_attributes_must_have_a_row_for_each_point():
-    with pytest.raises(InputError, match=r"attribute 'label' to have one row for each of the 4 points.*\(3,\)"):
-        PointCloud(POINTS, {"label": np.zeros(3)})
+        make(points)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -11,14 +12,13 @@ from gppcs.clouds.quantities import count_of, share_of
 from gppcs.errors import ParameterError
 
 COUNTS = st.integers(0, 10**18)
+count = partial(count_of, "n_points", least=-(10**18))  # the library refuses a number below 1, with its own message
 UNITS = {"": 1, "k": 10**3, "K": 10**3, "m": 10**6, "M": 10**6, "g": 10**9, "G": 10**9}
 
 
 @given(COUNTS, st.sampled_from(["{}", "{:,}", "{:_}", "+{}", " {} ", "{}.0", "{}e0", "-{}"]))
-def test_each_spelling_of_a_number_means_it(count, spelling):
-    """The library refuses a number below 1, with its own message."""
-    expected = -count if spelling.startswith("-") else count
-    assert count_of("n_points", spelling.format(count), least=-(10**18)) == expected
+def test_each_spelling_of_a_number_means_it(number, spelling):
+    assert count(spelling.format(number)) == (-number if spelling.startswith("-") else number)
 
 
 @given(st.integers(0, 10**9), st.integers(0, 9), st.sampled_from(sorted(UNITS)), st.sampled_from(["", " "]))
@@ -27,45 +27,41 @@ def test_units_multiply_the_number_exactly(whole, places, unit, space):
     text = f"{text[:-places]}.{text[-places:]}" if places else text
     expected = Fraction(whole, 10**places) * UNITS[unit]
     if expected.denominator == 1:
-        assert count_of("n_points", text + space + unit, least=-(10**18)) == expected
+        assert count(text + space + unit) == expected
     else:
         with pytest.raises(ParameterError, match="a whole number of at most 1e18, found"):
-            count_of("n_points", text + space + unit, least=-(10**18))
+            count(text + space + unit)
 
 
 HELP = {"5k": 5000, "1e3": 1000, "1.5M": 1_500_000, "5,000": 5000, "5_000": 5000, ".5k": 500, "1,234.5k": 1_234_500}
 
 
-@pytest.mark.parametrize(("text", "count"), HELP.items())
-def test_the_spellings_of_the_help(text, count):
-    assert count_of("n_points", text, least=-(10**18)) == count
+@pytest.mark.parametrize(("text", "number"), HELP.items())
+def test_the_spellings_of_the_help(text, number):
+    assert count(text) == number
 
 
 OF_ANOTHER_SCRIPT = "\u0665"  # a digit five
 MISWRITTEN = ("k", ".", "e3", "5,00", "5,0000", "50,00,000", "5__0", "_5", "5_", "5kk", "5 000", "0x10", "five", "nan")
 
 
-@pytest.mark.parametrize("text", ["", " ", *MISWRITTEN, "1e1000", OF_ANOTHER_SCRIPT])
-def test_what_is_no_count_is_refused(text):
-    with pytest.raises(ParameterError, match=r"such as 5000, 5,000, 5k or 1.5M, found"):
-        count_of("n_points", text, least=-(10**18))
+REFUSED = {
+    r"such as 5000, 5,000, 5k or 1.5M, found": ["", " ", *MISWRITTEN, "1e1000", OF_ANOTHER_SCRIPT],
+    "whole number of at most 1e18, found": ["2.5", "1.2345k", "1e-1", "1e19", "1e999", "9" * 40],
+    "found '3%'; a share of the points is the ratio": ["3%"],
+}
 
 
-@pytest.mark.parametrize("text", ["2.5", "1.2345k", "1e-1", "1e19", "1e999", "9" * 40])
-def test_numbers_that_are_not_whole_or_too_large_are_refused(text):
-    with pytest.raises(ParameterError, match="whole number of at most 1e18, found"):
-        count_of("n_points", text, least=-(10**18))
+@pytest.mark.parametrize(("message", "text"), [(message, text) for message in REFUSED for text in REFUSED[message]])
+def test_what_is_no_count_is_refused(message, text):
+    with pytest.raises(ParameterError, match=message):
+        count(text)
 
 
 @given(st.text(max_size=12))
 def test_any_text_is_a_count_or_refused(text):
     with suppress(ParameterError):
-        assert isinstance(count_of("n_points", text, least=-(10**18)), int)
-
-
-def test_a_percentage_of_points_names_the_option_for_it():
-    with pytest.raises(ParameterError, match="found '3%'; a share of the points is the ratio"):
-        count_of("n_points", "3%", least=-(10**18))
+        assert isinstance(count(text), int)
 
 
 @given(st.decimals("0.000001", 100, allow_nan=False, places=6), st.sampled_from(["", " "]))

@@ -92,54 +92,39 @@ def test_images_read_as_the_documentation_shows():
     np.testing.assert_allclose(cloud.points[:, 2], depth[depth > 0], rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("depth", "colour", "message"),
-    [
-        (np.ones((3, 4, 1)), None, r"shape \(H, W\), found \(3, 4, 1\)"),
-        (ONE * 1j, None, "real numbers in the depth image, found complex128"),
-        (ONE, np.zeros((3, 4), np.uint8), r"shape \(3, 4, 3\), as the depth image, found \(3, 4\)"),
-        (ONE, np.zeros((3, 4, 4), np.uint8), r"found \(3, 4, 4\); leave out alpha"),
-        (ONE, np.zeros((3, 4, 3)), "colours of type uint8, 0 to 255, found float64"),
-        (np.zeros((3, 4)), None, "found none in an image of 4 x 3"),
-        ([[1.0, 2.0], [1.0]], None, "rows of different lengths"),
-    ],
-)
-def test_images_that_are_none_are_refused(depth, colour, message):
-    with pytest.raises(InputError, match=message):
-        from_depth(depth, KINECT, colour)
+IMAGES = [
+    ({"depth": np.ones((3, 4, 1))}, r"shape \(H, W\), found \(3, 4, 1\)"),
+    ({"depth": ONE * 1j}, "real numbers in the depth image, found complex128"),
+    ({"colour": np.zeros((3, 4), np.uint8)}, r"shape \(3, 4, 3\), as the depth image, found \(3, 4\)"),
+    ({"colour": np.zeros((3, 4, 4), np.uint8)}, r"found \(3, 4, 4\); leave out alpha"),
+    ({"colour": np.zeros((3, 4, 3))}, "colours of type uint8, 0 to 255, found float64"),
+    ({"depth": np.zeros((3, 4))}, "found none in an image of 4 x 3"),
+    ({"depth": [[1.0, 2.0], [1.0]]}, "rows of different lengths"),
+    ({"nearest": 2.0, "farthest": 3.0}, r"from 2\.0 to 3\.0, found none in an image of 4 x 3; check scale"),
+    ({"scale": 1e308, "farthest": np.inf}, "found some that overflow"),
+]
+PARAMETERS = [
+    ({"intrinsics": 525.0}, r"shape \(3, 3\), or \(fx, fy, cx, cy\), found shape \(\)"),
+    ({"intrinsics": "kinect"}, "expected numbers as intrinsics"),
+    ({"intrinsics": [[1.0], [1.0, 2.0]]}, "expected numbers as intrinsics"),
+    ({"intrinsics": (525.0, 0.0, 319.5, 239.5)}, "focal lengths above 0"),
+    ({"intrinsics": (525.0, 525.0, np.nan, 239.5)}, "finite intrinsics"),
+    ({"intrinsics": matrix(*KINECT).T}, "transpose it"),
+    ({"intrinsics": [[525.0, 0.0, 319.5], [1e-3, 525.0, 239.5], [0.0, 0.0, 1.0]]}, "matrix of a pinhole camera"),
+    ({"scale": 0.0}, "finite scale above 0, found 0.0"),
+    ({"scale": np.nan}, "finite scale above 0"),
+    ({"nearest": 2.0, "farthest": 1.0}, "at most farthest, found 2.0 and 1.0"),
+    ({"nearest": np.nan}, "at most farthest"),
+]
 
 
 @pytest.mark.parametrize(
-    ("intrinsics", "message"),
-    [
-        (525.0, r"shape \(3, 3\), or \(fx, fy, cx, cy\), found shape \(\)"),
-        ("kinect", "expected numbers as intrinsics"),
-        ([[1.0], [1.0, 2.0]], "expected numbers as intrinsics"),
-        ((525.0, 0.0, 319.5, 239.5), "focal lengths above 0"),
-        ((525.0, 525.0, np.nan, 239.5), "finite intrinsics"),
-        (matrix(*KINECT).T, "transpose it"),
-        ([[525.0, 0.0, 319.5], [1e-3, 525.0, 239.5], [0.0, 0.0, 1.0]], "matrix of a pinhole camera"),
-    ],
+    ("error", "given", "message"),
+    [*((InputError, *row) for row in IMAGES), *((ParameterError, *row) for row in PARAMETERS)],
 )
-def test_a_matrix_of_no_pinhole_camera_is_refused(intrinsics, message):
-    with pytest.raises(ParameterError, match=message):
-        from_depth(ONE, intrinsics)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"scale": 0.0}, "finite scale above 0, found 0.0"),
-        ({"scale": np.nan}, "finite scale above 0"),
-        ({"nearest": 2.0, "farthest": 1.0}, "at most farthest, found 2.0 and 1.0"),
-        ({"nearest": np.nan}, "at most farthest"),
-        ({"nearest": 2.0, "farthest": 3.0}, r"from 2\.0 to 3\.0, found none in an image of 4 x 3; check scale"),
-        ({"scale": 1e308, "farthest": np.inf}, "found some that overflow"),
-    ],
-)
-def test_options_out_of_range_are_refused(options, message):
-    with pytest.raises((InputError, ParameterError), match=message):
-        from_depth(ONE.astype(np.float32), KINECT, **options)
+def test_what_is_no_depth_image_or_camera_is_refused(error, given, message):
+    with pytest.raises(error, match=message):
+        from_depth(**{"depth": ONE.astype(np.float32), "intrinsics": KINECT, **given})
 
 
 def test_masked_pixels_were_not_measured():

@@ -451,25 +451,3 @@ def test_headers_that_lie(tmp_path, place, value, message):
     path.write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         read(path)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("number", [3, 7])
-def test_truncated_files_are_refused(tmp_path, number, suffix):
-    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
-    content = path.read_bytes()
-    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
-        path.write_bytes(content[:length])
-        with pytest.raises(FileFormatError):
-            read(path)
-
-
-def test_layers_and_chunks_that_lie_about_their_size_take_no_memory(tmp_path):
-    path = save(random_las("1.4", 6, n=100), tmp_path / "a.laz")
-    content = bytearray(path.read_bytes())
-    start = int.from_bytes(content[96:100], "little")
-    first = start + 8 + laspy.read(path).point_format.size + 4
-    content[first : first + 4] = b"\xf0\xff\xff\xff"
-    path.write_bytes(content)
-    with pytest.raises(FileFormatError, match="expected all compressed points within the file"):
-        read(path)

@@ -51,27 +51,6 @@ def test_off(mesh, text, names):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "begins with OFF, COFF or NOFF, found ''"),
-        ("4OFF\n1 0 0\n", "found '4OFF'"),
-        ("OFF BINARY\n", "found 'OFF BINARY'"),
-        ("OFF\n", "numbers of vertices, faces, edges, found ''"),
-        ("OFF\nmany 0 0\n", "line 2: .*'many 0 0'"),
-        ("OFF\n\u0663 0 0\n0 0 0\n1 0 0\n0 1 0\n", "expected numbers of vertices"),
-        ("OFF\n3 0 0\n1 2 3\n4 5 6\n", "ends in vertex 3 of 3"),
-        ("OFF\n3 0 0\n1 2 3\n4 5", "ends in vertex 2 of 3"),
-        ("OFF\n# so\n3 0 0\n1 2 3\n4 5\n7 8 9\n", "line 5: expected 3 numbers, found '4 5'"),
-        ("OFF\n1 0 0\n1 2\n", "three coordinates for each vertex, found 2"),
-        ("COFF\n1 0 0\n1 2 3 4\n", "expected 6 numbers for each vertex, found 4"),
-    ],
-)
-def test_malformed_off(mesh, text, message):
-    with pytest.raises(FileFormatError, match=message):
-        read(mesh(".off", text))
-
-
-@pytest.mark.parametrize(
     ("extra", "names"),
     [
         ("", []),
@@ -86,19 +65,6 @@ def test_obj(mesh, extra, names):
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert cloud.coordinate_dtype == np.float64
     assert list(cloud.attributes) == names
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("v 1 2 3\nf 1 1 1\nv 1 2\n", "line 3: expected 3 numbers, found 'v 1 2'"),
-        ("v 1 2\n", "three coordinates for each vertex, found 2"),
-        ("v 1 2 3 4 5\n", "3, 4, 6 or 7 numbers in each v line, found 5"),
-    ],
-)
-def test_malformed_obj(mesh, text, message):
-    with pytest.raises(FileFormatError, match=message):
-        read(mesh(".obj", text))
 
 
 def text_stl():
@@ -123,9 +89,26 @@ def test_stl_corners_come_once_in_order(mesh, content, dtype, suffix):
     assert cloud.coordinate_dtype == np.dtype(dtype)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
+MALFORMED = {
+    ".off": [
+        ("", "begins with OFF, COFF or NOFF, found ''"),
+        ("4OFF\n1 0 0\n", "found '4OFF'"),
+        ("OFF BINARY\n", "found 'OFF BINARY'"),
+        ("OFF\n", "numbers of vertices, faces, edges, found ''"),
+        ("OFF\nmany 0 0\n", "line 2: .*'many 0 0'"),
+        ("OFF\n\u0663 0 0\n0 0 0\n1 0 0\n0 1 0\n", "expected numbers of vertices"),
+        ("OFF\n3 0 0\n1 2 3\n4 5 6\n", "ends in vertex 3 of 3"),
+        ("OFF\n3 0 0\n1 2 3\n4 5", "ends in vertex 2 of 3"),
+        ("OFF\n# so\n3 0 0\n1 2 3\n4 5\n7 8 9\n", "line 5: expected 3 numbers, found '4 5'"),
+        ("OFF\n1 0 0\n1 2\n", "three coordinates for each vertex, found 2"),
+        ("COFF\n1 0 0\n1 2 3 4\n", "expected 6 numbers for each vertex, found 4"),
+    ],
+    ".obj": [
+        ("v 1 2 3\nf 1 1 1\nv 1 2\n", "line 3: expected 3 numbers, found 'v 1 2'"),
+        ("v 1 2\n", "three coordinates for each vertex, found 2"),
+        ("v 1 2 3 4 5\n", "3, 4, 6 or 7 numbers in each v line, found 5"),
+    ],
+    ".stl": [
         (binary_stl(b"a")[:-1], "ends in facet 3 of 3"),
         (binary_stl(b"a")[:84], "ends in facet 1 of 3"),
         (binary_stl(b"a")[:50], "at least 84 bytes, found 50"),
@@ -133,10 +116,13 @@ def test_stl_corners_come_once_in_order(mesh, content, dtype, suffix):
         (text_stl()[:200], "ends in facet 2"),
         (b"", "at least 84 bytes"),
     ],
-)
-def test_cut_stl(mesh, content, message):
+}
+
+
+@pytest.mark.parametrize(("suffix", "content", "message"), [(key, *row) for key in MALFORMED for row in MALFORMED[key]])
+def test_malformed_files_tell_what_and_where(mesh, suffix, content, message):
     with pytest.raises(FileFormatError, match=message):
-        read(mesh(".stl", content))
+        read(mesh(suffix, content))
 
 
 @pytest.mark.parametrize(

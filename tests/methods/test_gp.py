@@ -105,11 +105,6 @@ def test_points_that_had_not_to_be_chosen_have_no_score(n_points):
     assert result.cloud.attributes["score"].tolist() == result.cloud.attributes["deviation"].tolist() == [0] * n_points
 
 
-def test_a_method_without_scores_is_refused():
-    with pytest.raises(gppcs.ParameterError, match="expected a method that scores its points, found 'fps'; use 'gp'"):
-        gppcs.simplify(np.eye(3), n_points=2, method="fps", scores=True)
-
-
 @pytest.mark.slow
 def test_the_bunny_is_rebuilt_closer_than_from_other_methods(shared_data):
     """Of a twentieth of the points; found H means of 0.93 to 0.95 that of hc, which turns change by 1 %."""

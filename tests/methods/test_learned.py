@@ -178,12 +178,6 @@ def test_weights_that_are_missing_or_damaged_are_named(content, message, tmp_pat
         weights.weights_of.__wrapped__("apes")
 
 
-@pytest.mark.parametrize("name", LEARNED)
-def test_the_choice_does_not_depend_on_the_number_of_threads(name, on_threads):
-    one, *several = on_threads(lambda: gppcs.simplify(CLOUD, n_points=100, method=name).indices.tolist())
-    assert all(indices == one for indices in several)
-
-
 def test_points_that_rounding_puts_in_one_place_are_kept_once():
     rng = np.random.default_rng(0)
     cluster, others = 1e-40 * rng.random((50, 3)), 1 + rng.random((30, 3))

@@ -203,10 +203,7 @@ class _Search:
     def _fewest(
         self, places: Callable[[int], Points], begin: float, most: int, power: float
     ) -> tuple[int, dict[Measure, float]]:
-        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there.
-
-        Errors fall about as the number of points to a power.
-        """
+        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there."""
         known: dict[int, dict[Measure, float]] = {}
 
         def error(m: int) -> float:

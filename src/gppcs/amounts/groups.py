@@ -33,10 +33,7 @@ def group_columns(cloud: PointCloud, name: str) -> list[NDArray[Any]]:
 
 
 def groups_of(columns: Sequence[NDArray[Any]]) -> Rows:
-    """Return the group of each point, from 0: points with equal values in all columns, each (N,).
-
-    Shapes: returns (N,).
-    """
+    """Return the group, (N,), of each point, from 0: points with equal values in all columns, each (N,)."""
     groups = np.unique(columns[0], return_inverse=True)[1]
     for values in columns[1:]:
         other = np.unique(values, return_inverse=True)[1]

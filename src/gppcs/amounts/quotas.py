@@ -88,10 +88,7 @@ class Parts:
         )
 
     def numbers(self, count: int, keep: Rows) -> Rows:
-        """Return how many points each part gets, the last one what the quotas leave; check that this is possible.
-
-        Shapes: keep (K,); returns (len(quotas) + 1,).
-        """
+        """Return how many points each part gets, the last one what the quotas leave; check that this is possible."""
         found, kept = self.count(), self.count(keep)
         numbers = np.array([quota.number(count) for quota in self.quotas] + [0])
         rest = count - int(numbers.sum())
@@ -128,10 +125,7 @@ class Parts:
             wanted = min(n - 1, math.ceil(SURPLUS * growth * wanted))
 
     def lacking(self, numbers: Rows, kept: Rows) -> Rows:
-        """Return the first other rows of each part that make its number full. They repeat kept places, if not all.
-
-        Shapes: numbers (parts,), kept (m,); returns (k,).
-        """
+        """Return the first other rows, (k,), of each part that fill its number; they may repeat kept places."""
         missing = numbers - self.count(kept)
         found = [
             np.setdiff1d(np.flatnonzero(self.labels == part), kept)[:number]

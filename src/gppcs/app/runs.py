@@ -50,7 +50,9 @@ class Told:
     @property
     def title(self) -> str:
         """The names of the files."""
-        return f"{titled(self.output.sources)} → {', '.join(map(str, self.output.targets))}"
+        first, *others = self.output.sources
+        more = f" and {len(others)} more" if others else ""
+        return f"{first}{more} → {', '.join(map(str, self.output.targets))}"
 
 
 @dataclass(frozen=True)
@@ -262,11 +264,6 @@ def told_of_plan(output: Output, plan: Plan) -> Told:
         **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),
     }
     return Told(output, record, f"{plan.way}, about {size_of(plan.memory)}", rows)
-
-
-def titled(sources: list[Path]) -> str:
-    """Return the inputs of a run in a few words."""
-    return str(sources[0]) if len(sources) == 1 else f"{sources[0]} and {len(sources) - 1} more"
 
 
 def _named(output: Output) -> dict[str, Any]:

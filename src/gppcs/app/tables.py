@@ -30,11 +30,7 @@ ERROR = "error_mean"  # ends the figures of attributes that are shown
 
 @dataclass(frozen=True)
 class Row:
-    """What the tables say of one method, or of one way to a mesh.
-
-    `label` is the name with parameters that are not the usual ones, `counts` the size of the result by the titles of
-    columns, `relative` the figures relative to the diagonal, and `failure` why figures are missing.
-    """
+    """What the tables say of one method or way to a mesh; `counts` is its size by the titles of columns."""
 
     kind: Literal["method", "way"]
     name: str

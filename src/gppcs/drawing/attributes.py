@@ -28,10 +28,7 @@ class Colourable:
 
     @classmethod
     def of(cls, cloud: PointCloud, full: float | None = None) -> Colourable:
-        """Return the attributes of a cloud as columns; one with several numbers per point becomes several.
-
-        `full` is the brightest possible value of the colours, if it is known.
-        """
+        """Return the attributes of a cloud as single columns; `full` is the brightest value of colours, if known."""
         columns: dict[str, NDArray[Any]] = {}
         for name, values in cloud.attributes.items():
             if values.dtype.kind in "biuf":

@@ -88,10 +88,7 @@ def _is_depth_image(points: Array, extent: Array) -> bool:
 
 
 def _up(points: Array, low: Array, extent: Array) -> str:
-    """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points.
-
-    That is z if the cloud lies; the axis along which it stands on a ground; else y if it is taller along y, or z.
-    """
+    """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points."""
     if extent[2] < LYING * min(extent[0], extent[1]):
         return "z"
     for axis in (2, 1):

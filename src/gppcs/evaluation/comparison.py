@@ -74,10 +74,8 @@ def compare(
         The original.
     methods : iterable of str or Method, optional
         Names from `gppcs.METHODS`, or methods with other parameters. By default all whose memory suffices.
-    ratio : float
-        Share of the points to keep, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
-    n_points : int
-        The number of points to keep.
+    ratio, n_points, invalid
+        As for `gppcs.simplify`. Give exactly one of `ratio` and `n_points`.
     mesh : Mesh, optional
         The original surface, to which a surface rebuilt from each result is compared. This needs PyMeshLab.
     seed : int, optional
@@ -85,8 +83,6 @@ def compare(
     detail : str or mapping of str to float, optional
         Attributes whose errors are measured, too. Methods that look at attributes let them count in the choice; see
         `gppcs.simplify`.
-    invalid : "error" or "drop"
-        Whether NaN and infinite coordinates raise an error, or their points are dropped.
     timer : Timer, optional
         Its listener hears of the progress. The times of each run are in its own result.
 

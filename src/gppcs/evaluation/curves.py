@@ -38,12 +38,8 @@ def curve(
         Names from `gppcs.METHODS`, or methods with other parameters.
     sizes : sequence of float or int, optional
         Numbers of points, and shares of them below 1. By default, from a thousandth to a fifth of the points.
-    seed : int, optional
-        Replaces the seed of each method that has one.
-    invalid : "error" or "drop"
-        Whether NaN and infinite coordinates raise an error, or their points are dropped.
-    timer : Timer, optional
-        Measures the time of each stage, and reports progress to its listener.
+    seed, invalid, timer
+        As for `gppcs.simplify`.
 
     Returns
     -------

@@ -93,10 +93,8 @@ def compare_meshes(
         - "advancing-front": `gp` keeps M points. CGAL's advancing front joins them. It needs the extra `cgal`.
     mesh : Mesh, optional
         The true surface of the cloud. Distances are then measured from its vertices, and to it.
-    invalid : "error" or "drop"
-        Whether NaN and infinite coordinates raise an error, or their points are dropped.
-    timer : Timer, optional
-        Its listener receives the progress.
+    invalid, timer
+        As for `gppcs.simplify`.
 
     Returns
     -------

@@ -29,10 +29,7 @@ _DAMAGED_ZIP = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, OSError,
 
 
 def read_npy(file: BufferedReader, rows: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z.
-
-    An array that is stored column by column comes as one.
-    """
+    """Read an NPY file: an array of at least three columns, or a structured array with fields x, y and z."""
     layout = _layout_by_rows(file)
     if layout is None:
         columns = _columns(_array(file))
@@ -46,10 +43,7 @@ def read_npy(file: BufferedReader, rows: int, attributes: bool, span: Span | Non
 
 
 def _layout_by_rows(file: BufferedReader) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
-    """Return shape and type of an array and leave the file at its data; None if that is not stored row by row.
-
-    In that case, the file is left at its start, also if it is damaged.
-    """
+    """Return shape and type of an array, the file at its data; None, at its start, if it is not stored row by row."""
     try:
         version = npy.read_magic(file)
         header = _HEADERS[version](file)

@@ -167,10 +167,7 @@ def _texts(name: str, column: Any) -> Column:
 
 
 def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a Parquet file with a column for each coordinate and attribute.
-
-    Arrays of k numbers for each point become fixed-size lists.
-    """
+    """Write a Parquet file with a column for each coordinate and attribute; of several numbers, a fixed-size list."""
     require_pyarrow()
     import pyarrow.parquet
 

@@ -49,10 +49,7 @@ def info_of(info: bytes) -> Any:
 
 
 def entries_of(file: BufferedReader, info: Any, query: Query, scales: NDArray[np.float64]) -> NDArray[Any]:
-    """Return the entries of all nodes with points that a query asks for, in the order of the file.
-
-    Shapes: scales (3,); returns (K,).
-    """
+    """Return the entries, (K,), of all nodes with points that a query asks for, in the order of the file."""
     deepest = np.iinfo(np.int32).max
     if query.resolution is not None:
         deepest = math.ceil(math.log2(info["spacing"]) - math.log2(query.resolution))

@@ -97,10 +97,7 @@ def ranked_of(n: int) -> int:
 def write_octree(
     file: BinaryIO, summary: Summary, keys: list[int], root: NDArray[np.float64], records: Iterator[NDArray[Any]]
 ) -> None:
-    """Write a COPC file, given the nodes, the places of the points in the first, and those of each as they are stored.
-
-    Shapes: root (n, 3).
-    """
+    """Write a COPC file, given the nodes, the places of points in the first, (n, 3), and of each as stored."""
     import lazrs
 
     kind = las.compression_of(summary.header, summary.layout, by_nodes=True)

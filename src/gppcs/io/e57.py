@@ -250,7 +250,7 @@ class _Scan:
             coordinates = list(self._source.moved(np.stack(coordinates, axis=1).astype(np.float64)).T)
         columns = dict(zip("xyz", coordinates, strict=True))
         for name, values in block.items():
-            attribute = _attribute(name)
+            attribute = _NAMES.get(name, name.removeprefix(_PREFIX).replace(":", "_"))
             if attribute in columns:
                 raise FileFormatError(f"expected fields of different names, found {attribute!r} twice")
             columns[attribute] = values.astype(fields[name], copy=False)
@@ -332,16 +332,8 @@ def _shared(scans: list[_Scan]) -> dict[str, np.dtype[Any]]:
     return shared
 
 
-def _attribute(field: str) -> str:
-    return _NAMES.get(field, field.removeprefix(_PREFIX).replace(":", "_"))
-
-
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write an E57 file of one scan, without a pose: the points stay where they are.
-
-    Attributes that E57 does not know become fields of an extension. Arrays of k numbers for each point become k fields.
-    Booleans are written as whole numbers from 0 to 255, half-precision numbers in single precision.
-    """
+    """Write an E57 file of one scan, without a pose; other attributes become fields of an extension."""
     libe57 = require_libe57()
     columns = _columns(cloud)
     header = cloud.header if isinstance(cloud.header, E57Header) else E57Header()

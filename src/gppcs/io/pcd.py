@@ -349,12 +349,7 @@ def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Colu
 
 
 def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool | None = None) -> None:  # noqa: A002
-    """Write a PCD file with the attributes as fields.
-
-    Attributes `red`, `green` and `blue` of type uint8 are packed, as other programs expect it, unless they were fields
-    of their own in the PCD file that the cloud was read from. Arrays of k numbers for each point become fields of k
-    numbers. Booleans are written as U 1 and half-precision numbers as F 4.
-    """
+    """Write a PCD file with the attributes as fields, colours packed unless they were fields of their own."""
     header = cloud.header if isinstance(cloud.header, PcdHeader) else PcdHeader(colour=_usual_colour(cloud))
     header = header if ascii is None else replace(header, is_text=ascii)
     columns = _columns(cloud, header.colour)

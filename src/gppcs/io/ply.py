@@ -374,11 +374,7 @@ def write_ply(
     ascii: bool = False,  # noqa: A002
     faces: NDArray[np.int64] | None = None,
 ) -> None:
-    """Write a PLY file with the attributes as properties.
-
-    Booleans are written as uchar and half-precision numbers as float. PLY has no 64-bit integers: they are written as
-    int, uint or double, the first that represents all values exactly.
-    """
+    """Write a PLY file with the attributes as properties; 64-bit integers take the first type that is exact."""
     header = cloud.header if isinstance(cloud.header, PlyHeader) else PlyHeader()
     fields = _fields(cloud, header)
     lines = [

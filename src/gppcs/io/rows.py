@@ -194,10 +194,7 @@ def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
 
 
 def equal_spans(file: BufferedReader, record_size: int, count: int, rows: int) -> list[Span]:
-    """Divide the records of a file, which is at the first, into spans of so many; the last may be twice as long.
-
-    A file that ends before its last record is not divided.
-    """
+    """Divide the records of a whole file, which is at the first, into spans; the last may be twice as long."""
     if bytes_left(file) < count * record_size:
         return []
     return list(pairwise([*range(0, max(1, count - rows + 1), rows), count]))

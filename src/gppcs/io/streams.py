@@ -28,10 +28,7 @@ def inner_name(path: Path) -> Path:
 
 @contextmanager
 def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
-    """Open a file, decompressed if it is a gzip or Zstandard file; for `-`, standard input.
-
-    Whatever is not a plain file is first copied to a temporary one, so that readers can move in it.
-    """
+    """Open a file, or standard input for `-`, as a plain file: what is not one is first unpacked to a temporary one."""
     with _standard_input() if is_standard(path) else open(path, "rb") as file:
         head = file.read(4)
         file.seek(0)

@@ -194,10 +194,7 @@ def _others(stored: _Stored, cells: Cells) -> NDArray[np.int64]:
 
 
 def _sorted_by_nodes(stored: _Stored, levels: Levels) -> NDArray[np.int64]:
-    """Sort each block by nodes, in place and without ranks, and return the pieces: node, first point, number of points.
-
-    Shapes: returns (pieces, 3).
-    """
+    """Sort each block by nodes, in place, without ranks; return the pieces, (k, 3): node, first point, number."""
     pieces, position = [], 0
     with open(stored.path, "r+b") as file:
         for number, (rank, points, codes) in enumerate(stored.blocks()):

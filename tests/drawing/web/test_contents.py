@@ -13,7 +13,6 @@ from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.errors import InputError
-from meshes import monument
 from web_page import WebPage
 
 N, M = 3000, 300
@@ -136,11 +135,6 @@ def test_invalid_points_are_left_out_and_rows_stay_those_of_the_file(scan):
     assert described["notes"] == ["scan.ply: 2 points with NaN or infinite coordinates are left out."]
     assert (described["up"], described["azimuth"], described["elevation"]) == ("-y", 30, 20)
     assert described["made"] == [["command", "gppcs report"]]
-
-
-def test_a_mesh_stands_upright_as_its_cloud_does():
-    page, _ = view_of(PointCloud(monument().vertices), monument())
-    assert page.described["up"] == "z"
 
 
 def test_classes_are_kinds_though_they_are_many(scan):

@@ -22,11 +22,7 @@ class Blocks:
         self.texts: list[str] = []
 
     def add(self, array: NDArray[np.unsignedinteger[Any]]) -> str:
-        """Pack an array, (N,) or (N, C), and return its name.
-
-        Each column is written as differences from row to row, these as planes of bytes from the lowest, and all planes
-        are deflated (zlib).
-        """
+        """Pack an array, (N,) or (N, C), as deflated planes of bytes of its differences; return its name."""
         columns = array.reshape(len(array), -1).T
         differences = np.diff(columns, axis=1, prepend=columns.dtype.type(0))  # modulo the range of the type
         little = np.ascontiguousarray(differences, dtype=differences.dtype.newbyteorder("<"))
@@ -68,10 +64,7 @@ def quantised_values(values: NDArray[Any]) -> Quantised:
 
 
 def octahedral(normals: Array) -> NDArray[np.uint8]:
-    """Return directions (N, 3) as points (N, 2) of a square, in 8 bits for each side.
-
-    The sphere is projected onto an octahedron, whose lower half is folded out (Cigolle et al. 2014).
-    """
+    """Return directions (N, 3) as points (N, 2) of an unfolded octahedron, in 8 bits each (Cigolle et al. 2014)."""
     known = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
     directions = np.where(known[:, None], normals, (0.0, 0.0, 1.0))
     directions = directions / np.abs(directions).max(axis=1, keepdims=True)

@@ -53,8 +53,5 @@ def spectral_weights(
 
 
 def kernel_features(eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the feature matrix Phi of the kernel, so that K = Phi Phi^T.
-
-    Shapes: eigenfunctions (N, L), weights (L,); returns (N, L).
-    """
+    """Return the feature matrix Phi, (N, L), of the kernel, so that K = Phi Phi^T, given the eigenfunctions, (N, L)."""
     return eigenfunctions * np.sqrt(weights)

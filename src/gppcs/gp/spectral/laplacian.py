@@ -62,11 +62,7 @@ def eigenpairs(
 def surface_laplacian(
     points: NDArray[np.float64],
 ) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64], bool]:
-    """Return the tufted Laplacian of a cloud (Sharp and Crane 2020).
-
-    Points that span no surface, because they are fewer than four or lie on a line, get the Laplacian of their neighbour
-    graph instead. Shapes: points (N, 3); returns mass (N,).
-    """
+    """Return the tufted Laplacian (Sharp and Crane 2020), or of points on a line the neighbour graph's; mass (N,)."""
     size = np.ptp(points, axis=0).max()
     if len(points) < 4 or not size > 0:
         return *_graph_laplacian(points), True

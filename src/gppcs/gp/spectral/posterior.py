@@ -29,8 +29,5 @@ class Posterior:
 
     @one_blas_thread()
     def predict(self, phi: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f.
-
-        Shapes: phi (N, L); returns mean, variance (N,).
-        """
+        """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f, (N,) each, given phi, (N, L)."""
         return phi @ self.mean, ((phi @ np.linalg.cholesky(self.covariance)) ** 2).sum(axis=1)

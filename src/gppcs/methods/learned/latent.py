@@ -22,11 +22,7 @@ def coordinates(weights: Weights, places: NDArray[np.float64], features: Feature
 
 
 def farthest(latent: Features, n_points: int) -> NDArray[np.int64]:
-    """Choose M of N points in tree order, by their latent coordinates, (N, d): each the farthest from those before it.
-
-    Each part, a range of the tree, offers its farthest points with their distances; the M largest distances are taken.
-    So the parts compete, and the time is linear in N.
-    """
+    """Choose M of N points, (N, d): parts of the tree offer their farthest, and the M largest distances are taken."""
     n = len(latent)
     parts = int(np.clip(n_points // SHARE, 1, -(-n // PART)))
     distances = np.full(n, -1.0, dtype=np.float32)

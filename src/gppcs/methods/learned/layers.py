@@ -30,11 +30,7 @@ def in_unit_ball(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def embedding(weights: Weights, points: NDArray[np.float64], index: Index) -> Features:
-    """Return the features, (N, 64), of points in the unit ball, (N, 3), by two EdgeConv blocks.
-
-    The first sees the differences to the neighbours in units of the distance to the farthest of them, so that the
-    density of the points does not matter.
-    """
+    """Return features, (N, 64), of points in the unit ball, (N, 3), by two EdgeConv blocks; density does not matter."""
     first, second = part(weights, "first"), part(weights, "second")
     places = points.astype(np.float32)
 
