@@ -56,6 +56,17 @@ def test_evaluate_with_a_mesh(printed):
     assert "carried hausdorff max" in out
 
 
+def test_a_note_tells_that_the_faces_of_a_simplified_cloud_do_not_count(gppcs_command, scan):
+    gppcs.write_mesh("mesh.ply", hull_mesh(scan.points))
+    _, _, told = gppcs_command("evaluate", "scan.ply", "mesh.ply", "-q")
+    faces = len(gppcs.read_mesh("mesh.ply").faces)
+    assert told == (
+        f"gppcs: note: mesh.ply: its {faces} faces do not count, only its points: --simplified-mesh mesh.ply judges "
+        "the mesh\n"
+    )
+    assert gppcs_command("evaluate", "scan.ply", "scan.ply", "-q")[2] == ""
+
+
 def test_the_help_of_evaluate_defines_every_figure(printed):
     out = " ".join(printed("evaluate", "--help").split())
     for report in (gppcs.Report, gppcs.Rebuilt, gppcs.MeshReport):

@@ -85,6 +85,20 @@ def test_the_run_is_printed_as_a_table(printed, ball):
     assert re.fullmatch(r".*mean distance of the points from the mesh .*time \d+\.\d\d s.*", " ".join(rows))
 
 
+@pytest.mark.parametrize("unit", [None, "mm"])
+def test_lengths_are_printed_with_their_unit_and_as_shares_of_the_diagonal(printed, ball, unit):
+    options = ["--unit", unit] if unit else []
+    rows = rows_of(printed("mesh", "ball.ply", "-o", "small.ply", "--tolerance", "1%", *options))
+    diagonal = np.linalg.norm(np.ptp(ball.points, axis=0))
+    assert f"tolerance {0.01 * diagonal:.4g} {unit + ' ' if unit else ''}(1.000% of the diagonal)" in rows
+    words = {"mean distance of the points from the mesh", "largest distance of the points that count",
+             "largest distance of a vertex from the points' surface"}  # fmt: skip
+    of_unit = f" {unit}" if unit else ""
+    pattern = rf"(.*?) \d[\d.e-]*{of_unit} \([\d.]+% of the diagonal\)"
+    assert words < {found[1] for row in rows if (found := re.fullmatch(pattern, row))}
+    assert ("lengths in the unit of the coordinates, which the file does not tell" in rows) == (unit is None)
+
+
 def test_holes_pieces_and_handles_are_told(gppcs_command, folder):
     points, _ = torus(8000)
     cap = gppcs.sample("sphere", 3000).points / 100

@@ -256,6 +256,18 @@ def test_a_flat_square_within_a_tolerance_has_the_vertices_of_its_corners():
     assert largest_distance(result, grid) <= 0.1
 
 
+@pytest.mark.parametrize("tolerance", ["0.1%", "0.3%"])
+def test_a_cube_within_a_tolerance_has_the_vertices_of_its_corners(tolerance):
+    """From the middle of an edge between a corner and a vertex on a flat side, the fit does not find the corner."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(size=(12_000, 3))
+    points[np.arange(12_000), rng.integers(3, size=12_000)] = rng.integers(2, size=12_000)
+    result = gppcs.mesh(points, tolerance=tolerance)
+    assert is_sound(result.mesh)
+    assert (len(result.mesh.vertices), len(result.mesh.faces)) == (8, 12)
+    assert largest_distance(result, points) <= result.diagnostics["tolerance"]
+
+
 def test_holes_and_borders_stay_within_a_tolerance(ball):
     open_ball = ball.points[np.abs(ball.points[:, 2]) < 30]
     result = gppcs.mesh(open_ball, tolerance=0.5)

@@ -68,6 +68,14 @@ def test_a_wall_of_steps_is_one_piece_however_many_points_there_are(seed):
         assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
 
 
+def test_a_slot_about_as_narrow_as_joined_points_are_apart_has_no_ragged_bridges():
+    """Points far closer to each other see the slot, and left 7 borders."""
+    points = wall(160_000)[0]
+    points = points[(np.abs(points[:, 0] - 0.5) > 0.008) | (points[:, 1] < 0.2)]
+    topology = topology_of(gppcs.mesh(points, n_points=2500).mesh.faces)
+    assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
+
+
 def test_a_room_seen_by_a_depth_camera_has_few_pieces():
     """Without this, there are 101 pieces with 122 borders."""
     mesh = gppcs.mesh(gppcs.sample("room"), n_points=5_000).mesh

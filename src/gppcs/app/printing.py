@@ -126,14 +126,24 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
             continue
         rows[name.replace("_", " ")] = {
             "count": f"{value:,.0f}",
-            "length": f"{value:.4g}{of_unit}"
-            + (f"  ({relative[name]:.3%} of the diagonal)" if name != "diagonal" else ""),
+            "length": length_in_words(value, unit, raw["diagonal"] if name != "diagonal" else 0.0),
             "squared length": f"{value:.4g}{of_unit and of_unit + '²'}  ({relative[name]:.3g} of the squared diagonal)",
             "degrees": f"{value:.4g} degrees",
             "share": f"{100 * value:.4g} %",
             "ratio": f"{value:.4g}",
         }[figure_called(name).unit]
-    return rows if unit else {**rows, "lengths": "in the unit of the coordinates, which the file does not tell"}
+    return rows | of_unknown_unit(unit)
+
+
+def length_in_words(value: float, unit: str | None, diagonal: float) -> str:
+    """Return a length with its unit, if it is known, and as a share of a diagonal that is not 0."""
+    words = f"{value:.4g} {unit}" if unit else f"{value:.4g}"
+    return f"{words}  ({value / diagonal:.3%} of the diagonal)" if diagonal else words
+
+
+def of_unknown_unit(unit: str | None) -> dict[str, str]:
+    """Return the row that tells that the unit of lengths is not known, if it is not."""
+    return {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
 
 
 def _verdict(report: Report | MeshReport, unit: str) -> str:

@@ -15,6 +15,7 @@ from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, normals_of, with_signs
 
+LEVEL_OF_NOISY = 3  # points of the first mesh of a noisy cloud, in vertices of the result: finest ones are not worth it
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
 FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
@@ -43,7 +44,7 @@ class DensePoints:
         tree = KdTree.build(points[rows])
         uneven = None if thick else UnevenNoise.of(tree)
         if uneven:
-            return cls._of_uneven(rows[tree.order], tree, uneven)
+            return cls._of_uneven(rows[tree.order], tree, uneven, LEVEL_OF_NOISY * n_vertices)
         noise = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
@@ -66,16 +67,20 @@ class DensePoints:
         return cls(rows, raw, places, normals, cover, noise)
 
     @classmethod
-    def _of_uneven(cls, rows: Ints, tree: KdTree, uneven: UnevenNoise) -> DensePoints:
-        """Take points to the surface across noise that differs from place to place; rows in the order of the tree."""
+    def _of_uneven(cls, rows: Ints, tree: KdTree, uneven: UnevenNoise, joined: int) -> DensePoints:
+        """Take points to the surface across noise that differs from place to place; rows in the order of the tree.
+
+        So many of them will be joined to the first mesh.
+        """
         raw = np.ascontiguousarray(tree.points.T)
         feet, normals, fitted = uneven.projected(tree)
         tree = KdTree.build(feet)
         rows, raw, places = rows[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
         near, squared = tree.neighbours(EDGES)
         normals = with_signs(tree.in_own_order(), near, normals[tree.order])
-        # A point covers the surface as far as it would in the thinned cloud that its quadric is fitted to.
-        reaches = _reaches(near[:, :RANK], squared[:, :RANK])
+        # A point covers the surface as far as it would in the thinned cloud that its quadric is fitted to, and as it
+        # would among the joined points: these cannot tell a gap that is no wider than they are apart.
+        reaches = _reaches(near[:, :RANK], squared[:, :RANK]) * max(1.0, len(rows) / joined) ** 0.5
         reaches = np.maximum(reaches, fitted[tree.order] * (RANK / FITTED) ** 0.5)
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, float(np.sqrt((uneven.noise**2).mean())), True)

@@ -79,7 +79,11 @@ def try_collapses(begin, end, surface, edges, extra, found):
 
 @kernel(allocates=False)
 def collapsed(surface, star, h, extra):
-    """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this."""
+    """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this.
+
+    It is sought from the middle on. Where distances have a limit and none is within it from there on, as beside a
+    corner, it is sought from both ends on; without a limit, such collapses are too dear to be made.
+    """
     mesh = surface.mesh
     v, u = mesh.origin[h], mesh.origin[following(h)]
     a, b = row(surface.vertices, v), row(surface.vertices, u)
@@ -95,6 +99,12 @@ def collapsed(surface, star, h, extra):
     if star.worst[0] > surface.limit:
         return np.inf, middle
     least, place = fit_star(surface, star, middle, extra)
+    if least == np.inf and surface.limit < np.inf:
+        for end in (a, b):
+            star.triangles[: star.sizes[1]] = -1
+            found, there = fit_star(surface, star, end, extra)
+            if found < least:
+                least, place = found, there
     return least - energy, place
 
 

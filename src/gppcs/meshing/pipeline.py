@@ -21,7 +21,7 @@ from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_numb
 from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.bounding import bound, thinned_by_quadrics
-from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
 from gppcs.meshing.filling import holes_filled
@@ -37,7 +37,6 @@ from gppcs.surface.outliers import outliers_among
 
 FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
 LEVEL = 8  # points of the first mesh, in vertices of the result
-LEVEL_OF_NOISY = 3  # the same for noisy clouds, whose finest points are not worth joining
 STRAY_TRIANGLES = 24  # of a piece of the first mesh where noise is uneven; smaller ones are strays of its layers
 NEIGHBOURS = 24  # of a point of the first mesh, among which those of its fan are
 LEAST_VERTICES = 256  # the first mesh of a lighter result is made as for this many
@@ -371,9 +370,11 @@ class _FirstMesh:
                 "together: they fill a volume, are too few, or have noise thicker than their spacing"
             )
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
-        faces = without_scraps(faces, len(level), STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES)
+        fewest = STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES
+        faces = without_scraps(faces, len(level), fewest)
         vertices = places if moved else dense.raw[level]
         faces = without_cuts(faces, vertices, normals, np.isin(dense.rows[level], chosen))
+        faces = without_scraps(faces, len(level), fewest)  # cuts leave some, too
         first = cls(dense, level, faces, agreed)
         if not len(faces) or (len(faces) < PIECE_TRIANGLES and 2 * first.joined < len(level)):
             raise NoSurfaceError(

@@ -11,6 +11,7 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.flips import SHARP, price, thinness
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
 from gppcs.meshing.quadrics import add_borders
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.triangles import area_vector, dot, has_area, minus, nearest_in_triangle, row, squared_distance, unit
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, value
 
@@ -35,6 +36,8 @@ class Surface(NamedTuple):
     after: Ints  # (n,): the next point of the same triangle, -1 after the last one
     limit: float  # of the squared distances of points; infinity if there is none
     reaches: Floats  # (n,): with a limit, how far a vertex may be from each point, if this is the nearest one; squared
+    low: Floats  # (nodes, 3): with a limit, the boxes of a tree over the points
+    high: Floats  # (nodes, 3): the boxes of a tree over the points
 
     @classmethod
     def of(
@@ -46,12 +49,16 @@ class Surface(NamedTuple):
         limit: float = np.inf,
         reaches: Floats | None = None,
     ) -> Self:
-        """List the points of each triangle."""
+        """List the points of each triangle; with a limit, points near each other are side by side, as in a tree."""
         borders = np.zeros((len(vertices), NUMBERS))
         add_borders(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), borders)
         first, after = np.full(len(mesh.origin) // 3, -1), np.full(len(points), -1)
-        reaches = np.full(len(points), np.inf) if reaches is None else reaches
-        surface = cls(mesh, vertices, borders, points, assigned, first, after, limit, reaches)
+        if reaches is None:
+            reaches, low, high = np.empty(0), np.empty((0, 3)), np.empty((0, 3))
+        else:
+            tree = KdTree.over(np.ascontiguousarray(points.T))
+            low, high = tree.low, tree.high
+        surface = cls(mesh, vertices, borders, points, assigned, first, after, limit, reaches, low, high)
         _list_points(surface)
         return surface
 
@@ -286,7 +293,7 @@ def _is_allowed(surface, star, p):
         if star.squared[m] > most:
             return False
         largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
-    if largest < NEAR or not _is_in_reach(surface, star, p):
+    if largest < NEAR or not _is_in_reach(surface, p):
         return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
@@ -304,18 +311,14 @@ def _is_allowed(surface, star, p):
     return True
 
 
-@kernel(allocates=False)
-def _is_in_reach(surface, star, p):
-    """Return whether the nearest point of a star is near enough to its vertex at p, if distances have a limit."""
+@kernel
+def _is_in_reach(surface, p):
+    """Return whether the nearest point is near enough to a vertex at p, if distances have a limit."""
     if surface.limit == np.inf:
         return True
-    least, reach = np.inf, 0.0
-    for m in range(star.sizes[1]):
-        off = minus(row(surface.points, star.members[m]), p)
-        squared = dot(off, off)
-        if squared < least:
-            least, reach = squared, surface.reaches[star.members[m]]
-    return least <= max(surface.limit, reach)
+    found, squared = np.empty(1, dtype=np.int64), np.empty(1)
+    nearest_in_tree(surface.points.T, surface.low, surface.high, p[0], p[1], p[2], found, squared)
+    return squared[0] <= max(surface.limit, surface.reaches[found[0]])
 
 
 @kernel(allocates=False)

@@ -56,7 +56,7 @@ def evaluate(
     from gppcs.clouds.quantities import unit_of
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.evaluation.judge import evaluate_mesh
-    from gppcs.io.mesh_files import read_mesh
+    from gppcs.io.mesh_files import count_faces, read_mesh
 
     timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
@@ -69,6 +69,11 @@ def evaluate(
     with timer("reading"):
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
+    if simplified and (faces := count_faces(simplified, input_format)):
+        print_error(
+            f"note: {simplified}: its {faces:,} faces do not count, only its points: --simplified-mesh {simplified} "
+            "judges the mesh"
+        )
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
     report = (
         evaluate_mesh(clouds[0], judged, surface, timer)

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 from gppcs.app import options
 from gppcs.app.panels import SIZE
 from gppcs.app.printing import (
+    length_in_words,
     names_of,
     note_left_out,
     number_in_words,
+    of_unknown_unit,
     print_error,
     record_of_run,
     show,
@@ -91,6 +93,7 @@ def mesh(
     the mesh is open.
     """
     from gppcs import io
+    from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import check_mesh_format, check_mesh_storable, write_mesh
     from gppcs.meshing.pipeline import Size
@@ -130,10 +133,31 @@ def mesh(
         "points": f"{len(original):,}",
         "mesh": f"{vertices:,} vertices, {triangles:,} triangles",
         "shape": _shape(result.diagnostics),
-        **{word: number_in_words(value) for name, word in WORDS.items() if (value := result.diagnostics.get(name))},
+        **_measured(result.diagnostics, unit_of(original.header, unit), _diagonal(original)),
         "time": time_in_words(result.seconds),
     }
     show(record, f"{cloud} → {output}", rows, as_json, quiet)
+
+
+def _diagonal(cloud: PointCloud) -> float:
+    """Return the diagonal of the bounding box of the finite points."""
+    import numpy as np
+
+    return float(np.linalg.norm(np.ptp(cloud.points[cloud.finite_rows()], axis=0)))
+
+
+def _measured(diagnostics: Mapping[str, float], unit: str | None, diagonal: float) -> dict[str, str]:
+    """Return the diagnostics that are not 0 as rows of a table, with units."""
+    from gppcs.meshing.pipeline import LENGTHS
+
+    rows = {}
+    for name, word in WORDS.items():
+        if value := diagnostics.get(name):
+            if name in LENGTHS:
+                rows[word] = length_in_words(value, unit, diagonal)
+            else:
+                rows[word] = f"{value:.3%}" if name == "left_out" else number_in_words(value)
+    return rows | of_unknown_unit(unit)
 
 
 def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:
