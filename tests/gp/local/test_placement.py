@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from dense import distances_to_triangles
 from gppcs.gp.local import algorithm, placement
 from gppcs.gp.local.placement import exchanged, nearest_each
 from gppcs.spatial.kdtree import KdTree
@@ -31,29 +32,38 @@ def placed(points, chosen, fixed=0, noise=QUIET):
     return np.where(new < 0, chosen, new)
 
 
-def test_each_place_goes_to_the_point_of_its_cell_with_the_least_quadric_error(monkeypatch):
-    """One pass without a judge, in NumPy."""
+def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest(monkeypatch):
+    """One pass, in NumPy, on cells all of whose points are judged."""
     monkeypatch.setattr(placement, "PASSES", 1)
     points = sphere_cap()
-    chosen = np.random.default_rng(1).choice(len(points), 200, replace=False)
-    found = placed(points, chosen)
+    chosen = np.random.default_rng(1).choice(len(points), 800, replace=False)
+    found, surface = placed(points, chosen), LocalSurface.of(points[chosen])
     nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
     gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
     normals = points  # of the sphere
-    moved = np.flatnonzero(found != chosen)
-    assert len(moved) > 100
     agree = []
-    for v in moved:
+    for slot, v in enumerate(surface.tree.order):
         cell = np.flatnonzero(nearest[:, 0] == v)
+        if not 1 < len(cell) <= placement.JUDGED:
+            continue
+        fan = surface.tree.order[surface.corners[slot][surface.corners[slot][:, 0] >= 0]]
         steps = points[cell][:, None] - points[cell]
         errors = (np.einsum("ijk,ik->ij", steps, normals[cell]) ** 2).sum(axis=0)
         errors += placement.PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
         farthest = (steps**2).sum(axis=2).max(axis=0)
         near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (placement.REACH * gaps[v]) ** 2
         errors[~near | (farthest > placement.WIDER**2 * squared.max())] = np.inf
-        assert found[v] in cell
-        agree.append(errors[cell == found[v]][0] <= errors.min() * 1.05)
-    assert np.mean(agree) > 0.95  # normals of the planes are not quite those of the sphere
+        better = [x for x in np.argsort(errors)[: placement.TRIED] if errors[x] < errors[cell == chosen[v]][0]]
+        tried = [chosen[v], *cell[better]]
+        agree.append(found[v] == min(tried, key=lambda x: off_fan(points[cell], points[x], points[chosen[fan]])))
+    assert len(agree) > 500
+    assert np.mean(agree) > 0.9  # normals of the planes are not quite those of the sphere
+
+
+def off_fan(points, apex, corners):
+    """The summed distance of points, (n, 3), from the triangles around an apex, given their other corners, (t, 2, 3)."""
+    triangles = np.concatenate([np.broadcast_to(apex, (len(corners), 1, 3)), corners], axis=1)
+    return distances_to_triangles(points, triangles).sum()
 
 
 @pytest.mark.parametrize("seed", range(3))
