@@ -61,7 +61,7 @@ def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangl
 
 
 def off_fan(points, apex, corners):
-    """The summed distance of points, (n, 3), from the triangles around an apex, given their other corners, (t, 2, 3)."""
+    """The summed distance of points, (n, 3), from the triangles between an apex and other corners, (t, 2, 3)."""
     triangles = np.concatenate([np.broadcast_to(apex, (len(corners), 1, 3)), corners], axis=1)
     return distances_to_triangles(points, triangles).sum()
 
