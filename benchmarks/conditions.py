@@ -393,8 +393,9 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
         if value is not None:
             scaled = relative(known, value, condition.diagonal)
             wanted[name] = value if scaled is None else scaled
-    wanted["exact_mean"] = wanted["surface_mean"]
-    if condition.exact is not None:
+    if condition.exact is None:
+        wanted["exact_mean"] = wanted["surface_mean"]
+    else:
         wanted["exact_mean"] = mean_to_local_surface(condition.exact, kept.points) / condition.diagonal
     if condition.reference:
         try:

@@ -109,9 +109,9 @@ def judged(condition: Condition, method: gppcs.LocalGP) -> tuple[float, float]:
 
 
 def changed(change: tuple[int, float] | None, chosen: Sequence[Condition]) -> dict[str, tuple[float, float]]:
-    """Return the figures by condition with one constant changed, given by its number, for good: a process of its own.
+    """Return the figures by condition with one constant changed, given by its number.
 
-    Kernels hold the values that constants have when they are first called.
+    It changes the module for good, so it needs a process of its own: kernels keep the values of their first call.
     """
     gppcs.set_threads(1)
     method = gppcs.LocalGP()

@@ -61,8 +61,8 @@ def test_a_note_tells_that_the_faces_of_a_simplified_cloud_do_not_count(gppcs_co
     _, _, told = gppcs_command("evaluate", "scan.ply", "mesh.ply", "-q")
     faces = len(gppcs.read_mesh("mesh.ply").faces)
     assert told == (
-        f"gppcs: note: mesh.ply: its {faces} faces do not count, only its points: --simplified-mesh mesh.ply judges "
-        "the mesh\n"
+        f"gppcs: note: mesh.ply: only its points are judged, not its {faces} faces; for the mesh, use "
+        "--simplified-mesh mesh.ply\n"
     )
     assert gppcs_command("evaluate", "scan.ply", "scan.ply", "-q")[2] == ""
 

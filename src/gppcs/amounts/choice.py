@@ -86,7 +86,11 @@ def choose_quotas(
     again: NDArray[np.int64],
     chosen: Callable[[int], Selection],
 ) -> Selection:
-    """Choose a number of points, of which each quota gets its own; `chosen` ranks, the first `fixed` kept."""
+    """Choose a number of points, of which each quota gets its own.
+
+    `chosen` ranks a number of points, the first `fixed` of those to keep; others to keep repeat their places. Shapes:
+    keep (K,), again (k,).
+    """
     numbers = parts.numbers(count, keep)
     selection = replace(parts.choose(numbers - parts.count(again), fixed, chosen), ranked=False)
     if fixed:
@@ -101,7 +105,10 @@ def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """The places among which is chosen, the first `fixed` kept: their rows, None for all, and rows to keep again."""
+    """The places among which is chosen. The first `fixed` of them are kept.
+
+    `rows` are those of the places, None for all points; `again` are rows to keep at the same places.
+    """
 
     points: Points
     rows: NDArray[np.int64] | None

@@ -20,7 +20,11 @@ AT_ONCE = 1 << 16  # points whose neighbours are gathered at once, to bound the 
 
 
 def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], KdTree]:
-    """Return variation (N,) and normals (N, 3) without a sign at points (N, 3), and the tree of normalised ones."""
+    """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and a tree over them.
+
+    The variation is NaN where fewer than four points are near. The tree is over the distinct points, shifted and scaled
+    by `normalised`.
+    """
     local, _, _ = normalised(points)
     distinct = local[first_occurrences(local)]
     tree = KdTree.build(distinct)
@@ -34,7 +38,10 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
 def reaches(
     points: NDArray[np.float64], neighbours: NDArray[np.int64], sixth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the distances (N,) to the sixth neighbours, less where a scan has but lines, which are not closed."""
+    """Return the distances (N,) to the sixth neighbours, less where a scan has but lines: they are no surface to close.
+
+    Shapes: points (M, 3), neighbours (N, K), numbers of points.
+    """
     across = np.empty(len(sixth))
     for first in range(0, len(sixth), AT_ONCE):
         part = slice(first, first + AT_ONCE)

@@ -37,7 +37,11 @@ class Head(NamedTuple):
 
 @dataclass
 class CloudFiles:
-    """One or several files that together are one cloud; use it in a `with` statement, which removes copies."""
+    """One or several files that together are one cloud: its points are theirs, in the order of the files.
+
+    A compressed file and standard input are copied to a temporary file on the first use. Use it in a `with` statement,
+    which removes these.
+    """
 
     paths: Sequence[Path]
     format: str | None = None
@@ -143,7 +147,10 @@ class CloudFiles:
                 yield from (self._in_one_system(cloud) for cloud in parts if len(cloud))
 
     def head(self) -> Head:
-        """Read the first points, once, and tell the number of all: as each file says, or as its own first points do."""
+        """Read the first points, once, and tell the number of all: as each file says, or as its own first points do.
+
+        A file that has to be read as a whole is kept for the next `read`.
+        """
         if self._head is None:
             first: PointCloud | None = None
             whole, points, density, exact = None, 0.0, 0.0, True
@@ -197,7 +204,10 @@ class CloudFiles:
             yield from known.chunks(file, rows, attributes, **{name: each for name, each in more.items() if each})
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
-        """Return a cloud with the header of the first file, if its system counts for all and it is read alike."""
+        """Return a cloud with the header of the first file, if its coordinate system counts for all files.
+
+        A cloud whose attributes are to be read in another way keeps its own header, which says so.
+        """
         if not self.assume_same_crs or cloud.header is None:
             return cloud
         first = self._header = self._header or cloud.header

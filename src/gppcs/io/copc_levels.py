@@ -164,7 +164,10 @@ def divided(cells: Cells, ranked: NDArray[np.int64], others: NDArray[np.int64]) 
 def by_node(
     codes: NDArray[np.int64], level: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Sort points by nodes: return their keys (m,), the rows of the points (n,), and each node's first (m,)."""
+    """Sort points by nodes: return the keys of the nodes (m,), the rows of the points (n,), and each node's first (m,).
+
+    A key is a bit that tells the level, and behind it the code of the cell. Three bits less name the node above.
+    """
     bits = 3 * level.astype(np.int64)
     keys = np.left_shift(1, bits) | codes >> 3 * DEEPEST - bits
     order = np.argsort(level, kind="stable")  # quick, and leaves neighbours together, which makes the next sort quick

@@ -87,7 +87,11 @@ def _checked(laszip: Record | None, record: np.dtype[Any]) -> Record:
 
 
 def _chunk_table(file: BufferedReader, laszip: Record) -> list[tuple[int, int]]:
-    """Return numbers of points and sizes of the chunks (of the last perhaps too many); the file stays where it is."""
+    """Return the number of points and the size in bytes of each chunk. The file is at its first point before and after.
+
+    If all chunks but the last have the same number of points, the table gives this number for the last one, too,
+    even if it has fewer.
+    """
     import lazrs
 
     start = file.tell()

@@ -68,7 +68,11 @@ def _identity(path: Path) -> tuple[int, int] | str:
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for writing that appears under its name, with the mode of an old one, only when complete."""
+    """Open a file for writing that appears under its name only when it is complete.
+
+    The content goes to a temporary file in the same folder. If the block ends without an exception, that file is
+    renamed to the target; otherwise it is removed. A file that replaces another keeps the other's permissions.
+    """
     check_writable(path, force)
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one
     temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")

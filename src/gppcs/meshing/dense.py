@@ -15,7 +15,7 @@ from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.surface.noise import THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, normals_of, with_signs
 
-LEVEL_OF_NOISY = 3  # points of the first mesh of a noisy cloud, in vertices of the result: finest ones are not worth it
+LEVEL_OF_NOISY = 3  # points of the first mesh for each vertex of the result, of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex of the result: more make the quadrics hardly better
 NOISY = 0.25  # least noise that counts, in distances to the neighbour of rank `RANK`
 FITS = 20, 40  # points of the quadrics that tell noise from detail; points go to the feet on those of the second
@@ -70,7 +70,7 @@ class DensePoints:
     def _of_uneven(cls, rows: Ints, tree: KdTree, uneven: UnevenNoise, joined: int) -> DensePoints:
         """Take points to the surface across noise that differs from place to place; rows in the order of the tree.
 
-        So many of them will be joined to the first mesh.
+        `joined` is the number of points of the first mesh.
         """
         raw = np.ascontiguousarray(tree.points.T)
         feet, normals, fitted = uneven.projected(tree)

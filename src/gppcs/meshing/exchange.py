@@ -81,8 +81,8 @@ def try_collapses(begin, end, surface, edges, extra, found):
 def collapsed(surface, star, h, extra):
     """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this.
 
-    It is sought from the middle on. Where distances have a limit and none is within it from there on, as beside a
-    corner, it is sought from both ends on; without a limit, such collapses are too dear to be made.
+    The fit starts in the middle of the edge. With a limit, if it finds no allowed place, as beside a corner, it starts
+    at each end; without one, such collapses are too dear to be made.
     """
     mesh = surface.mesh
     v, u = mesh.origin[h], mesh.origin[following(h)]

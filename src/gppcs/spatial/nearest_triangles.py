@@ -19,7 +19,11 @@ Ints = NDArray[np.int64]
 
 
 def nearest_triangles(vertices: Floats, faces: Ints, places: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return number, squared distance and two barycentric coordinates of the nearest triangle to each place, (N, 3)."""
+    """Return the nearest of triangles, (F, 3), to each place, (N, 3).
+
+    Returns its number, (N,), the squared distance, (N,), and the barycentric coordinates of the nearest place on it for
+    its second and its third corner, (N, 2).
+    """
     sorted_ones = KdTree.build(vertices[faces].mean(axis=1)).order
     corners, leaves = vertices[faces[sorted_ones]], 1
     while len(faces) > TRIANGLES_IN_LEAF * leaves:

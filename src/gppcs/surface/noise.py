@@ -66,7 +66,11 @@ class Observations(NamedTuple):
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of a cloud, for a target spacing: detail of about that size makes observations uncertain, too."""
+    """The noise of a cloud, for a simplification to a given target spacing.
+
+    Detail of about that size looks like thin noise, which therefore makes observations uncertain, but moves no
+    features.
+    """
 
     # Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
     tree: KdTree | None

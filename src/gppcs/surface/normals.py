@@ -241,7 +241,11 @@ def _fit_of_normals(points, normals, i, j):
 
 @kernel
 def _signs(edges, points, normals, near):
-    """Join points by edges e, from e // k to its neighbour e % k, in the given order (Kruskal 1956)."""
+    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each, (N,) both.
+
+    Edge e leads from point e // k to its neighbour e % k. Each point of a piece knows its parent and the sign relative
+    to it.
+    """
     parents = np.arange(len(points))
     signs = np.ones(len(points), dtype=np.int8)
     for edge in edges:

@@ -44,6 +44,7 @@ def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangl
     agree = []
     for slot, v in enumerate(surface.tree.order):
         cell = np.flatnonzero(nearest[:, 0] == v)
+        assert found[v] in cell
         if not 1 < len(cell) <= placement.JUDGED:
             continue
         fan = surface.tree.order[surface.corners[slot][surface.corners[slot][:, 0] >= 0]]

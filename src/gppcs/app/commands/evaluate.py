@@ -71,8 +71,8 @@ def evaluate(
         read = io.read_each(inputs, input_format, names_of(columns))
     if simplified and (faces := count_faces(simplified, input_format)):
         print_error(
-            f"note: {simplified}: its {faces:,} faces do not count, only its points: --simplified-mesh {simplified} "
-            "judges the mesh"
+            f"note: {simplified}: only its points are judged, not its {faces:,} faces; for the mesh, use "
+            f"--simplified-mesh {simplified}"
         )
     clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
     report = (

@@ -1,11 +1,12 @@
 """Placement: each chosen point gives its place to the point near it that stands best for its cell.
 
 The cell of a chosen point holds the points that are nearer to it than to the other chosen points. Of these, the step
-tries the few with the least quadric error: the summed squared distance from the tangent planes of all points of the
-cell (Garland and Heckbert 1997). The one to whose triangles the cell lies nearest gets the place, if its quadric error
-is below that of the place and the cell lies nearer than before. On convex parts, the new place is mostly a little
-outside the surface through its neighbours, so the error of the triangles falls; at ridges and corners it is on these.
-The order of choice stays, so every prefix gains as well.
+tries the three with the least quadric error, if it is below that of the chosen point: the summed squared distance from
+the tangent planes of all points of the cell (Garland and Heckbert 1997). The one to whose triangles the cell lies
+nearest takes the place, if the cell lies nearer than before. With attributes, all points are tried whose error alone is
+not too large. On convex parts, the new place is mostly a little outside the surface through its neighbours, so the
+error of the triangles falls; at ridges and corners it is on these. The order of choice stays, so every prefix gains as
+well.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its po
 # A wall is thin if more than this share of the cell has planes parallel to that of the point, by their cosine, and lies
 # steep above it, by the squared sine of the slope.
 THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
-TRIED = 3  # Points of a cell, at most, around which the triangles are tried
+TRIED = 3  # Points of a cell that are tried, at most, if only the shape counts.
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
@@ -229,7 +230,7 @@ def _exchange(
         least = (0.0 if by_shape else own) - ROUNDING * reach[v]
         least += _off_fan(feet, places, fan, place, before, before[v], after, change[v], cell, np.inf)
         tried = 0
-        while True:  # from the least error on, until that of the place itself, or until the error alone is too large
+        while True:  # in the order of the error, up to that of the place; with attributes, until it alone is too large
             slot = np.argmin(errors[: len(cell)])
             x, error, errors[slot] = cell[slot], errors[slot], np.inf
             if error == np.inf or error >= (own if by_shape else least):

@@ -128,7 +128,10 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, begin):
 
 @kernel(fastmath={"contract", "reassoc", "nsz"})
 def _observe(phi, y, noise, mean, covariance):
-    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,)."""
+    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,).
+
+    Its loops stand in place of BLAS, whose rounding depends on the number of threads.
+    """
     along = np.empty(len(phi), dtype=np.float64)
     spread, error = noise, y
     for row in range(len(phi)):

@@ -22,7 +22,10 @@ def log_marginal_likelihood(
     mean_squares: NDArray[np.float64],
     theta: Hyperparameters,
 ) -> tuple[float, NDArray[np.float64]]:
-    """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, (4,), in O(n L^2) for n points."""
+    """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, in O(n L^2) for n points.
+
+    Shapes: eigenvalues (L,), eigenfunctions (n, L), y (n,), mean_squares (L,); returns gradient (4,).
+    """
     n, count = eigenfunctions.shape
     noise = theta.noise
     weights = spectral_weights(eigenvalues, mean_squares, theta)
@@ -56,7 +59,10 @@ def fit(
     fit_nu: bool = False,
     iterations: int = 200,
 ) -> Hyperparameters:
-    """Maximise the marginal likelihood (paper, Eq. 5) over the logarithms, by L-BFGS-B from four lengthscales."""
+    """Maximise the marginal likelihood (paper, Eq. 5) over variance, lengthscale and noise, and optionally nu.
+
+    L-BFGS-B optimises the logarithms. It starts from four lengthscales, and the best result is returned.
+    """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]
     bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (LEAST_NOISE * scale, 1e2 * scale)])
