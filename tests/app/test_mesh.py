@@ -99,6 +99,14 @@ def test_lengths_are_printed_with_their_unit_and_as_shares_of_the_diagonal(print
     assert ("lengths in the unit of the coordinates, which the file does not tell" in rows) == (unit is None)
 
 
+@pytest.mark.parametrize("size", [1e-170, 1e180])
+def test_shares_of_the_diagonal_hold_for_coordinates_whose_squares_overflow(gppcs_command, ball, size):
+    gppcs.write("ball.npy", gppcs.PointCloud(ball.points * size), force=True)
+    _, out, err = gppcs_command("mesh", "ball.npy", "-o", "small.ply", "--tolerance", "1%")
+    assert any(row.startswith("tolerance ") and "(1.000% of the diagonal)" in row for row in rows_of(out))
+    assert "overflow" not in err
+
+
 def test_holes_pieces_and_handles_are_told(gppcs_command, folder):
     points, _ = torus(8000)
     cap = gppcs.sample("sphere", 3000).points / 100

@@ -126,7 +126,7 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
             continue
         rows[name.replace("_", " ")] = {
             "count": f"{value:,.0f}",
-            "length": length_in_words(value, unit, raw["diagonal"] if name != "diagonal" else 0.0),
+            "length": length_in_words(value, unit, raw["diagonal"] if name != "diagonal" else None),
             "squared length": f"{value:.4g}{of_unit and of_unit + '²'}  ({relative[name]:.3g} of the squared diagonal)",
             "degrees": f"{value:.4g} degrees",
             "share": f"{100 * value:.4g} %",
@@ -135,8 +135,8 @@ def figure_rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]
     return rows | of_unknown_unit(unit)
 
 
-def length_in_words(value: float, unit: str | None, diagonal: float) -> str:
-    """Return a length with its unit, if it is known, and as a share of a diagonal that is not 0."""
+def length_in_words(value: float, unit: str | None, diagonal: float | None) -> str:
+    """Return a length with its unit, if it is known, and as a share of a diagonal, if one is given."""
     words = f"{value:.4g} {unit}" if unit else f"{value:.4g}"
     return f"{words}  ({value / diagonal:.3%} of the diagonal)" if diagonal else words
 

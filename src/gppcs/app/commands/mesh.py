@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -143,7 +144,7 @@ def _diagonal(cloud: PointCloud) -> float:
     """Return the diagonal of the bounding box of the finite points."""
     import numpy as np
 
-    return float(np.linalg.norm(np.ptp(cloud.points[cloud.finite_rows()], axis=0)))
+    return math.hypot(*np.ptp(cloud.points[cloud.finite_rows()], axis=0))  # no square overflows
 
 
 def _measured(diagnostics: Mapping[str, float], unit: str | None, diagonal: float) -> dict[str, str]:
