@@ -83,6 +83,7 @@ SCRIPTS = (
     Script("paper/scenes.py", "paper_scenes"),
     Script("paper/modelnet.py", "paper_modelnet", ("matplotlib",)),
     Script("learned/edges.py", "learned_edges"),
+    Script("learned/sizes.py", "learned_sizes"),
     Script("paper/registration.py", "paper_registration", ("open3d",)),
 )
 

@@ -1,7 +1,9 @@
 """The training set of the learned methods: 12 kinds of procedural shapes, made from a seed when they are needed.
 
 A shape is a union of parts: lathed and extruded solids, stretched and turned, and the patches of the sample scans.
-Points are random on the surface, uniform by area; those inside another part are dropped. Normals are exact.
+Points are random on the surface, uniform by area; those inside another part are dropped, those where two parts touch,
+as the top of a leg under a seat, stay. Normals are exact. Any number of points can be drawn: training takes 2,048 of
+each shape, sizes.py up to 100,000.
 """
 
 from __future__ import annotations

@@ -52,6 +52,22 @@ def test_shapes_are_the_same_again_and_differ_from_each_other(training_set):
     assert len(seen) == 2 * len(training_set.KINDS)
 
 
+@pytest.mark.parametrize(("kind", "count"), [("gears", 17), ("glasses", 2048), ("aircraft", 100_000)])
+def test_any_number_of_points_lies_on_the_surface_of_a_shape(training_set, kind, count):
+    """A step along the normal leaves all parts, a step against it enters one, but for points at concave edges."""
+    number = list(training_set.KINDS).index(kind)
+    rng = np.random.default_rng((number, 5))
+    parts = training_set.KINDS[kind](rng.uniform, rng)
+    points, normals = training_set.draw(number, 5, count, upright=True)
+    assert len(np.unique(points, axis=0)) == count
+    assert training_set.draw(number, 5, count, upright=True)[0].tobytes() == points.tobytes()
+    outside, inside = (
+        np.any([part.holds(points + step * normals) for part in parts], axis=0) for step in (1e-6, -1e-6)
+    )
+    assert outside.mean() < 1e-4
+    assert inside.mean() > 1 - 1e-4
+
+
 def test_no_point_of_a_shape_is_inside_a_part_and_normals_point_out(training_set):
     """A step along the normal leaves all parts; a step against it enters one."""
     ball, cube = training_set.ball(), training_set.box(1, 1, 1).by(1, 2, 3, at=(0.8, 0, 0), turn=0.5, lean=0.3)
