@@ -164,17 +164,13 @@ def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> I
 
 
 def _tables(blocks: Iterator[list[Column]]) -> Iterator[list[Column]]:
-    """Yield blocks with coordinates as float64; of a file without vertices, an empty one."""
-    found = False
+    """Yield blocks with coordinates as float64."""
     for table in blocks:
-        found = True
         if len(table) < 3:
             raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
         for i, axis in enumerate("xyz"):
             check_coordinate(axis, table[i])
         yield [*(values.astype(np.float64) for values in table[:3]), *table[3:]]
-    if not found:
-        yield [np.empty(0)] * 3
 
 
 def read_stl(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
