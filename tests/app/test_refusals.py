@@ -120,11 +120,6 @@ REFUSED = {
         ("scan.ply there.html --to ply", THERE),
         ("scan.ply a.laz --memory 1GB", "ends in .copc.laz"),
         ("scan.ply d.las --ascii", "d.las: expected PLY or PCD with a choice"),
-        (
-            "broken.ply a.las --lossy",
-            "found 2 points with NaN or infinite ones, the first at index 7",
-            "--drop invalid",
-        ),
         ("table.txt out.ply --columns x,y,z", "table.txt: line 1 has 4 columns, but 3 names are given (x, y, z)"),
         ("table.txt out.ply --columns x,y,w,a", "expected names of columns with x, y and z"),
         ("table.txt out.ply --columns x,y,z,x", "expected different names of columns"),

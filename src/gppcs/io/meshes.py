@@ -20,14 +20,7 @@ from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import (
-    as_count,
-    as_found,
-    ends_early,
-    lines_of,
-    number_blocks,
-    write_rows,
-)
+from gppcs.io.rows import as_count, as_found, ends_early, lines_of, number_blocks, write_rows
 
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
