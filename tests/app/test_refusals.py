@@ -25,7 +25,6 @@ REFUSED = {
         ("info missing.ply", "missing.ply: No such file"),
         ("info none.vpc", "none.vpc: No such file"),
         ("info scan.ply --inside 0,0,x,1", "expected --inside with the numbers of a box, such as 0,0,100,50"),
-        ("info scan.ply --resolution -1", "expected a resolution above 0"),
         ("methods fps hc", "unexpected extra argument"),
         ("methods fpss", "did you mean 'fps'?"),
         ("sample brackt -o a.ply", "did you mean 'bracket'?"),
@@ -57,12 +56,10 @@ REFUSED = {
         ("--tolerance 0", "expected --tolerance to be a length above 0, found '0'; to keep every point"),
         ("--tolerance '5 parsec'", "expected --tolerance to have a unit, found 'parsec'"),
         ("--tolerance 0.5mm", "scan.ply: the cloud does not say in which unit", "give --unit"),
-        ("--tolerance 1 --unit mile", "a unit of length, found 'mile'"),
         ("--tolerance 1:p99", "expected --tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"),
         ("--tolerance 1% --dry-run", "--ratio or --points with --dry-run"),
         ("--tolerance 1% --memory 1MB", "for 400 points, as --tolerance takes all points at once, found 1 MB; raise"),
         ("--max-gap -1", "expected --max-gap to be a length above 0"),
-        ("--spacing 5 --method hc", "a method that takes a spacing, found 'hc'; use"),
         ("--spacing 5 --keep 'z > 60'", "a tolerance or a largest gap with points to keep", "found a spacing"),
         ("--levels 5,390 --keep 'z > 60'", "whatever happens, but the coarsest level has only 5 points"),
         ("--levels 5,10%", "with shares or with numbers, found both"),
@@ -76,8 +73,6 @@ REFUSED = {
     ],
     POINTS: [
         ("--rato 1", "--rato", "--ratio"),
-        ("--method gp-spektral", "did you mean 'gp-spectral'?"),
-        ("--set neighbors=9", "did you mean 'neighbours'?"),
         ("--set neighbours=0", "neighbours to be from 1 to 64, found 0"),
         ("--set neighbours=few", "neighbours to be int, found 'few'"),
         ("--set neighbours", "--set KEY=VALUE, found 'neighbours'"),
@@ -89,30 +84,21 @@ REFUSED = {
         ("--memory 0.8", "expected an amount of memory such as 4GB or 512MB, found '0.8'"),
         ("--weight red --memory 1MB", "MB of memory to choose 5 of"),
         ("--keep 'z > 60' --memory 1MB", "to choose 5 of 400 points, found"),
-        ("--denoise --method fps", "a method that can denoise its points, found 'fps'; use 'gp'"),
         ("--denoise --keep 'z > 0'", "expected --denoise without --keep, found both"),
         ("--denoise --add kept", "expected --add kept without --denoise"),
         ("-o none/out.ply", f"none/out.ply: {NO_FOLDER}"),
         ("-o scan.ply", f"scan.ply: {SAME} scan.ply, found the same"),
         ("-o out.foo", "out.foo: expected one of the formats .ply", "found '.foo'"),
         ("in/scan.ply -o .", "inputs with different names"),
-        ("--keep 'z > 0'", "are to be kept whatever happens, but only 5 points are asked for"),
-        ("--keep 'nzz > 0'", "scan.ply: 'nzz > 0', at character 1", "did you mean 'nz'?"),
         ("--keep 'nz > 9'", "scan.ply: expected points with nz > 9 to keep, found none", "--keep"),
-        ("--keep 'nz > '", "'nz >', at its end: expected conditions"),
-        ("--keep 'z > 0' --method fps", "a method that keeps given points, found 'fps'; use 'gp'"),
         ("--only 'z > 999'", "scan.ply: expected points with z > 999, found none"),
         ("--only 'zz > 9'", "scan.ply: 'zz > 9', at character 1", "no attribute 'zz'"),
-        ("--only 'z = 9'", "at character 3 ('= 9'): expected =="),
         ("--inside scan.ply", "scan.ply: expected polygons in GeoJSON"),
         ("--inside none.json", "none.json: No such file"),
         ("--inside 900,900,901,901 --memory 300MB", "in the box, found none"),
         ("--weight rad", "scan.ply: the cloud has no attribute 'rad'", "did you mean 'red'?"),
-        ("--weight nz", "scan.ply: expected finite weights from 0 on, found -"),
         ("--quota 'nz > 0'", "expected --quota 'CONDITION: NUMBER'"),
         ("--quota 'nz > 0: many'", "quota"),
-        ("--group pulse", "no attribute 'pulse' to group its points by"),
-        ("--group red --quota 'nz > 0: 2'", "either quotas or a group"),
     ],
     BEFORE: [
         ("scan.ply -o out.ply --add kept:", "expected --add kept:NAME, found no name"),
@@ -125,8 +111,6 @@ REFUSED = {
         ("bare.npy -o out.obj --add scores", "OBJ cannot hold: attribute score (float32)"),
     ],
     "convert": [
-        ("scan.ply out.ply --inside 0,0,x,1", "expected --inside with the numbers of a box, such as 0,0,100,50"),
-        ("scan.ply out.ply --inside 0,0,1", "expected a box xmin, ymin"),
         ("scan.ply out.ply --inside=", "found nothing"),
         ("scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2", "expected --inside with at most one box and one file"),
         ("scan.ply out.ply --resolution 1", "scan.ply: expected a COPC file"),
@@ -136,11 +120,6 @@ REFUSED = {
         ("scan.ply there.html --to ply", THERE),
         ("scan.ply a.laz --memory 1GB", "ends in .copc.laz"),
         ("scan.ply d.las --ascii", "d.las: expected PLY or PCD with a choice"),
-        (
-            "broken.ply a.las --lossy",
-            "found 2 points with NaN or infinite ones, the first at index 7",
-            "--drop invalid",
-        ),
         ("table.txt out.ply --columns x,y,z", "table.txt: line 1 has 4 columns, but 3 names are given (x, y, z)"),
         ("table.txt out.ply --columns x,y,w,a", "expected names of columns with x, y and z"),
         ("table.txt out.ply --columns x,y,z,x", "expected different names of columns"),
@@ -211,11 +190,9 @@ REFUSED = {
     MESH: [
         ("", "exactly one of --points, --ratio, --faces, --tolerance, --keep-points, found none"),
         ("--points 9 --faces 9", "found --points and --faces"),
-        ("--points 3", "the number of points to be a whole number from 4 on, found 3"),
         ("--faces many", "expected --faces to be a whole number"),
         ("--tolerance 0", "--tolerance to be a length above 0"),
         ("--points 9 --fill-holes -1", "--fill-holes to be a length above 0"),
-        ("--points 9 --effort 3", "expected effort to be 0, 1 or 2, found 3"),
         ("--keep-points ball.ply --effort 1", "--effort 0 with --keep-points, found 1"),
         ("--keep-points small.ply", "small.ply: expected points of the cloud, found 50", "the first at index 0"),
         ("--keep-points nothing.ply", "nothing.ply: No such file"),
@@ -223,24 +200,17 @@ REFUSED = {
         ("--points 9 -o ball.ply", "ball.ply"),
     ],
     "mesh": [
-        ("three.ply -o out.ply --points 9", "at least 4 points on a surface, found 3"),
-        ("line.ply -o out.ply --points 9", "9 points on a line"),
-        ("volume.ply -o out.ply --points 9", "they fill a volume"),
         ("nan.npy -o out.ply --points 9", "3 of 3 points have coordinates that are NaN or infinite, the first at"),
         ("empty.ply -o m.ply --points 100", "empty.ply: the cloud is empty: expected at least one point\n"),
         ("empty.ply -o m.ply --keep-points ball.ply", "empty.ply: the cloud is empty: expected at least one point\n"),
     ],
     COMPARE: [
-        ("--ratio 0.1 -o side --methods fps,fsp", "no method 'fsp'"),
-        ("-o side --methods fps", "found neither"),
         ("--points 9 -o side --colour rgb", "leave out --no-picture"),
         ("--points 9 -o side --up y", "a picture or --report to turn"),
         ("--ratio 0.1 -o side --methods ''", "no method ''"),
         ("--ratio 0.1 -o scan.ply", "expected a folder, found a file"),
         ("--ratio 0.1 -o no/side", "make it first"),
         ("--ratio 0.1 -o -", "-: expected a folder, found the name of standard output"),
-        ("--ratio 10 -o side", "at most 1, found 10"),
-        ("--points 3% -o side", "a share of the points is the ratio"),
     ],
     "compare --no-picture": [
         ("broken.ply --ratio 0.1 -o side --methods fps", "2 of 400 points"),
@@ -251,7 +221,6 @@ REFUSED = {
         ("in/table.csv --ratio 0.1 -o in --force", SAME),
     ],
     MESHES: [
-        ("--methods mesh,mesh-move", "no way to a mesh 'mesh-move'; did you mean 'mesh-moved'?"),
         ("--methods gp", "no way to a mesh 'gp'; expected one of mesh, mesh-moved, "),
         ("--ratio 0.1", "found both"),
         ("--seed 3", "expected --seed without --meshes"),
@@ -270,10 +239,8 @@ def things(tmp_path_factory):
         (folder / name).mkdir()
     broken = scan.take(range(400))
     broken.points[[7, 9], [1, 0]] = np.nan, np.inf
-    volume = np.random.default_rng(0).random((2000, 3))
-    nothing, line = np.empty((0, 3)), np.outer(np.arange(9.0), [1, 0, 2])
-    clouds = {"scan": scan, "in/scan": scan, "small": scan[:50], "broken": broken, "ball": ball, "empty": nothing}
-    clouds |= {"far": scan.points[:9] + 1e5, "three": np.eye(3), "line": line, "volume": volume}
+    clouds = {"scan": scan, "in/scan": scan, "small": scan[:50], "broken": broken, "ball": ball}
+    clouds |= {"empty": np.empty((0, 3)), "far": scan.points[:9] + 1e5}
     for name, cloud in clouds.items():
         gppcs.write(folder / f"{name}.ply", cloud)
     gppcs.write(folder / "in/table.csv", scan)

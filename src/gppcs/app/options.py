@@ -14,6 +14,7 @@ from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.io.query import Query
 
 
 def option(
@@ -196,8 +197,12 @@ COLOUR = option(
 )
 
 
-def region_of(inside: Sequence[str] | None) -> tuple[list[float] | None, Path | None]:
-    """Return the box and the file with polygons in `--inside`; a text with commas that names no file is a box."""
+def query_of(
+    inside: Sequence[str] | None, only: str | None, resolution: float | None = None
+) -> tuple[Query | None, list[Path]]:
+    """Return what is asked for, and the files of `--inside`; a text with commas that names no file is a box."""
+    from gppcs.io.query import Query
+
     boxes = [text for text in inside or () if "," in text and not Path(text).exists()]
     files = [file_path(text) for text in inside or () if text not in boxes]
     if "" in (inside or ()):
@@ -209,7 +214,7 @@ def region_of(inside: Sequence[str] | None) -> tuple[list[float] | None, Path | 
     except ValueError:
         expected = "expected --inside with the numbers of a box, such as 0,0,100,50, or with a GeoJSON file"
         raise ParameterError(f"{expected}, found {shown(boxes[0])}") from None
-    return limits, files[0] if files else None
+    return Query.of(limits, resolution, only, *files), files
 
 
 def weights_of(detail: Sequence[str] | None) -> dict[str, float]:

@@ -30,8 +30,7 @@ class Output:
 
         for target in self.targets:
             io.format_to_write(target, self.format)
-            if not io.is_standard(target):
-                io.check_writable(target, force, self.makes_folders)
+            io.check_writable(target, force, self.makes_folders)
 
 
 def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Sequence[str] = ()) -> None:
@@ -41,7 +40,7 @@ def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Se
     io.check_distinct([output], inputs)
     if suffixes and not io.is_standard(output) and io.inner_name(output).suffix.lower() not in suffixes:
         raise OutputError(f"{output}: expected a name that ends in {suffixes[0]}; choose another")
-    io.check_output(output, force)
+    io.check_writable(output, force)
 
 
 def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, levels: int = 0) -> list[Output]:  # noqa: A002

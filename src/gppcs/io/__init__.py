@@ -3,7 +3,7 @@
 from gppcs.io.files import FORMATS, check_storable, format_to_write, losses, store, write
 from gppcs.io.format import Format
 from gppcs.io.reading import load, read, read_each
-from gppcs.io.streams import COMPRESSIONS, check_output, inner_name, whole_output
+from gppcs.io.streams import COMPRESSIONS, inner_name, whole_output
 from gppcs.io.vpc import SUFFIX as VPC
 from gppcs.io.vpc import files_of
 from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
@@ -14,7 +14,6 @@ __all__ = [
     "VPC",
     "Format",
     "check_distinct",
-    "check_output",
     "check_storable",
     "check_writable",
     "files_of",

@@ -30,12 +30,8 @@ TRACK = 8  # bytes of each image in which a point is seen
 
 def read_colmap_text(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the points of a text file, without their tracks."""
-    found = False
     for columns in number_blocks(lines_of(file), 1, _before_track, width=WORDS):
-        found = True
         yield _cloud(columns[0], np.stack(columns[1:4], axis=1), np.stack(columns[4:7], axis=1), columns[7])
-    if not found:
-        yield _cloud(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
 
 
 def _before_track(line: str) -> str:
@@ -73,7 +69,7 @@ def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 def _cloud(ids: NDArray[Any], places: NDArray[Any], colours: NDArray[Any], errors: NDArray[Any]) -> PointCloud:
     """Return a cloud of what a file says."""
-    if "f" in (ids.dtype.kind, colours.dtype.kind) and len(ids):
+    if "f" in (ids.dtype.kind, colours.dtype.kind):
         raise FileFormatError("expected whole numbers as POINT3D_ID, R, G and B, found fractions or numbers too large")
     if ((colours < 0) | (colours > 255)).any():
         raise FileFormatError(f"expected colours from 0 to 255, found {colours.min():g} to {colours.max():g}")

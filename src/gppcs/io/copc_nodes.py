@@ -27,16 +27,9 @@ _HEAD = 1024  # bytes that tell whether a file is COPC
 class CopcNodes:
     """The nodes of an open COPC file that have points, from coarse to fine.
 
-    Attributes
-    ----------
-    entries : ndarray, shape (K,)
-        What the index says of each, of type `ENTRY`.
-    rows : ndarray, shape (K,)
-        The row in the file of the first point of each.
-    info : numpy.void
-        What the file says of the octree, of type `INFO`.
-    scales, offsets : ndarray, shape (3,)
-        Coordinates are whole numbers times the scale, plus the offset.
+    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `rows`, (K,), the row in the file
+    of its first point. `info`, of type `INFO`, is what the file says of the octree. Coordinates are whole numbers times
+    `scales`, (3,), plus `offsets`, (3,).
     """
 
     def __init__(self, file: BufferedReader) -> None:
@@ -44,7 +37,7 @@ class CopcNodes:
         self._header, fields, own = read_header(file)
         if COPC not in own:
             raise FileFormatError("expected a COPC file, found LAS or LAZ without its index")
-        self._layout, self._laszip = las.layout_of(self._header, int(fields["point_size"][0])), own.get(LASZIP)
+        self._layout, self._laszip = las.layout_of(self._header, fields), own.get(LASZIP)
         self.scales, self.offsets = fields["scales"][0], fields["offsets"][0]
         self.info = info_of(own[COPC].data)
         found = entries_of(file, self.info, _ALL, self.scales)

@@ -44,23 +44,12 @@ _OF_WAVEFORMS = 0b110  # bits of the global encoding
 
 @dataclass(frozen=True)
 class Summary:
-    """What a file says of its points.
-
-    Attributes
-    ----------
-    header : LasHeader
-    layout : Layout
-        How each of them is stored.
-    counts : dict
-        Fields of the header: their number, how many there are of each return, and bounds.
-    gps_time : (2,) array
-        The earliest and the latest.
-    """
+    """What a file says of its points."""
 
     header: LasHeader
-    layout: las.Layout
-    counts: dict[str, Any]
-    gps_time: NDArray[np.float64]
+    layout: las.Layout  # how each of them is stored
+    counts: dict[str, Any]  # fields of the header: their number, how many there are of each return, and bounds
+    gps_time: NDArray[np.float64]  # (2,), the earliest and the latest
 
     @classmethod
     def of(cls, cloud: PointCloud) -> Summary:

@@ -78,15 +78,9 @@ def losses(path: str | os.PathLike[str], cloud: PointCloud, format: str | None =
     return [*fit.values, *fit.remarks]
 
 
-def check_storable(
-    path: str | os.PathLike[str],
-    cloud: PointCloud,
-    format: str | None = None,  # noqa: A002
-    lossy: bool = False,
-    ascii: bool | None = None,  # noqa: A002
-) -> None:
+def check_storable(path: Path, cloud: PointCloud, format: str | None, lossy: bool) -> None:  # noqa: A002
     """Check before long work that `write` can write a cloud: write one of its points to a temporary file."""
-    chosen = format_to_write(path, format, ascii)
+    chosen = format_to_write(path, format)
     fit = chosen.fit(cloud)
     if not lossy:
         refuse_losses(path, chosen.name, fit.values)

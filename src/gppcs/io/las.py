@@ -128,9 +128,9 @@ def _standard_layout(point_format: int) -> Layout:
     return Layout(record, dimensions)
 
 
-def layout_of(header: LasHeader, size: int) -> Layout:
-    """Return how the points of a file are stored, given the bytes of each."""
-    number = header.point_format
+def layout_of(header: LasHeader, fields: NDArray[Any]) -> Layout:
+    """Return how the points of a file are stored."""
+    number, size = header.point_format, int(fields["point_size"][0])
     if number > 10:
         raise FileFormatError(f"expected a point format of 0 to 10, found {number}")
     layout = _standard_layout(number)
@@ -166,7 +166,7 @@ def read_las_chunks(
 def uncounted_las_points(file: BufferedReader) -> list[str]:
     """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
     header, fields, own = read_header(file)
-    layout, start = layout_of(header, int(fields["point_size"][0])), file.tell()
+    layout, start = layout_of(header, fields), file.tell()
     if _is_compressed(fields):
         held = fewest_points(file, layout.record, own.get(LASZIP)) if _count(fields) else 0
     else:
@@ -180,7 +180,7 @@ def uncounted_las_points(file: BufferedReader) -> list[str]:
 def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
     """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves."""
     header, fields, own = read_header(file)
-    layout, count = layout_of(header, int(fields["point_size"][0])), _count(fields)
+    layout, count = layout_of(header, fields), _count(fields)
     if not count:
         return []
     if _is_compressed(fields):
@@ -209,7 +209,7 @@ def _blocks_as_clouds(
 ) -> Iterator[PointCloud]:
     """Yield a cloud without points, and then one for each block of points."""
     header, fields, own = read_header(file)
-    layout, compressed = layout_of(header, int(fields["point_size"][0])), _is_compressed(fields)
+    layout, compressed = layout_of(header, fields), _is_compressed(fields)
     count = _count(fields)
     scales, offsets = fields["scales"][0], fields["offsets"][0]
     if query and compressed and COPC in own:

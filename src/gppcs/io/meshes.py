@@ -20,14 +20,7 @@ from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, without_attributes
-from gppcs.io.rows import (
-    as_count,
-    as_found,
-    ends_early,
-    lines_of,
-    number_blocks,
-    write_rows,
-)
+from gppcs.io.rows import as_count, as_found, ends_early, lines_of, number_blocks, write_rows
 
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
 _OFF_LOOK = re.compile(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])")
@@ -164,17 +157,13 @@ def _prefixed(file: BufferedReader, keyword: str, width: int | None = None) -> I
 
 
 def _tables(blocks: Iterator[list[Column]]) -> Iterator[list[Column]]:
-    """Yield blocks with coordinates as float64; of a file without vertices, an empty one."""
-    found = False
+    """Yield blocks with coordinates as float64."""
     for table in blocks:
-        found = True
         if len(table) < 3:
             raise FileFormatError(f"expected three coordinates for each vertex, found {len(table)}")
         for i, axis in enumerate("xyz"):
             check_coordinate(axis, table[i])
         yield [*(values.astype(np.float64) for values in table[:3]), *table[3:]]
-    if not found:
-        yield [np.empty(0)] * 3
 
 
 def read_stl(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:

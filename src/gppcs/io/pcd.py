@@ -336,7 +336,7 @@ def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Colu
     width = sum(each.count for each in layout.fields)
     blocks = number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count)
     done = 0
-    for found in blocks if layout.count else [[np.empty(0)] * width]:
+    for found in blocks:
         columns, first = {}, 0
         for each in layout.fields:
             if each.name != _PADDING:

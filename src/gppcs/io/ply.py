@@ -321,9 +321,8 @@ def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> It
     blocks = number_blocks(
         lines_of(file), header.lines + 1, numbers_of, width=width, count=element.count, what=element.name
     )
-    if words or not element.count:  # the lengths of all lists tell how they are held
-        found = [[np.empty(0, np.int64)] * width, *blocks]
-        blocks = iter([[np.concatenate(columns) for columns in zip(*found, strict=True)]])
+    if words:  # the lengths of all lists tell how they are held
+        blocks = iter([[np.concatenate(columns) for columns in zip(*blocks, strict=True)]])
     first = 0
     for table in blocks:
         numbers = iter(table)

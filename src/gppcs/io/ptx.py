@@ -115,7 +115,7 @@ def _header(first: str, lines: Iterator[str], number: int) -> PtxScan:
 
 def _points(lines: Iterator[str], first_line: int, count: int) -> Iterator[NDArray[np.float64]]:
     """Yield the numbers of `count` points, block by block."""
-    for columns in number_blocks(lines, first_line, str.strip, count=count):
+    for columns in number_blocks(lines, first_line, str.strip, count=count) if count else ():
         if len(columns) not in _NAMES:
             raise FileFormatError(f"line {first_line}: expected 4 or 7 numbers for each point, found {len(columns)}")
         yield np.stack(columns, axis=1, dtype=np.float64, casting="unsafe")

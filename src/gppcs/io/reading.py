@@ -97,14 +97,10 @@ def load(
     path: str | os.PathLike[str],
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
-    box: Sequence[float] | None = None,
-    resolution: float | None = None,
-    only: str | None = None,
-    polygon: str | os.PathLike[str] | None = None,
+    query: Query | None = None,
     assume_same_crs: bool = False,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out."""
-    query = Query.of(box, resolution, only, polygon)
     with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
         return Loaded(files.read(), *files.left_out())
 

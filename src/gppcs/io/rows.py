@@ -90,7 +90,10 @@ def number_blocks(
     count: int | None = None,
     what: str = "point",
 ) -> Iterator[list[Column]]:
-    """Read lines of numbers, block by block, as columns of type int64, uint64 or float64."""
+    """Read lines of numbers, block by block, as columns of type int64, uint64 or float64.
+
+    Without a line, one block is empty: of three columns if no width is given.
+    """
     done = 0
     while batch := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
         texts = [text for text in map(numbers_of, batch) if text]
@@ -107,6 +110,8 @@ def number_blocks(
         first_line += len(batch)
     if count is not None and done < count:
         raise ends_early(what, done, count)
+    if not done:
+        yield [np.empty(0, np.int64)] * (width or 3)
 
 
 def _first_bad_line(

@@ -100,7 +100,7 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         with whole_file(path, force) as file:
             yield file
         return
-    check_output(path, force)
+    check_writable(path, force)
     with tempfile.TemporaryFile() as plain:
         yield plain
         plain.seek(0)
@@ -120,9 +120,3 @@ def _compressor(file: BinaryIO, suffix: str) -> Any:
     import zstandard
 
     return zstandard.ZstdCompressor().stream_writer(file, closefd=False)
-
-
-def check_output(path: str | os.PathLike[str], force: bool = False) -> None:
-    """Check that a file can be written. Call it before long work."""
-    if not is_standard(path):
-        check_writable(path, force)

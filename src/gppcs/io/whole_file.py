@@ -23,7 +23,9 @@ def is_standard(path: str | os.PathLike[str]) -> bool:
 
 
 def check_writable(path: str | os.PathLike[str], force: bool = False, makes_folders: bool = False) -> None:
-    """Check that a file can be written. Call it before long work."""
+    """Check that a file, or standard output, can be written. Call it before long work."""
+    if is_standard(path):
+        return
     target = Path(path)
     folder = Path(os.path.realpath(target)).parent
     while makes_folders and not folder.exists():

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, measure_boxes, squared_distance_to_box
 from gppcs.spatial.triangles import has_area, minus, nearest_in_triangle, row, squared_distance
 
 TRIANGLES_IN_LEAF = 4
@@ -28,8 +28,9 @@ def nearest_triangles(vertices: Floats, faces: Ints, places: Floats) -> tuple[In
     corners, leaves = vertices[faces[sorted_ones]], 1
     while len(faces) > TRIANGLES_IN_LEAF * leaves:
         leaves *= 2
-    low, high = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
-    _fill_boxes(corners, low, high)
+    low, high, unused = np.empty((3, 2 * leaves, 3))
+    measure_boxes(np.ascontiguousarray(corners.min(axis=1).T), low, unused)
+    measure_boxes(np.ascontiguousarray(corners.max(axis=1).T), unused, high)
     count = len(places)
     nearest, squared, weights = np.zeros(count, dtype=np.int64), np.empty(count), np.empty((count, 2))
     order = KdTree.build(places).order  # places after each other see the same triangles, in the cache
@@ -37,24 +38,6 @@ def nearest_triangles(vertices: Floats, faces: Ints, places: Floats) -> tuple[In
         _find_all, count, corners, low, high, places, order, nearest, squared, weights, least=PLACES_AT_ONCE
     )  # fmt: skip
     return sorted_ones[nearest], squared, weights
-
-
-@kernel(allocates=False)
-def _fill_boxes(corners, low, high):
-    """Fill the boxes, (nodes, 3), of a tree over triangles, (F, 3, 3), as those of a `KdTree`."""
-    leaves = first_leaf(low)
-    for node in range(2 * leaves - 1, 0, -1):
-        for axis in range(3):
-            low[node, axis], high[node, axis] = np.inf, -np.inf
-            if node < leaves:
-                low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
-                high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
-                continue
-            begin, end = leaf_range(len(corners), leaves, node)
-            for f in range(begin, end):
-                for k in range(3):
-                    low[node, axis] = min(low[node, axis], corners[f, k, axis])
-                    high[node, axis] = max(high[node, axis], corners[f, k, axis])
 
 
 @kernel
@@ -67,11 +50,13 @@ def _find_all(first, last, corners, low, high, places, order, nearest, squared, 
         while height:
             height -= 1
             node = waiting[height]
-            if _squared_to_box(place, low, high, node) >= least:
+            if squared_distance_to_box(low[node], high[node], *place) >= least:
                 continue
             if node < leaves:
                 left, right = 2 * node, 2 * node + 1
-                if _squared_to_box(place, low, high, right) < _squared_to_box(place, low, high, left):
+                if squared_distance_to_box(low[right], high[right], *place) < squared_distance_to_box(
+                    low[left], high[left], *place
+                ):
                     left, right = right, left
                 waiting[height], waiting[height + 1] = right, left
                 height += 2
@@ -88,16 +73,6 @@ def _find_all(first, last, corners, low, high, places, order, nearest, squared, 
                     least = found
                     nearest[i], weights[i, 0], weights[i, 1] = f, s, t
         squared[i] = least
-
-
-@kernel(allocates=False)
-def _squared_to_box(place, low, high, node):
-    """Return the squared distance of a place to the box of a node."""
-    total = 0.0
-    for axis in range(3):
-        beside = max(low[node, axis] - place[axis], place[axis] - high[node, axis], 0.0)
-        total += beside * beside
-    return total
 
 
 @kernel(allocates=False)

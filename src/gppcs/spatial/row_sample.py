@@ -14,20 +14,16 @@ HASHES = float(2**64)
 WIDE = 0.99  # the share of the points of a part whose neighbours lie within the width of its halo
 
 
-def row_hashes(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
-    """Return a random number for each row (SplitMix64; Steele, Lea and Flood 2014). Shapes: rows (n,); returns (n,)."""
-    return _mixed(rows.astype(np.uint64))
-
-
 def place_hashes(points: NDArray[np.float64], seed: int = 0) -> NDArray[np.uint64]:
     """Return a random number for each place. Shapes: points (n, 3); returns (n,)."""
     mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
     for bits in np.ascontiguousarray(points.T).view(np.uint64):
-        mixed = _mixed(mixed ^ bits)
+        mixed = hashes(mixed ^ bits)
     return mixed
 
 
-def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return a random number for each value, (n,) (SplitMix64; Steele, Lea and Flood 2014)."""
     mixed = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -36,7 +32,7 @@ def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 def drawn(rows: NDArray[np.int64], share: float) -> NDArray[np.bool_]:
     """Mark the rows of a random sample. Shapes: rows (n,); returns (n,)."""
-    return row_hashes(rows) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
+    return hashes(rows.astype(np.uint64)) < share * HASHES if share < 1.0 else np.ones(len(rows), dtype=np.bool_)
 
 
 def smallest_numbers(

@@ -50,7 +50,6 @@ def convert(
     """
     from gppcs import io
     from gppcs.io.cloud_files import CloudFiles
-    from gppcs.io.query import Query
     from gppcs.streaming.copc import write_beyond_memory
     from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
@@ -60,22 +59,18 @@ def convert(
     chosen = io.format_to_write(target, output_format, ascii, levels_by)
     if (memory or workers) and not chosen.has_levels:
         raise ParameterError("expected --memory and --workers with a name that ends in .copc.laz, found another")
-    box, polygon = options.region_of(inside)
-    check_output(target, [source, *filter(None, [polygon])], force)
-    part = (names_of(columns), box, resolution, only, polygon)
+    query, files = options.query_of(inside, only, resolution)
+    check_output(target, [source, *files], force)
+    part = (input_format, names_of(columns), query, assume_same_crs)
     if chosen.has_levels and levels_by != "order" and not io.is_standard(source):
-        query = Query.of(*part[1:])
-        with (
-            executor_of(workers) as executor,
-            CloudFiles.of([source], input_format, part[0], query, assume_same_crs) as files,
-        ):
+        with executor_of(workers) as executor, CloudFiles.of([source], *part) as clouds:
             work = Work(None if memory is None else bytes_of(memory), None, executor, timer)
-            left_out = write_beyond_memory(target, files, levels_by, bool(drop), work, force, lossy)
+            left_out = write_beyond_memory(target, clouds, levels_by, bool(drop), work, force, lossy)
         if left_out is not None:
             note_left_out(target, left_out)
             return
     with timer("reading"):
-        cloud, _, unread = io.load(source, input_format, *part, assume_same_crs)
+        cloud, _, unread = io.load(source, *part)
     if drop and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
@@ -59,21 +58,18 @@ def curve(
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.curves import curve as measured
     from gppcs.io.files import naming
-    from gppcs.io.query import Query
 
     timer = started(quiet, threads)
     chosen = checked_methods(methods.split(","), None, 1, seed)
     wanted = None if sizes is None else [size_of("sizes", text) for text in sizes.split(",")]
-    box, polygon = options.region_of(inside)
+    query, files = options.query_of(inside, only)
     if plot is not None:
-        check_output(plot, [cloud, *filter(None, [polygon])], force, [".png"])
+        check_output(plot, [cloud, *files], force, [".png"])
         require_matplotlib()
-    query: dict[str, Any] = {"box": box, "only": only, "polygon": polygon}
-    original = io.load(cloud, input_format, names_of(columns), **query).cloud
+    original = io.load(cloud, input_format, names_of(columns), query).cloud
     with naming(cloud):
-        asked = Query.of(resolution=None, **query)
-        if asked and not len(original):
-            raise asked.nothing_found()
+        if query and not len(original):
+            raise query.nothing_found()
         curves = measured(original, chosen, sizes=wanted, invalid="drop" if drop else "error", timer=timer)
     if plot is not None:
         with io.whole_output(plot, force) as file:

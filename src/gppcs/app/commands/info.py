@@ -34,8 +34,8 @@ def info(
     """
     from gppcs import io
 
-    box, polygon = options.region_of(inside)
-    part = (input_format, names_of(columns), box, resolution, only, polygon)
+    query, _ = options.query_of(inside, only, resolution)
+    part = (input_format, names_of(columns), query)
     for_each(sources_of(files), lambda file: _print(file, io.load(file, *part), as_json))
 
 

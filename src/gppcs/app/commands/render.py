@@ -67,7 +67,7 @@ def render(
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
-        original, simplified = (io.load(source, input_format, names_of(columns))[0] for source in sources)
+        original, simplified = (io.read(source, input_format, names_of(columns)) for source in sources)
         with io.whole_output(output, force) as file:
             _draw_beside(file, original, simplified, different_names(sources)[1], viewpoint, colour)
         if not quiet and not io.is_standard(output):

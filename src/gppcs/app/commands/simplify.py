@@ -121,7 +121,6 @@ def simplify(
     from gppcs.amounts.request import Request, method_of
     from gppcs.app.runs import Job
     from gppcs.io import check_distinct
-    from gppcs.io.query import Query
     from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
     from gppcs.streaming.workers import executor_of
@@ -147,12 +146,11 @@ def simplify(
         )
     if denoise and mark is not None:
         raise ParameterError("expected --add kept without --denoise, as it writes the points where they were")
-    limit, (box, polygon) = None if memory is None else bytes_of(memory), options.region_of(inside)
-    query = Query.of(box, None, only, polygon)
+    limit, (query, files) = None if memory is None else bytes_of(memory), options.query_of(inside, only)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
     written = [target for each in outputs for target in each.targets]
     sources = [source for each in outputs for source in each.sources]
-    check_distinct(written, [*inputs, *sources, *filter(None, [polygon])])
+    check_distinct(written, [*inputs, *sources, *files])
     by_source = {each.sources[0]: each for each in outputs}
     with executor_of(workers) as executor:
         work = Work(limit, None, executor, timer)
