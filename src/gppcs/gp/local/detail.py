@@ -7,7 +7,7 @@ of the surface does. What is noise of an attribute counts for nothing (research/
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ class DetailNoise(NamedTuple):
     @classmethod
     def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
         """Measure it, given what linear functions leave, (n,), of values, (n, k); None if all is noise."""
-        noise, variance = float(np.median(residual)), float(values.var(axis=0).sum())
+        noise, variance = float(np.median(residual)), float(sum(column.var() for column in values.T))
         if LOST * noise >= variance:
             warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
             return None
@@ -65,18 +65,19 @@ class Detail(NamedTuple):
         cls, tree: KdTree, rows: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
     ) -> Detail | None:
         """Measure attributes, (N, k), of a cloud at the rows, (n,), of which there is a tree; None if all is noise."""
-        values = attributes[rows[tree.order]].astype(np.float64)
+        places = rows[tree.order]
+        values = attributes.take(places, axis=0).astype(np.float64)
         residual = residuals(tree, values, WITHIN * edge)
         known = DetailNoise.of(residual, values)
         if known is None:
             return None
         variation = np.zeros(len(attributes), dtype=np.float32)
-        variation[rows[tree.order]] = known.variation(residual)
+        variation[places] = known.variation(residual)
         return cls.of(known, attributes, variation)
 
-    def take(self, some: NDArray[Any]) -> Detail:
+    def take(self, some: NDArray[np.int64]) -> Detail:
         """Return that of some of the points."""
-        return Detail(self.values[some], self.variation[some])
+        return Detail(self.values.take(some, axis=0), self.variation[some])
 
     @property
     def distances(self) -> NDArray[np.float64]:

@@ -39,6 +39,7 @@ AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its po
 # steep above it, by the squared sine of the slope.
 THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
 TRIED = 3  # Points of a cell that are tried, at most, if only the shape counts.
+TRIED_BY_DETAIL = 8  # The same with attributes: 6 and fewer, and all, have larger errors on flat walls (see detail.md).
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
@@ -54,10 +55,10 @@ def placed(
 
     Shapes: points (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
-    stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail[chosen]
+    stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     if (share := (MOST if noise.quiet else PROJECTED) * len(chosen) / len(points)) < 1.0:
         rows = np.flatnonzero(drawn(np.arange(len(points)), share))
-        detail = None if detail is None else detail[rows]
+        detail = None if detail is None else detail.take(rows, axis=0)
         new = exchanged(points[chosen], stays, points[rows], area / len(rows), noise, old, detail)
         return np.where(new < 0, chosen, rows[new])
     new = exchanged(points[chosen], stays, points, area / len(points), noise, old, detail)
@@ -91,7 +92,7 @@ def exchanged(
     tree, order = surface.tree.in_own_order(), surface.tree.order
     points, places, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
     before = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
-    after = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail[of_point]
+    after = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
     new = np.full(len(order), -1)
     k = min(4, len(order))
     gaps = np.sqrt(tree.nearest_of(places, k)[1]).sum(axis=1) / max(1, k - 1)
@@ -242,7 +243,7 @@ def _exchange(
             if total < least:
                 least, new[v] = total, x
             tried += 1
-            if by_shape and tried == TRIED:
+            if tried == (TRIED if by_shape else TRIED_BY_DETAIL):
                 break
 
 
