@@ -121,7 +121,7 @@ def _residuals(begin, end, points, low, high, values, squared_radius, found):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def _steps(packed, full, x, y, z, squared_radius, steps, moments):
-    """Fill `steps`, (4, m), with those to the points within a radius and with ones, 0 beyond; and their moments, (10,)."""
+    """Fill `steps`, (4, m), with steps to the points within a radius, and ones, 0 beyond; and `moments`, (10,)."""
     along_x, along_y, along_z = packed[0][:full], packed[1][:full], packed[2][:full]
     to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
