@@ -233,7 +233,7 @@ def _exchange(
         least = (0.0 if by_shape else own) - ROUNDING * reach[v]
         least += _off_fan(feet, places, fan, place, before, before[v], after, change[v], cell, np.inf)
         tried = 0
-        while tried < most:  # in the order of the error, up to that of the place; with attributes, until it is too large
+        while tried < most:  # in the order of the error, up to that of the place; with attributes, while it is small
             slot = np.argmin(errors[: len(cell)])
             x, error, errors[slot] = cell[slot], errors[slot], np.inf
             if error == np.inf or error >= (own if by_shape else least):
