@@ -127,15 +127,15 @@ class _Places:
             return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None, None, None)
         keep, usable = guide.keep, guide.rows(len(points))
         rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
-        first = first_occurrences(points[rows])
+        first = first_occurrences(points.take(rows, axis=0))
         among = first[: len(keep)]
         again, rows = keep[~among], rows[first]
         weights = None if guide.weights is None else guide.weights[rows]
         if weights is not None:  # those of points that are kept anyway may be 0
             weights = np.maximum(weights, weights[weights > 0.0].min())
-        detail = None if guide.detail is None else guide.detail[rows]
+        detail = None if guide.detail is None else guide.detail.take(rows, axis=0)
         values = None if guide.values is None else guide.values[rows]
-        return cls(points[rows], rows, int(among.sum()), again, weights, detail, values)
+        return cls(points.take(rows, axis=0), rows, int(among.sum()), again, weights, detail, values)
 
     def choose(self, wanted: int, method: Method, timer: Timer, spacing: float | None = None) -> Selection:
         """Let a method choose a number of the places, or at most so many with a spacing; all of them in their order."""

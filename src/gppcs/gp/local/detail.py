@@ -7,7 +7,7 @@ of the surface does. What is noise of an attribute counts for nothing (research/
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
-from gppcs.spatial.nearest import pack, room_for
-from gppcs.surface.moments import MOMENTS, moments_in_ball
+from gppcs.spatial.nearest import MANY_LEAVES, pack, room_for
+from gppcs.surface.moments import MOMENTS
 
 DISTANCE = 3.5  # Of a change of an attribute by its whole range, in desired spacings.
 ROUGH = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
@@ -36,7 +36,7 @@ class DetailNoise(NamedTuple):
     @classmethod
     def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
         """Measure it, given what linear functions leave, (n,), of values, (n, k); None if all is noise."""
-        noise, variance = float(np.median(residual)), float(values.var(axis=0).sum())
+        noise, variance = float(np.median(residual)), float(sum(column.var() for column in values.T))
         if LOST * noise >= variance:
             warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
             return None
@@ -65,18 +65,19 @@ class Detail(NamedTuple):
         cls, tree: KdTree, rows: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
     ) -> Detail | None:
         """Measure attributes, (N, k), of a cloud at the rows, (n,), of which there is a tree; None if all is noise."""
-        values = attributes[rows[tree.order]].astype(np.float64)
+        places = rows[tree.order]
+        values = attributes.take(places, axis=0).astype(np.float64)
         residual = residuals(tree, values, WITHIN * edge)
         known = DetailNoise.of(residual, values)
         if known is None:
             return None
         variation = np.zeros(len(attributes), dtype=np.float32)
-        variation[rows[tree.order]] = known.variation(residual)
+        variation[places] = known.variation(residual)
         return cls.of(known, attributes, variation)
 
-    def take(self, some: NDArray[Any]) -> Detail:
+    def take(self, some: NDArray[np.int64]) -> Detail:
         """Return that of some of the points."""
-        return Detail(self.values[some], self.variation[some])
+        return Detail(self.values.take(some, axis=0), self.variation[some])
 
     @property
     def distances(self) -> NDArray[np.float64]:
@@ -98,43 +99,68 @@ def residuals(tree: KdTree, values: NDArray[np.float64], radius: float) -> NDArr
 def _residuals(begin, end, points, low, high, values, squared_radius, found):
     """Fill `found`, (n,), for a range of leaves."""
     n, leaves, k = points.shape[1], first_leaf(low), values.shape[1]
-    near, room = np.empty(leaves, dtype=np.int64), room_for(MOMENTS)
-    packed, moments = np.empty((k, len(room.found)), dtype=np.float64), np.empty((MOMENTS, 1), dtype=np.float64)
-    products = np.empty((k, 5), dtype=np.float64)
+    near, room = np.empty(leaves, dtype=np.int64), room_for(MANY_LEAVES)
+    packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
+    moments, products = np.empty(MOMENTS), np.empty((k, 5))
     for leaf in range(leaves + begin, leaves + end):
         count = leaves_near(low, high, low[leaf], high[leaf], squared_radius, near)
         if count * LEAF_SIZE > len(room.found):
             room = room_for(2 * count)
-            packed = np.empty((k, len(room.found)), dtype=np.float64)
+            packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
         count = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
-        pack(points, room, count)
+        full = pack(points, room, count)
         for c in range(k):
             for slot in range(count):
                 packed[c, slot] = values[room.found[slot], c]
         for i in range(*leaf_range(n, leaves, leaf)):
-            x, y, z = points[0, i], points[1, i], points[2, i]
-            moments_in_ball(room.packed, count, x, y, z, squared_radius, moments, 0)
+            _steps(room.packed, full, points[0, i], points[1, i], points[2, i], squared_radius, steps, moments)
             for c in range(k):
-                _add_products(room.packed, packed[c], values[i, c], count, x, y, z, squared_radius, products[c])
-            found[i] = _left(moments[:, 0], products, RIDGE * squared_radius)
+                _add_products(steps, packed[c], values[i, c], full, products[c])
+            found[i] = _left(moments, products, RIDGE * squared_radius)
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def _add_products(places, values, value, count, x, y, z, squared_radius, products):
-    """Sum, within a radius of a point, the differences of an attribute from its own, and their products, (5,).
-
-    The products are those with themselves and with the place relative to the point. Shapes: places (3, m), values (m,).
-    """
-    along_x, along_y, along_z, values = places[0][:count], places[1][:count], places[2][:count], values[:count]
-    s = ss = sx = sy = sz = 0.0
+def _steps(packed, full, x, y, z, squared_radius, steps, moments):
+    """Fill `steps`, (4, m), with steps to the points within a radius, and ones, 0 beyond; and `moments`, (10,)."""
+    along_x, along_y, along_z = packed[0][:full], packed[1][:full], packed[2][:full]
+    to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
+    n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for j in range(len(along_x)):
         dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
-        d = values[j] - value if dx * dx + dy * dy + dz * dz <= squared_radius else 0.0
+        near = dx * dx + dy * dy + dz * dz <= squared_radius
+        one = 1.0 if near else 0.0
+        dx, dy, dz = dx if near else 0.0, dy if near else 0.0, dz if near else 0.0
+        to_x[j], to_y[j], to_z[j], inside[j] = dx, dy, dz, one
+        n += one
+        sx += dx
+        sy += dy
+        sz += dz
+        sxx += dx * dx
+        sxy += dx * dy
+        sxz += dx * dz
+        syy += dy * dy
+        syz += dy * dz
+        szz += dz * dz
+    moments[0], moments[1], moments[2], moments[3] = n, sx, sy, sz
+    moments[4], moments[5], moments[6], moments[7], moments[8], moments[9] = sxx, sxy, sxz, syy, syz, szz
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _add_products(steps, values, value, full, products):
+    """Sum, within a radius of a point, the differences of an attribute from its own, and their products, (5,).
+
+    The products are those with themselves and with the place relative to the point. Shapes: steps (4, m), values (m,).
+    """
+    to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
+    values = values[:full]
+    s = ss = sx = sy = sz = 0.0
+    for j in range(len(values)):
+        d = (values[j] - value) * inside[j]
         s += d
         ss += d * d
-        sx += d * dx
-        sy += d * dy
-        sz += d * dz
+        sx += d * to_x[j]
+        sy += d * to_y[j]
+        sz += d * to_z[j]
     products[0], products[1], products[2], products[3], products[4] = s, ss, sx, sy, sz
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
-from gppcs.gp.local.kernel import LANES, detail_apart, field_distance
+from gppcs.gp.local.kernel import LANES, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, posteriors, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, first_leaf, leaf_range
 
@@ -105,7 +105,10 @@ def condition_on(new, root, field, state, room, count):
             room.gaps[i - begin] = field_distance(
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
-            ) + detail_apart(field.detail, i, new)  # fmt: skip
+            )  # fmt: skip
+        for c in range(len(field.detail)):
+            for i in range(begin, end):
+                room.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):
             if room.gaps[i - begin] < reach[i]:
                 _keep_nearest(state.conditioning, i, new, room.gaps[i - begin])
