@@ -53,7 +53,7 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     """Return the places of points, (n, 3), on the surface that they observe; they stay where there is no noise.
 
     Where that is enough to keep `n_points`, only some points in tree order are denoised, given all observations. The
-    others keep their feet on the planes of these.
+    others keep their feet on quadrics or, where the noise is thick, on the tangent planes of these.
     """
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
@@ -79,6 +79,8 @@ def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64],
     """
     some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
     feet, fitted = projections(tree, some, k)
+    if step == 1:
+        return feet, fitted.normals
     owners = np.arange(len(tree.order)) // step
     normals = np.ascontiguousarray(fitted.normals[:, owners])
     above = ((tree.points - feet[:, owners]) * normals).sum(axis=0)
@@ -101,7 +103,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
         if k >= MANY:
             if not thick:
                 break
-            some = _in_runs(tree, SAMPLES // 4)
+            some = _in_runs(tree, SAMPLES // 4)  # enough for the layer alone, as wide quadrics cost more
         if k > NEIGHBOURS:
             wider, fitted = projections(tree, some, 2 * k)
         if LEAST <= k < MANY and not thick and ((wider - feet) ** 2).sum(axis=0).mean() > UNBIASED * layer.level**2 / k:
