@@ -53,15 +53,16 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     """Return the places of points, (n, 3), on the surface that they observe; they stay where there is no noise.
 
     Where that is enough to keep `n_points`, only some points in tree order are denoised, given all observations. The
-    others keep their feet on quadrics.
+    others keep their feet on quadrics or, where the noise is thick, on the tangent planes of these.
     """
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
-    feet, fitted = projections(tree, tree, k)
-    places, normals = (feet if noisy else tree.points), fitted.normals
-    wanted, worth = np.zeros(len(points), dtype=bool), np.ones(len(points))
     plenty, few = len(points) // (PLENTY * n_points), len(points) // (FEW * n_points)
-    wanted[:: max(1, plenty, min(k // MANY, few))] = True
+    apart = max(1, min(k // MANY, few))
+    feet, normals = _first_places(tree, k, apart if noisy else 1)
+    places = feet if noisy else tree.points
+    wanted, worth = np.zeros(len(points), dtype=bool), np.ones(len(points))
+    wanted[:: max(apart, plenty)] = True
     for _ in range(ROUNDS if noisy else 0):
         new, turned, worth = _round(KdTree.over(places), normals, tree.points, k, wanted)
         places, normals = np.where(wanted, new, places), np.where(wanted, turned, normals)
@@ -71,30 +72,51 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     return result
 
 
+def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return feet and normals, (3, n), by a quadric at each `step`-th point, whose tangent plane serves up to the next.
+
+    Points that follow each other in tree order are near each other, so the plane differs little from their own.
+    """
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
+    feet, fitted = projections(tree, some, k)
+    if step == 1:
+        return feet, fitted.normals
+    owners = np.arange(len(tree.order)) // step
+    normals = np.ascontiguousarray(fitted.normals[:, owners])
+    above = ((tree.points - feet[:, owners]) * normals).sum(axis=0)
+    return tree.points - above * normals, normals
+
+
 def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     """Return how many points tell a place, and whether there is any noise, which is not detail of the surface."""
     n, k = len(tree.order), NEIGHBOURS
     if n < FEWEST:
         return n, False
-    some = KdTree.over(np.ascontiguousarray(tree.points[:, _in_runs(n)]))
+    some = _in_runs(tree, SAMPLES)
     feet, fitted = projections(tree, some, k)
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
     if layer.level <= THICK * layer.radius and is_detail(layer, Layer.between(some.points, wider, fitted)):
         return min(k, n), False
     while 2 * k <= min(WIDEST, n):
-        thick, apart = layer.level > LAYER * layer.radius, ((wider - feet) ** 2).sum(axis=0).mean()
-        if k >= LEAST and not thick and (k >= MANY or apart > UNBIASED * layer.level**2 / k):
+        thick = layer.level > LAYER * layer.radius
+        if k >= MANY:
+            if not thick:
+                break
+            some = _in_runs(tree, SAMPLES // 4)  # enough for the layer alone, as wide quadrics cost more
+        if k > NEIGHBOURS:
+            wider, fitted = projections(tree, some, 2 * k)
+        if LEAST <= k < MANY and not thick and ((wider - feet) ** 2).sum(axis=0).mean() > UNBIASED * layer.level**2 / k:
             break
         k, feet, layer = 2 * k, wider, Layer.between(some.points, wider, fitted)
-        if 2 * k <= min(WIDEST, n):
-            wider, fitted = projections(tree, some, 2 * k)
     return min(k, n), layer.level > 0.0
 
 
-def _in_runs(n: int) -> NDArray[np.int64]:
-    """Return which of n points in tree order to sample: runs of neighbours, which share their searches."""
-    return np.arange(n) if n <= SAMPLES else np.flatnonzero(np.arange(n) // RUN % (n // SAMPLES) == 0)
+def _in_runs(tree: KdTree, samples: int) -> KdTree:
+    """Return about so many points of a tree, in runs of neighbours in tree order, which share their searches."""
+    n = len(tree.order)
+    rows = np.arange(n) if n <= samples else np.flatnonzero(np.arange(n) // RUN % (n // samples) == 0)
+    return KdTree.over(np.ascontiguousarray(tree.points[:, rows]))
 
 
 def _round(
