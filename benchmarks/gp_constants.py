@@ -113,7 +113,9 @@ def changed(change: tuple[int, float] | None, chosen: Sequence[Condition]) -> di
     if change:
         constant, value = CONSTANTS[change[0]], CONSTANTS[change[0]].times(change[1])
         if constant.module:
-            setattr(constant.module, constant.name, value)
+            for module in (constant.module, algorithm, placement):  # these import some from others
+                if hasattr(module, constant.name):
+                    setattr(module, constant.name, value)
         else:
             method = replace(method, **{constant.name: value})
     return {each.name: judged(each, method) for each in chosen}
