@@ -25,12 +25,11 @@ from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
-from gppcs.surface.noise import Noise
+from gppcs.surface.noise import FEWEST, Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 PASSES = 2  # After the first, each point belongs to the nearest of its chosen point and that one's neighbours.
 MOST, PROJECTED = 36, 16  # Points of a cell on average, without noise and with it; of more, a sample is drawn.
-IN_BALL = 12  # Points, on average, to which a tangent plane is fitted.
 REACH = 0.7  # A point goes no farther at once, in mean distances to its three nearest chosen points.
 PULL = 0.01  # Weight of the squared distance from the middle of the cell, beside that from the planes.
 WIDER = 1.05  # By which the largest gap may grow.
@@ -85,7 +84,7 @@ def exchanged(
     cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()
     if noise.quiet:
-        feet, normals = cells.points, features_in_radius(cells, math.sqrt(IN_BALL * area / math.pi)).normals
+        feet, normals = cells.points, features_in_radius(cells, math.sqrt(FEWEST * area / math.pi)).normals
     else:
         feet, fitted = noise.projected(cells)
         normals = np.ascontiguousarray(fitted.normals.T)
