@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
+from gppcs.meshing.handles import without_small_handles
 from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, Floats, HalfEdges, Ints, add_edge, find_edge
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
@@ -36,7 +37,7 @@ def assembled(
     faces = without_bow_ties(faces[np.argsort(faces[:, 0], kind="stable")], len(points))  # near ones side by side
     faces = gaps_filled(faces, points, normals, reaches, cover, SMALL_GAP)
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
-    faces = without_bow_ties(faces, len(points))
+    faces = without_small_handles(without_bow_ties(faces, len(points)), points, normals)
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
     corners = points[faces]
