@@ -37,9 +37,12 @@ def assembled(
     faces = without_bow_ties(faces[np.argsort(faces[:, 0], kind="stable")], len(points))  # near ones side by side
     faces = gaps_filled(faces, points, normals, reaches, cover, SMALL_GAP)
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
-    faces = without_small_handles(without_bow_ties(faces, len(points)), points, normals)
+    faces = without_bow_ties(faces, len(points))
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
+    cut = without_small_handles(faces, points, normals)
+    if len(cut) < len(faces):
+        faces = without_bow_ties(gaps_filled(cut, points, normals, reaches, cover, LARGEST_GAP), len(points))
     corners = points[faces]
     usual = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
     return without_bow_ties(holes_filled(faces, points, normals, PINHOLE_SIZE * usual, PINHOLE), len(points))
