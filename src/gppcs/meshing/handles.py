@@ -11,14 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, neighbours, preceding
-from gppcs.spatial.triangles import area_vector, dot, row
+from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
+from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 
-LONGEST = 8  # edges of a loop along which a handle is cut, at most
+LONGEST = 7  # edges of a loop along which a handle is cut, at most
 MOST_TRIANGLES = 300  # that a cut takes
-OPEN = 1.5  # a loop of k edges is on no tube if on each side at least this times k^2 vertices are within k edges
+RADIAL = 0.5  # least mean cosine between normals and the way from the centre of a loop, around bars and in holes
 ROUNDS = 8  # of cuts at most
-VERBOSE = 0
 
 
 def without_small_handles(faces: Ints, vertices: Floats, normals: Floats) -> Ints:
@@ -30,7 +29,6 @@ def without_small_handles(faces: Ints, vertices: Floats, normals: Floats) -> Int
             break
         left_out = np.zeros(len(faces), dtype=np.bool_)
         _cut_all(mesh, vertices, normals, codes, _short_loops(mesh, codes), left_out)
-        if VERBOSE: print("   cut", left_out.sum())
         if not left_out.any():
             break
         faces = faces[~left_out]
@@ -44,11 +42,11 @@ def _codes(mesh: HalfEdges) -> Ints:
     inner = np.zeros(size, dtype=np.bool_)
     _grow_tree(mesh, inner)
     above, across, order = np.full(nodes, -1), np.full(nodes, -1), np.empty(nodes, dtype=np.int64)
-    codes, ends = np.zeros(size, dtype=np.int64), np.empty((size, 1), dtype=np.int64)
-    count = _grow_dual_tree(mesh, rings, inner, above, across, order, ends[:, 0])
-    if count:
-        drawn = np.random.default_rng(0).integers(1, 2**62, size=count)
-        _spread_codes(mesh, rings, above, across, order, ends[:count, 0], drawn, codes)
+    codes, left = np.zeros(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    left = left[: _grow_dual_tree(mesh, rings, inner, above, across, order, left)]
+    if len(left):
+        drawn = np.random.default_rng(0).integers(1, 2**62, size=len(left))
+        _spread_codes(mesh, rings, above, across, order, left, drawn, codes)
     return codes
 
 
@@ -176,7 +174,12 @@ def _short_loops(mesh: HalfEdges, codes: Ints) -> Ints:
 def _find_loops(mesh, codes, bases, loops):
     """Fill `loops`, (m, LONGEST), with the shortest loop that does not part the mesh, from each base, (m,)."""
     n = len(mesh.leaving)
-    depth, sums, parent, queue = np.full(n, -1), np.zeros(n, dtype=np.int64), np.full(n, -1), np.empty(n, dtype=np.int64)
+    depth, sums, parent, queue = (
+        np.full(n, -1),
+        np.zeros(n, dtype=np.int64),
+        np.full(n, -1),
+        np.empty(n, dtype=np.int64),
+    )
     halves = np.empty(MOST_AROUND, dtype=np.int64)
     for i in range(len(bases)):
         queue[0], head, tail = bases[i], 0, 1
@@ -228,16 +231,11 @@ def _trace(parent, depth, p, q, loop):
 def _cut_all(mesh, vertices, normals, codes, loops, left_out):
     """Mark in `left_out`, (F,), the triangles on one side of loops that together do not part the mesh."""
     basis, near_cut = np.zeros(64, dtype=np.int64), np.zeros(len(mesh.leaving), dtype=np.bool_)
-    halves, near = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
-    depth, queue = np.full(len(mesh.leaving), -1), np.empty(len(mesh.leaving), dtype=np.int64)
-    side = np.empty(MOST_TRIANGLES, dtype=np.int64)
+    halves, side = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_TRIANGLES, dtype=np.int64)
     for padded in loops:
         loop = padded[padded >= 0]
         code = _reduced(basis, _code_along(mesh, codes, loop, halves))
-        if code == 0 or not (
-            _opens(mesh, loop, halves, near, depth, queue, side)
-            and _opens(mesh, loop[::-1], halves, near, depth, queue, side)
-        ):
+        if code == 0 or _is_around_tube(vertices, normals, loop):
             continue
         size = _side_of(mesh, loop if _is_upright(vertices, normals, loop) else loop[::-1], halves, side)
         if not _is_apart(mesh, near_cut, side[:size]):
@@ -248,6 +246,17 @@ def _cut_all(mesh, vertices, normals, codes, loops, left_out):
             for k in range(3):
                 near_cut[mesh.origin[3 * f + k]] = True
         _keep(basis, code)
+
+
+@kernel(allocates=False)
+def _is_around_tube(vertices, normals, loop):
+    """Return whether normals along a loop point away from its centre, as on a bar, or to it, as in a drilled hole."""
+    x = y = z = total = 0.0
+    for v in loop:
+        x, y, z = x + vertices[v, 0] / len(loop), y + vertices[v, 1] / len(loop), z + vertices[v, 2] / len(loop)
+    for v in loop:
+        total += dot(unit(minus(row(vertices, v), (x, y, z))), row(normals, v))
+    return abs(total) >= RADIAL * len(loop)
 
 
 @kernel(allocates=False)
@@ -367,36 +376,3 @@ def _with(side, size, f):
         side[size] = f
         return size + 1
     return size
-
-
-@kernel
-def _opens(mesh, loop, halves, found, depth, queue, side):
-    """Return whether many vertices are near on the left of a loop, as on a sheet, not few, as on a tube."""
-    size, length = _side_of(mesh, loop, halves, side), len(loop)
-    tail = 0
-    for v in loop:
-        depth[v] = 0
-    for slot in range(size):
-        for h in range(3 * side[slot], 3 * side[slot] + 3):
-            v = mesh.origin[h]
-            if depth[v] < 0:
-                depth[v] = 1
-                queue[tail] = v
-                tail += 1
-    head = 0
-    while head < tail:
-        v = queue[head]
-        head += 1
-        if depth[v] == length:
-            break
-        count, _, _ = neighbours(mesh, v, halves, found)
-        for slot in range(count):
-            if depth[found[slot]] < 0:
-                depth[found[slot]] = depth[v] + 1
-                queue[tail] = found[slot]
-                tail += 1
-    for slot in range(tail):
-        depth[queue[slot]] = -1
-    for v in loop:
-        depth[v] = -1
-    return tail >= OPEN * length * length
