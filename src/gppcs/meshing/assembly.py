@@ -9,8 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
-from gppcs.meshing.handles import without_small_handles
 from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, Floats, HalfEdges, Ints, add_edge, find_edge
+from gppcs.meshing.handles import without_small_handles
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
 PINHOLE, PINHOLE_SIZE = (

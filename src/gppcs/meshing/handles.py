@@ -16,7 +16,7 @@ from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 
 LONGEST = 7  # edges of a loop along which a handle is cut, at most
 MOST_TRIANGLES = 300  # that a cut takes
-RADIAL = 0.5  # least mean cosine between normals and the way from the centre of a loop, around bars and in holes
+RADIAL = 0.4  # least mean cosine between normals and the way from the centre of a loop, around bars and in holes
 ROUNDS = 8  # of cuts at most
 
 
@@ -261,7 +261,7 @@ def _is_around_tube(vertices, normals, loop):
 
 @kernel(allocates=False)
 def _is_upright(vertices, normals, loop):
-    """Return whether the normals of a loop turn it counter-clockwise, as triangles that fill it on its left would be."""
+    """Return whether the normals of a loop turn it counter-clockwise, as a filling on its left would."""
     total = 0.0
     for i in range(1, len(loop) - 1):
         up = area_vector(row(vertices, loop[0]), row(vertices, loop[i]), row(vertices, loop[i + 1]))
