@@ -10,6 +10,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, Floats, HalfEdges, Ints, add_edge, find_edge
+from gppcs.meshing.handles import without_small_handles
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
 PINHOLE, PINHOLE_SIZE = (
@@ -39,6 +40,9 @@ def assembled(
     faces = without_bow_ties(faces, len(points))
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
+    cut = without_small_handles(faces, points, normals)
+    if len(cut) < len(faces):
+        faces = without_bow_ties(gaps_filled(cut, points, normals, reaches, cover, LARGEST_GAP), len(points))
     corners = points[faces]
     usual = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
     return without_bow_ties(holes_filled(faces, points, normals, PINHOLE_SIZE * usual, PINHOLE), len(points))

@@ -1,0 +1,87 @@
+"""Small false handles are cut, true ones stay."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gppcs
+from gppcs.clouds.topology import topology_of
+from gppcs.meshing.halfedges import HalfEdges, following
+from gppcs.meshing.handles import _codes, without_small_handles
+from shapes import random_mesh, torus
+
+
+def grid(n, first=0):
+    """The triangles of a square of n x n vertices, numbered from `first`."""
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()[:, None]
+    return first + np.concatenate([corner + np.array([0, 1, n + 1]), corner + np.array([0, n + 1, n])])
+
+
+def bridged(places, n=20):
+    """Two square sheets, one above the other, which triangular tubes join at some triangles; vertices and normals."""
+    x, y = np.meshgrid(np.arange(n), np.arange(n))
+    low = np.column_stack([x.ravel(), y.ravel(), np.zeros(n * n)])
+    above, below = grid(n, n * n), grid(n)[:, ::-1]
+    walls = []
+    for place in places:
+        for a, b in zip(above[place], np.roll(above[place], -1), strict=True):
+            walls += [[a, b, b - n * n], [a, b - n * n, a - n * n]]
+    whole = np.delete(above, places, axis=0), np.delete(below, places, axis=0)
+    up = np.repeat([[0.0, 0, -1], [0, 0, 1]], n * n, axis=0)
+    return np.concatenate([*whole, walls]), np.concatenate([low, low + np.array([0, 0, 1])]), up
+
+
+def noisy(name, n, level=1e-3):
+    """A sample with noise, in diagonals of the box around it."""
+    points = gppcs.sample(name, n_points=n).points
+    diagonal = np.linalg.norm(np.ptp(points, axis=0))
+    return points + level * diagonal * np.random.default_rng(1).standard_normal(points.shape)
+
+
+@given(seed=st.integers(0, 1000))
+def test_no_edge_has_a_code_where_there_is_no_handle(seed):
+    assert not _codes(random_mesh(seed)[2]).any()
+
+
+@pytest.mark.parametrize("tubes", [2, 3, 6])
+def test_codes_cancel_out_around_each_triangle_but_not_around_a_handle(tubes):
+    faces, vertices, _ = bridged(50 * np.arange(1, tubes + 1))
+    mesh = HalfEdges.of(faces, len(vertices))
+    codes = _codes(mesh)
+    assert not np.bitwise_xor.reduce(codes.reshape(-1, 3), axis=1).any()
+    code = {frozenset((mesh.origin[h], mesh.origin[following(h)])): codes[h] for h in range(len(codes))}
+    corners = grid(20, 400)[50]
+    around = [code[frozenset(edge)] for edge in zip(corners, np.roll(corners, 1), strict=True)]
+    assert np.bitwise_xor.reduce(around) != 0
+
+
+@pytest.mark.parametrize("tubes", [1, 2, 3, 6])
+def test_of_the_tubes_between_two_sheets_all_but_one_are_cut(tubes):
+    faces, vertices, normals = bridged(50 * np.arange(1, tubes + 1))
+    assert topology_of(faces)[3:] == (1, tubes - 1)
+    cut = without_small_handles(faces, vertices, normals)
+    assert topology_of(cut) == (0, 0, 2 + 2 * (tubes - 1), 1, 0)
+    assert len(faces) - len(cut) < 20 * tubes
+    if tubes == 1:
+        assert np.array_equal(cut, faces)
+
+
+def test_a_noisy_relief_has_no_handle():
+    """One of a few edges was there, with two borders more."""
+    result = gppcs.mesh(noisy("medallion", 20_000), n_points=500)
+    assert topology_of(result.mesh.faces) == (0, 0, 1, 1, 0)
+    assert len(result.mesh.vertices) == 500
+
+
+@pytest.mark.parametrize("n_points", [100, 500])
+def test_drilled_holes_stay_though_they_are_a_few_edges_wide(n_points):
+    assert gppcs.mesh(noisy("bracket", 5_000), n_points=n_points).diagnostics["genus"] == 5
+
+
+@pytest.mark.parametrize(("radius", "n"), [(0.4, 4000), (0.06, 1000), (0.04, 1500)])
+def test_a_ring_has_one_handle_though_it_is_noisy_and_a_few_spacings_thick(radius, n):
+    """There were two in the second one."""
+    points = torus(n, radius=radius)[0]
+    points += 0.05 * radius * np.random.default_rng(0).standard_normal(points.shape)
+    assert gppcs.mesh(points, n_points=300).diagnostics["genus"] == 1
