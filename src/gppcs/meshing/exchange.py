@@ -93,7 +93,7 @@ def try_collapses(begin, end, surface, edges, extra, found):
         found[i], _ = collapsed(surface, star, edges[i], extra)
 
 
-@kernel(allocates=False)
+@kernel
 def collapsed(surface, star, h, extra):
     """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this.
 
@@ -175,7 +175,7 @@ def _try_splits(begin, end, surface, edges, extra, found):
         found[i], _ = _split(surface, star, edges[i], extra)
 
 
-@kernel(allocates=False)
+@kernel
 def _split(surface, star, h, extra):
     """Return by how much the energy rises if an edge is split by a new vertex, and the best place for this."""
     mesh = surface.mesh
