@@ -63,7 +63,7 @@ def fitted(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, a
     matrix, nearly_inverse = (
         LinearOperator((3 * size, 3 * size), each, dtype=np.float64) for each in (multiplied, conditioned)
     )
-    steps, _ = cg(matrix, sums.right.ravel(), rtol=1e-5, maxiter=MOST_ITERATIONS, M=nearly_inverse)
+    steps, _ = cg(matrix, sums.right.ravel(), rtol=1e-6, maxiter=MOST_ITERATIONS, M=nearly_inverse)
     moved = vertices + steps.reshape(-1, 3)
     _undo_turns(mesh.faces(), vertices, normals, moved)
     return moved
