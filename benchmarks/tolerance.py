@@ -66,7 +66,9 @@ def measured(name: str) -> list[tuple[str, ...]]:
         head = name if not rows else "", f"{len(points):,}", f"{percent}"
         try:
             result = gppcs.mesh(points, tolerance=f"{percent}%")
-        except gppcs.ParameterError:
+        except gppcs.ParameterError as error:
+            if "below the noise" not in str(error):
+                raise
             rows.append((*head, "", "", "below the noise", *6 * [""]))
             continue
         seconds, found = time.process_time() - start, result.diagnostics

@@ -36,6 +36,11 @@ def test_a_split_keeps_the_topology(seed):
     assert np.count_nonzero(mesh.leaving >= 0) == len(points) + 10
 
 
+def unmarked(surface):
+    """Marks of triangles of which none is set."""
+    return np.zeros(len(surface.first), dtype=np.bool_)
+
+
 @pytest.fixture(params=[ball, sheet])
 def fine(request):
     """A mesh of 120 vertices with dense points, and a point for each vertex."""
@@ -53,14 +58,26 @@ def test_one_collapse_and_one_split_change_the_energy_as_said(fine):
         best = np.argsort(said, kind="stable")[:1]
         vertices = np.count_nonzero(surface.mesh.leaving >= 0)
         if change == 1:
-            assert module._collapse_all(surface, edges[best], level, 1e-4) == 1
+            assert module._collapse_all(surface, edges[best], level, 1e-4, unmarked(surface)) == 1
         else:
-            assert module._split_all(surface, edges[best], level, 1e-4, 1) == 1
+            assert module._split_all(surface, edges[best], level, 1e-4, 1, unmarked(surface)) == 1
             assert said[best[0]] < 0
         assert np.count_nonzero(surface.mesh.leaving >= 0) == vertices - change
         borders = said[best[0]] - (energy(surface, 1e-4) - before)
         assert -1e-9 <= borders < 0.05 * before + 1e-9
         assert faults(surface.mesh) == []
+
+
+def test_after_collapses_stale_splits_alone_differ(fine):
+    surface, level = fine
+    edges, rises, stale = inner_edges(surface.mesh), np.empty(len(surface.mesh.origin)), ~unmarked(surface)
+    module._try_stale_splits(surface, edges, 1e-4, rises, stale)
+    cheapest = np.argsort(module.tried(module.try_collapses, surface, edges, 1e-4), kind="stable")[:40]
+    assert module._collapse_all(surface, edges[cheapest], level, 1e-4, stale) > 2
+    assert 0 < np.count_nonzero(stale) < len(stale)
+    edges = inner_edges(surface.mesh)
+    module._try_stale_splits(surface, edges, 1e-4, rises, stale)
+    np.testing.assert_array_equal(rises[edges], module.tried(module._try_splits, surface, edges, 1e-4))
 
 
 def test_an_exchange_lowers_the_energy_with_as_many_vertices(fine):

@@ -51,7 +51,7 @@ def bound(draft: Draft, counted: Flags, limit: float, rounds: int) -> None:
     """
     found = draft.assigned_on_any_sheet()
     assigned = Assignment(np.where(counted, found.face, -1), found.squared, found.weights)
-    surface = Surface.of(draft.mesh, draft.vertices, draft.dense.raw, assigned, limit, draft.dense.cover.reaches**2)
+    surface = Surface.within(draft.mesh, draft.vertices, draft.dense.raw, assigned, limit, draft.dense.cover.reaches**2)
     thin_cost = THIN_COST * limit * np.count_nonzero(counted)
     _collapse_what_can(surface, draft.level, thin_cost)
     for _ in range(rounds):

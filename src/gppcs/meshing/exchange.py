@@ -17,7 +17,9 @@ from gppcs.meshing.collapse import is_allowed, move_triangles
 from gppcs.meshing.flips import thinness
 from gppcs.meshing.halfedges import (
     MOST_AROUND,
+    Flags,
     Floats,
+    HalfEdges,
     Ints,
     around,
     following,
@@ -47,19 +49,33 @@ def exchange(surface: Surface, level: Ints, extra: float) -> None:
     Each vertex is of a dense point, its `level`, (V,). In a very small mesh, some vertices may not find a place again.
     """
     mesh = surface.mesh
-    edges = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
-    costs, gains = tried(try_collapses, surface, edges, extra), -tried(_try_splits, surface, edges, extra)
-    cheapest, best = np.argsort(costs, kind="stable"), np.argsort(-gains, kind="stable")
-    worthless = np.flatnonzero(~(gains[best] >= WORTH * costs[cheapest]))
+    edges, rises, stale = _inner_edges(mesh), np.empty(len(mesh.origin)), np.ones(len(surface.first), dtype=np.bool_)
+    costs = tried(try_collapses, surface, edges, extra)
+    _try_stale_splits(surface, edges, extra, rises, stale)
+    cheapest, best = np.argsort(costs, kind="stable"), np.argsort(rises[edges], kind="stable")
+    worthless = np.flatnonzero(~(-rises[edges[best]] >= WORTH * costs[cheapest]))
     count = worthless[0] if len(worthless) else len(edges)
-    missing = _collapse_all(surface, edges[cheapest[:count]], level, extra)
+    missing = _collapse_all(surface, edges[cheapest[:count]], level, extra, stale)
     added = -1
     while missing and added:
-        edges = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
-        order = np.argsort(tried(_try_splits, surface, edges, extra), kind="stable")
-        added = _split_all(surface, edges[order], level, extra, missing)
+        edges = _inner_edges(mesh)
+        _try_stale_splits(surface, edges, extra, rises, stale)
+        order = np.argsort(rises[edges], kind="stable")
+        added = _split_all(surface, edges[order], level, extra, missing, stale)
         missing -= added
     _fit_all(surface, extra)
+
+
+def _inner_edges(mesh: HalfEdges) -> Ints:
+    """Return a half-edge of each edge that two triangles have."""
+    return np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
+
+
+def _try_stale_splits(surface: Surface, edges: Ints, extra: float, rises: Floats, stale: Flags) -> None:
+    """Fill `rises`, (3 F,), with what splits cost at those edges of which a triangle is stale, (F,); then none is."""
+    again = edges[stale[edges // 3] | stale[surface.mesh.opposite[edges] // 3]]
+    rises[again] = tried(_try_splits, surface, again, extra)
+    stale[:] = False
 
 
 def tried(kernel: Callable[..., None], surface: Surface, edges: Ints, extra: float) -> Floats:
@@ -77,7 +93,7 @@ def try_collapses(begin, end, surface, edges, extra, found):
         found[i], _ = collapsed(surface, star, edges[i], extra)
 
 
-@kernel(allocates=False)
+@kernel
 def collapsed(surface, star, h, extra):
     """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this.
 
@@ -109,8 +125,11 @@ def collapsed(surface, star, h, extra):
 
 
 @kernel
-def _collapse_all(surface, edges, level, extra):
-    """Collapse edges, (m,), but none whose surroundings an earlier one has changed; return their number."""
+def _collapse_all(surface, edges, level, extra, stale):
+    """Collapse edges, (m,), but none whose surroundings an earlier one has changed; return their number.
+
+    Mark in `stale`, (F,), the triangles that differ then.
+    """
     mesh, count = surface.mesh, 0
     star = room_for_star(len(surface.points))
     changed = np.zeros(len(surface.vertices), dtype=np.bool_)
@@ -122,6 +141,8 @@ def _collapse_all(surface, edges, level, extra):
         if cost == np.inf:
             continue
         collapse_edge(surface, star, v, u, place, level, extra, changed)
+        for k in range(star.sizes[0]):
+            stale[star.edges[k] // 3] = True
         count += 1
     return count
 
@@ -154,7 +175,7 @@ def _try_splits(begin, end, surface, edges, extra, found):
         found[i], _ = _split(surface, star, edges[i], extra)
 
 
-@kernel(allocates=False)
+@kernel
 def _split(surface, star, h, extra):
     """Return by how much the energy rises if an edge is split by a new vertex, and the best place for this."""
     mesh = surface.mesh
@@ -172,14 +193,14 @@ def _split(surface, star, h, extra):
 
 
 @kernel
-def _split_all(surface, edges, level, extra, most):
-    """Split at most so many edges, of (m,), but none of a triangle that is split already; return their number.
+def _split_all(surface, edges, level, extra, most, split):
+    """Split at most so many edges, of (m,), but none of a triangle marked in `split`, (F,); return their number.
 
-    New vertices and triangles take the numbers of removed ones. Each vertex is of the nearest point that none has.
+    Parts of split ones are marked, too. New vertices and triangles take the numbers of removed ones. Each vertex is of
+    the nearest point that none has.
     """
     mesh, count, w, f = surface.mesh, 0, 0, 0
     star = room_for_star(len(surface.points))
-    changed = np.zeros(len(surface.first), dtype=np.bool_)
     used = np.zeros(len(surface.points), dtype=np.bool_)
     for v in range(len(level)):
         used[level[v]] = used[level[v]] or mesh.leaving[v] >= 0
@@ -191,7 +212,7 @@ def _split_all(surface, edges, level, extra, most):
             around(mesh, mesh.origin[preceding(h)], star.halves)[0],
             around(mesh, mesh.origin[preceding(o)], star.halves)[0],
         )
-        if changed[h // 3] or changed[o // 3] or crowded == MOST_AROUND:
+        if split[h // 3] or split[o // 3] or crowded == MOST_AROUND:
             continue
         cost, place = _split(surface, star, h, extra)
         nearest = _nearest_member(surface, star, used, place)
@@ -207,7 +228,7 @@ def _split_all(surface, edges, level, extra, most):
         faces = h // 3, pair[0], o // 3, pair[1]
         split_edge(mesh, h, w, faces)
         for k in range(4):
-            star.edges[k], changed[faces[k]] = 3 * faces[k] + 1, True
+            star.edges[k], split[faces[k]] = 3 * faces[k] + 1, True
         level[w], used[nearest] = nearest, True
         store(surface, star, w, place, extra)
         count += 1

@@ -35,30 +35,46 @@ class Surface(NamedTuple):
     first: Ints  # (F,): a point of each triangle, -1 if it has none
     after: Ints  # (n,): the next point of the same triangle, -1 after the last one
     limit: float  # of the squared distances of points; infinity if there is none
-    reaches: Floats  # (n,): with a limit, how far a vertex may be from each point, if this is the nearest one; squared
-    low: Floats  # (nodes, 3): with a limit, the boxes of a tree over the points
-    high: Floats  # (nodes, 3): the boxes of a tree over the points
+    reaches: Floats  # (m,): how far a vertex may be from each point with a triangle, if it is the nearest one; squared
+    bounded: Floats  # (3, m): with a limit, these points, in the order of a tree
+    low: Floats  # (nodes, 3): the boxes of that tree
+    high: Floats  # (nodes, 3)
 
     @classmethod
-    def of(
+    def of(cls, mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment) -> Self:
+        """List the points of each triangle, without a limit to their distances."""
+        return cls._of(mesh, vertices, points, assigned, np.inf, np.empty(0), KdTree.over(np.empty((3, 0))))
+
+    @classmethod
+    def within(
+        cls, mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment, limit: float, reaches: Floats
+    ) -> Self:
+        """List the points of each triangle, with a limit to their squared distances, and squared reaches, (n,).
+
+        The points are in the order of a tree.
+        """
+        there = assigned.face >= 0
+        tree = KdTree.over(np.ascontiguousarray(points[there].T))
+        return cls._of(mesh, vertices, points, assigned, limit, reaches[there], tree)
+
+    @classmethod
+    def _of(
         cls,
         mesh: HalfEdges,
         vertices: Floats,
         points: Floats,
         assigned: Assignment,
-        limit: float = np.inf,
-        reaches: Floats | None = None,
+        limit: float,
+        reaches: Floats,
+        tree: KdTree,
     ) -> Self:
-        """List the points of each triangle; with a limit, points near each other are side by side, as in a tree."""
+        """List the points of each triangle; the tree is over those that have reaches."""
         borders = np.zeros((len(vertices), NUMBERS))
         add_borders(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), borders)
         first, after = np.full(len(mesh.origin) // 3, -1), np.full(len(points), -1)
-        if reaches is None:
-            reaches, low, high = np.empty(0), np.empty((0, 3)), np.empty((0, 3))
-        else:
-            tree = KdTree.over(np.ascontiguousarray(points.T))
-            low, high = tree.low, tree.high
-        surface = cls(mesh, vertices, borders, points, assigned, first, after, limit, reaches, low, high)
+        surface = cls(
+            mesh, vertices, borders, points, assigned, first, after, limit, reaches, tree.points, tree.low, tree.high
+        )
         _list_points(surface)
         return surface
 
@@ -165,7 +181,7 @@ def add_around(surface, star, v, other, extra):
     return energy
 
 
-@kernel(allocates=False)
+@kernel
 def fit_star(surface, star, p, extra):
     """Return the least energy of a star found from a place of its vertex on, infinity if there is none, and the place.
 
@@ -281,7 +297,7 @@ def _solved(p, xx, xy, xz, yy, yz, zz, x, y, z):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _is_allowed(surface, star, p):
     """Return whether the vertex of a star is near a point, and its triangles have areas and no sharp folds.
 
@@ -317,7 +333,7 @@ def _is_in_reach(surface, p):
     if surface.limit == np.inf:
         return True
     found, squared = np.empty(1, dtype=np.int64), np.empty(1)
-    nearest_in_tree(surface.points.T, surface.low, surface.high, p[0], p[1], p[2], found, squared)
+    nearest_in_tree(surface.bounded, surface.low, surface.high, p[0], p[1], p[2], found, squared)
     return squared[0] <= max(surface.limit, surface.reaches[found[0]])
 
 

@@ -13,6 +13,7 @@ from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.errors import InputError
+from meshes import monument
 from web_page import WebPage
 
 N, M = 3000, 300
@@ -32,6 +33,12 @@ def view_of(cloud, mesh=None, name="scan.ply", made=()):
 
 def rows_in(page, cloud, block):
     return page.array(cloud["blocks"][block], cloud["shown"], 1, np.uint32)[:, 0]
+
+
+def test_the_page_of_a_mesh_looks_at_all_its_surface():
+    mesh = monument()
+    page, _ = view_of(PointCloud(mesh.vertices), mesh)
+    assert page.described["up"] == "z"  # the vertices alone stand along y
 
 
 @pytest.fixture(scope="module")
