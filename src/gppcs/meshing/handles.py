@@ -9,7 +9,11 @@ along a loop of edges cancel out if and only if it parts the mesh, but for an un
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order
 
+from gppcs.clouds.topology import connected
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
@@ -37,128 +41,49 @@ def without_small_handles(faces: Ints, vertices: Floats, normals: Floats) -> Int
 
 def _codes(mesh: HalfEdges) -> Ints:
     """Return the code of each half-edge, 0 where no loop of triangles crosses it."""
-    size, rings = len(mesh.origin), np.full(len(mesh.origin), -1)
-    nodes = size // 3 + _number_rings(mesh, rings)
-    inner = np.zeros(size, dtype=np.bool_)
-    _grow_tree(mesh, inner)
-    above, across, order = np.full(nodes, -1), np.full(nodes, -1), np.empty(nodes, dtype=np.int64)
-    codes, left = np.zeros(size, dtype=np.int64), np.empty(size, dtype=np.int64)
-    left = left[: _grow_dual_tree(mesh, rings, inner, above, across, order, left)]
-    if len(left):
-        drawn = np.random.default_rng(0).integers(1, 2**62, size=len(left))
-        _spread_codes(mesh, rings, above, across, order, left, drawn, codes)
+    n, n_faces = len(mesh.leaving), len(mesh.origin) // 3
+    edges = np.flatnonzero(mesh.opposite < np.arange(len(mesh.origin)))  # one half-edge of each
+    begins, ends = mesh.origin[edges], np.roll(mesh.origin.reshape(-1, 3), -1, axis=1).ravel()[edges]
+    on_border = mesh.opposite[edges] < 0
+    left, right = edges // 3, mesh.opposite[edges] // 3
+    right[on_border] = n_faces + connected(begins[on_border], ends[on_border], n)[1][begins[on_border]]
+    across = np.flatnonzero(~_in_forest(begins, ends, _forest(begins, ends, n)[1]))
+    order, above = _forest(left[across], right[across], n_faces + n)
+    crossed = _in_forest(left[across], right[across], above)
+    drawn, crossed = across[~crossed], across[crossed]
+    code, sums = np.zeros(len(edges), dtype=np.int64), np.zeros(len(above), dtype=np.int64)
+    code[drawn] = np.random.default_rng(0).integers(1, 2**62, size=len(drawn))
+    for nodes in (left, right):
+        np.bitwise_xor.at(sums, nodes[drawn], code[drawn])
+    _add_up(order, above, sums)
+    code[crossed] = sums[np.where(above[left[crossed]] == right[crossed], left[crossed], right[crossed])]
+    codes = np.zeros(len(mesh.origin), dtype=np.int64)
+    codes[edges], codes[mesh.opposite[edges[~on_border]]] = code, code[~on_border]
     return codes
 
 
-@kernel(allocates=False)
-def _number_rings(mesh, rings):
-    """Fill `rings`, (3 F,), with the number of the border at each half-edge; return how many there are."""
-    count = 0
-    for first in range(len(mesh.origin)):
-        if mesh.opposite[first] >= 0 or rings[first] >= 0:
-            continue
-        h = first
-        while rings[h] < 0:
-            rings[h] = count
-            h = mesh.leaving[mesh.origin[following(h)]]
-        count += 1
-    return count
+def _forest(begins: Ints, ends: Ints, n: int) -> tuple[Ints, Ints]:
+    """Return the nodes of trees that span a graph, from the roots on, and the node above each; n is above the roots."""
+    roots = np.unique(connected(begins, ends, n)[1], return_index=True)[1]
+    rows, columns = np.append(begins, np.full(len(roots), n)), np.append(ends, roots)
+    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(n + 1, n + 1))
+    return breadth_first_order(graph.tocsr(), n, directed=False)
 
 
-@kernel
-def _grow_tree(mesh, inner):
-    """Mark in `inner`, (3 F,), the half-edges of a tree of edges in each piece."""
-    n = len(mesh.leaving)
-    seen, queue = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.int64)
-    halves = np.empty(MOST_AROUND, dtype=np.int64)
-    for root in range(n):
-        if seen[root] or mesh.leaving[root] < 0:
-            continue
-        seen[root] = True
-        queue[0], head, tail = root, 0, 1
-        while head < tail:
-            v = queue[head]
-            head += 1
-            edges, is_closed = around(mesh, v, halves)
-            for slot in range(edges + (not is_closed)):
-                h = halves[slot] if slot < edges else preceding(halves[edges - 1])
-                w = mesh.origin[following(h)] if slot < edges else mesh.origin[h]
-                if not seen[w]:
-                    seen[w] = True
-                    queue[tail] = w
-                    tail += 1
-                    inner[h] = True
-                    if mesh.opposite[h] >= 0:
-                        inner[mesh.opposite[h]] = True
+def _in_forest(begins: Ints, ends: Ints, above: Ints) -> NDArray[np.bool_]:
+    """Return which edges are in a forest, the first of several between two nodes."""
+    found = (above[begins] == ends) | (above[ends] == begins)
+    pairs = np.minimum(begins, ends) * len(above) + np.maximum(begins, ends)
+    first = np.zeros(len(begins), dtype=np.bool_)
+    first[np.unique(pairs, return_index=True)[1]] = True
+    return found & first
 
 
 @kernel(allocates=False)
-def _node_across(mesh, rings, h):
-    """Return the node of the dual tree beyond a half-edge: a triangle, or a border after all triangles."""
-    return mesh.opposite[h] // 3 if mesh.opposite[h] >= 0 else len(mesh.origin) // 3 + rings[h]
-
-
-@kernel
-def _grow_dual_tree(mesh, rings, inner, above, across, order, left):
-    """Fill a tree of triangles and borders in each piece, and list the half-edges that neither tree has.
-
-    `above`, (nodes,), is the node above each, -1 for a root; `across` the half-edge between them; `order` has the nodes
-    from the roots on. Return the number of half-edges in `left`.
-    """
-    size = len(mesh.origin)
-    seen, used = np.zeros(len(above), dtype=np.bool_), inner.copy()
-    first = np.full(len(above) - size // 3, -1)
-    for h in range(size):
-        if mesh.opposite[h] < 0:
-            first[rings[h]] = h
-    head = tail = 0
-    for root in range(size // 3):
-        if seen[root]:
-            continue
-        seen[root] = True
-        order[tail] = root
-        tail += 1
-        while head < tail:
-            node = order[head]
-            head += 1
-            h = 3 * node if node < size // 3 else first[node - size // 3]
-            begin = h
-            while True:
-                other = _node_across(mesh, rings, h) if node < size // 3 else h // 3
-                if not used[h] and not seen[other]:
-                    seen[other] = True
-                    above[other], across[other] = node, h
-                    order[tail] = other
-                    tail += 1
-                    used[h] = True
-                    if mesh.opposite[h] >= 0:
-                        used[mesh.opposite[h]] = True
-                h = following(h) if node < size // 3 else mesh.leaving[mesh.origin[following(h)]]
-                if h == begin:
-                    break
-    count = 0
-    for h in range(size):
-        if not used[h] and h > mesh.opposite[h]:
-            left[count] = h
-            count += 1
-    return count
-
-
-@kernel
-def _spread_codes(mesh, rings, above, across, order, left, drawn, codes):
-    """Fill the codes of half-edges: those drawn for the ones that are left, and along their ways up the dual tree."""
-    sums = np.zeros(len(above), dtype=np.int64)
-    for i in range(len(left)):
-        codes[left[i]] = drawn[i]
-        sums[left[i] // 3] ^= drawn[i]
-        sums[_node_across(mesh, rings, left[i])] ^= drawn[i]
-    for node in order[::-1]:
-        if above[node] >= 0:
-            codes[across[node]] = sums[node]
-            sums[above[node]] ^= sums[node]
-    for h in range(len(codes)):
-        if mesh.opposite[h] >= 0:
-            codes[h] = codes[mesh.opposite[h]] = codes[h] | codes[mesh.opposite[h]]
+def _add_up(order, above, sums):
+    """Add to the sum of each node, (nodes,), those of the nodes below it."""
+    for node in order[:0:-1]:
+        sums[above[node]] ^= sums[node]
 
 
 def _short_loops(mesh: HalfEdges, codes: Ints) -> Ints:
