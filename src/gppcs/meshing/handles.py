@@ -49,8 +49,8 @@ def _codes(mesh: HalfEdges) -> Ints:
     right[on_border] = n_faces + connected(begins[on_border], ends[on_border], n)[1][begins[on_border]]
     across = np.flatnonzero(~_in_forest(begins, ends, _forest(begins, ends, n)[1]))
     order, above = _forest(left[across], right[across], n_faces + n)
-    crossed = _in_forest(left[across], right[across], above)
-    drawn, crossed = across[~crossed], across[crossed]
+    below = _in_forest(left[across], right[across], above)
+    drawn, crossed = across[~below], across[below]
     code, sums = np.zeros(len(edges), dtype=np.int64), np.zeros(len(above), dtype=np.int64)
     code[drawn] = np.random.default_rng(0).integers(1, 2**62, size=len(drawn))
     for nodes in (left, right):
