@@ -148,8 +148,8 @@ def main() -> None:
             f"Samples have {SIZE:,} points; the road has noise of {NOISE:g} diagonals. Its intensity is judged by the "
             "true value; what is noise of the attributes of scans is not known, so it counts as error.",
             "The row best values there has the places of gp, detail, with the values that have about the least mean "
-            "error of all, fitted to the whole scan. No choice of original points with about these places falls below "
-            "that: what is left is noise, and texture finer than the kept points.",
+            "error of all, fitted to the whole scan. Hardly any choice of original points with about these places "
+            "falls below that: what is left is noise, and texture finer than the kept points.",
             f"Times are CPU seconds of one thread, the least of {REPEATS} runs.",
         ),
     )

@@ -56,6 +56,7 @@ CONSTANTS = (
     Constant(gp, "NORMAL_WEIGHT", "distance of two normals at a right angle", "desired spacings"),
     Constant(density, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
     Constant(algorithm, "NUGGET", "variance of an observation without noise", "prior variances"),
+    Constant(algorithm, "NEAREST", "points of a neighbourhood where candidates are all points", "points"),
     Constant(algorithm, "GRADATION", "growth of the desired spacing with distance", "-"),
     Constant(density, "GROUP_SIZE", "points that have one limit of that growth", "points"),
     Constant(density, "LEAST_ROUGHNESS", "of flat places", "-"),
@@ -63,7 +64,8 @@ CONSTANTS = (
     Constant(density, "WEIGHT_POWER", "power of the users' weights", "-"),
     Constant(density, "FINEST", "candidates with weights", "times those without"),
     Constant(candidates, "FIRST_STAGE", "points of the first stage", "points"),
-    Constant(candidates, "ENOUGH", "candidates for a point, at least; occupied cells for a cell of area, at most", "-"),
+    Constant(candidates, "ENOUGH", "candidates for each point to keep", "candidates"),
+    Constant(candidates, "TOO_MANY", "occupied cells for each that the area has room for", "cells"),
     Constant(candidates, "DISTANCES", "within which a lone candidate has no other", "target spacings"),
     Constant(candidates, "OUTLIERS", "of lone candidates, those lone within twice the distance", "-"),
     Constant(candidates, "HARMLESS", "lone candidates that may stay", "points to keep"),
@@ -72,6 +74,7 @@ CONSTANTS = (
     Constant(placement, "PASSES", "of the placement", "-"),
     Constant(placement, "MOST", "points of a cell", "points"),
     Constant(placement, "PROJECTED", "points of a cell where noise matters", "points"),
+    Constant(placement, "IN_BALL", "points that the tangent plane of the placement is fitted to", "points"),
     Constant(placement, "REACH", "how far a point goes at once", "distances to three nearest chosen points"),
     Constant(placement, "PULL", "weight of the middle of the cell", "-"),
     Constant(placement, "WIDER", "by which the largest gap may grow", "-"),
@@ -85,11 +88,12 @@ CONSTANTS = (
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
     Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
-    Constant(noise, "FEWEST", "points of a plane, and of the target spacing from which on noise is told", "points"),
+    Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
     Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
     Constant(noise, "CLEAN", "noise that changes nothing", "target spacings"),
     Constant(noise, "TOLERATED", "noise whose observations are as uncertain as the prior", "target spacings"),
+    Constant(noise, "LARGEST", "variance of an observation at most", "prior variances"),
     Constant(noise, "SAMPLES", "points on which the noise is measured", "points"),
     Constant(noise, "SHARE", "of the points, the share whose distance tells the level of the noise", "-"),
 )
@@ -113,9 +117,7 @@ def changed(change: tuple[int, float] | None, chosen: Sequence[Condition]) -> di
     if change:
         constant, value = CONSTANTS[change[0]], CONSTANTS[change[0]].times(change[1])
         if constant.module:
-            for module in (constant.module, algorithm, placement):  # these import some from others
-                if hasattr(module, constant.name):
-                    setattr(module, constant.name, value)
+            setattr(constant.module, constant.name, value)
         else:
             method = replace(method, **{constant.name: value})
     return {each.name: judged(each, method) for each in chosen}

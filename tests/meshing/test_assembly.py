@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.assembly import gaps_filled, taken, without_bow_ties, without_scraps
+from gppcs.meshing.assembly import gaps_filled, taken, without_scraps
 from gppcs.meshing.filling import BEND, LENGTH, border_loops, holes_filled
-from gppcs.meshing.halfedges import HalfEdges
+from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
 from shapes import ball, faults, sheet
 

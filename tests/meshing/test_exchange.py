@@ -68,12 +68,14 @@ def test_one_collapse_and_one_split_change_the_energy_as_said(fine):
         assert faults(surface.mesh) == []
 
 
-def test_after_collapses_stale_splits_alone_differ(fine):
+@pytest.mark.parametrize("rough", [0.0, 0.06])
+def test_after_collapses_stale_splits_alone_differ(fine, rough):
     surface, level = fine
+    surface.vertices[:] += rough * np.random.default_rng(0).standard_normal(surface.vertices.shape)
     edges, rises, stale = inner_edges(surface.mesh), np.empty(len(surface.mesh.origin)), ~unmarked(surface)
     module._try_stale_splits(surface, edges, 1e-4, rises, stale)
     cheapest = np.argsort(module.tried(module.try_collapses, surface, edges, 1e-4), kind="stable")[:40]
-    assert module._collapse_all(surface, edges[cheapest], level, 1e-4, stale) > 2
+    assert module._collapse_all(surface, edges[cheapest], level, 1e-4, stale) > 1
     assert 0 < np.count_nonzero(stale) < len(stale)
     edges = inner_edges(surface.mesh)
     module._try_stale_splits(surface, edges, 1e-4, rises, stale)

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
-from gppcs.meshing.halfedges import MOST_AROUND, EdgeTable, Floats, HalfEdges, Ints, add_edge, find_edge
+from gppcs.meshing.halfedges import (
+    MOST_AROUND,
+    EdgeTable,
+    Floats,
+    HalfEdges,
+    Ints,
+    add_edge,
+    find_edge,
+    without_bow_ties,
+)
 from gppcs.meshing.handles import without_small_handles
 
 SMALL_GAP = 8  # corners of a gap that is filled before triangles of a single fan are tried
@@ -109,27 +118,6 @@ def _walk(triangles, table, p, start, end):
         here = triangles[edge // 3, (edge + 2) % 3]
         steps += 1
     return True, steps
-
-
-def without_bow_ties(faces: Ints, n: int) -> Ints:
-    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
-    while True:
-        mesh = HalfEdges.of(faces, n)
-        other = mesh.opposite[mesh.opposite >= 0]
-        after = np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
-        begins = np.concatenate([[0], np.cumsum(mesh.opposite >= 0)])
-        size = len(mesh.origin)
-        _, fan = connected_components(csr_array((np.ones(len(after)), after, begins), shape=(size, size)))
-        sizes = np.bincount(fan)
-        if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
-            return faces
-        vertex = np.empty(len(sizes), dtype=np.int64)
-        vertex[fan] = mesh.origin
-        several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
-        order = several[np.lexsort((-sizes[several], vertex[several]))]
-        smaller = np.zeros(len(sizes), dtype=np.bool_)
-        smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
 
 
 def without_scraps(faces: Ints, n: int, fewest: int = PIECE_TRIANGLES) -> Ints:

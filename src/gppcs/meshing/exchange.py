@@ -72,8 +72,13 @@ def _inner_edges(mesh: HalfEdges) -> Ints:
 
 
 def _try_stale_splits(surface: Surface, edges: Ints, extra: float, rises: Floats, stale: Flags) -> None:
-    """Fill `rises`, (3 F,), with what splits cost at those edges of which a triangle is stale, (F,); then none is."""
-    again = edges[stale[edges // 3] | stale[surface.mesh.opposite[edges] // 3]]
+    """Fill `rises`, (3 F,), with what splits cost near triangles that are stale, (F,); then none is.
+
+    A split depends on the triangles of its edge, and on those across their other edges.
+    """
+    beyond = surface.mesh.opposite.reshape(-1, 3)
+    near = stale | (stale[beyond // 3] & (beyond >= 0)).any(axis=1)
+    again = edges[near[edges // 3] | near[surface.mesh.opposite[edges] // 3]]
     rises[again] = tried(_try_splits, surface, again, extra)
     stale[:] = False
 

@@ -9,6 +9,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
 
@@ -137,3 +139,24 @@ def leave_by(mesh, v, h):
         if h == first:
             return
     mesh.leaving[v] = h
+
+
+def without_bow_ties(faces: Ints, n: int) -> Ints:
+    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
+    while True:
+        mesh = HalfEdges.of(faces, n)
+        other = mesh.opposite[mesh.opposite >= 0]
+        after = np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
+        begins = np.concatenate([[0], np.cumsum(mesh.opposite >= 0)])
+        size = len(mesh.origin)
+        _, fan = connected_components(csr_array((np.ones(len(after)), after, begins), shape=(size, size)))
+        sizes = np.bincount(fan)
+        if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
+            return faces
+        vertex = np.empty(len(sizes), dtype=np.int64)
+        vertex[fan] = mesh.origin
+        several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
+        order = several[np.lexsort((-sizes[several], vertex[several]))]
+        smaller = np.zeros(len(sizes), dtype=np.bool_)
+        smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
+        faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]

@@ -15,27 +15,25 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from gppcs.clouds.topology import connected
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
+from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding, without_bow_ties
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 
 LONGEST = 7  # edges of a loop along which a handle is cut, at most
 MOST_TRIANGLES = 300  # that a cut takes
 RADIAL = 0.4  # least mean cosine between normals and the way from the centre of a loop, around bars and in holes
-ROUNDS = 8  # of cuts at most
 
 
 def without_small_handles(faces: Ints, vertices: Floats, normals: Floats) -> Ints:
-    """Leave out triangles along short loops that go around or through handles; the gaps are to be filled."""
-    for _ in range(ROUNDS):
-        mesh = HalfEdges.of(faces, len(vertices))
-        codes = _codes(mesh)
-        if not codes.any():
-            break
+    """Leave out triangles along short loops that go around or through handles; the gaps are to be filled.
+
+    The mesh has no bow ties, before and after. A round cuts as many handles as a code has bits, at most.
+    """
+    while (codes := _codes(mesh := HalfEdges.of(faces, len(vertices)))).any():
         left_out = np.zeros(len(faces), dtype=np.bool_)
         _cut_all(mesh, vertices, normals, codes, _short_loops(mesh, codes), left_out)
         if not left_out.any():
             break
-        faces = faces[~left_out]
+        faces = without_bow_ties(faces[~left_out], len(vertices))
     return faces
 
 
@@ -71,12 +69,8 @@ def _forest(begins: Ints, ends: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _in_forest(begins: Ints, ends: Ints, above: Ints) -> NDArray[np.bool_]:
-    """Return which edges are in a forest, the first of several between two nodes."""
-    found = (above[begins] == ends) | (above[ends] == begins)
-    pairs = np.minimum(begins, ends) * len(above) + np.maximum(begins, ends)
-    first = np.zeros(len(begins), dtype=np.bool_)
-    first[np.unique(pairs, return_index=True)[1]] = True
-    return found & first
+    """Return which edges of a graph, no two between the same nodes, are in a forest."""
+    return (above[begins] == ends) | (above[ends] == begins)
 
 
 @kernel(allocates=False)
@@ -167,7 +161,6 @@ def _cut_all(mesh, vertices, normals, codes, loops, left_out):
             continue
         for f in side[:size]:
             left_out[f] = True
-        for f in side[: _with_smaller_fans(mesh, left_out, halves, side, size)]:
             for k in range(3):
                 near_cut[mesh.origin[3 * f + k]] = True
         _keep(basis, code)
@@ -203,36 +196,6 @@ def _is_apart(mesh, near_cut, side):
             if near_cut[mesh.origin[3 * f + k]]:
                 return False
     return True
-
-
-@kernel(allocates=False)
-def _with_smaller_fans(mesh, left_out, halves, side, size):
-    """Add to the triangles of a cut all but the largest fan of the others at each vertex; return their number."""
-    i = 0
-    while i < size:
-        for k in range(3):
-            v = mesh.origin[3 * side[i] + k]
-            edges, is_closed = around(mesh, v, halves)
-            begin, longest = _longest_run(left_out, halves, edges, is_closed)
-            for slot in range(longest, edges):
-                f = halves[(begin + slot) % edges] // 3
-                if not left_out[f] and size < len(side):
-                    left_out[f] = True
-                    side[size] = f
-                    size += 1
-        i += 1
-    return size
-
-
-@kernel(allocates=False)
-def _longest_run(left_out, halves, edges, is_closed):
-    """Return where the longest run of triangles that are in no cut begins around a vertex, and its length."""
-    best = longest = length = 0
-    for slot in range(2 * edges if is_closed else edges):
-        length = 0 if left_out[halves[slot % edges] // 3] else length + 1
-        if length > longest and length <= edges:
-            best, longest = slot - length + 1, length
-    return best % max(1, edges), longest
 
 
 @kernel(allocates=False)

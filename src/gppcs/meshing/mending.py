@@ -5,11 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assembly import without_bow_ties
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.filling import border_loops, fill, fillings, without_cutting
-from gppcs.meshing.halfedges import MOST_AROUND, Flags, Floats, HalfEdges, Ints, around, following, leave_by
+from gppcs.meshing.halfedges import (
+    MOST_AROUND,
+    Flags,
+    Floats,
+    HalfEdges,
+    Ints,
+    around,
+    following,
+    leave_by,
+    without_bow_ties,
+)
 from gppcs.spatial.triangles import dot, minus, row
 
 ROUNDS = 4  # of mending all triangles that cut others

@@ -6,6 +6,7 @@ from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
     FIRST_STAGE,
+    TOO_MANY,
     gaps_of_lone,
     largest_gap,
     nested_candidates,
@@ -85,9 +86,9 @@ def plain_stages(points, sharpness, n_points, area, density):
     while True:
         edge = np.sqrt(area / (target * density))
         kept = candidates[sharpest_of_cells(points[candidates], edge, sharpness[candidates])]
-        if len(kept) > ENOUGH * density * target:
+        if len(kept) > TOO_MANY * density * target:
             area, grown = area * 2, True
-        elif len(kept) < ENOUGH * target and len(candidates) > ENOUGH * density * target and not grown:
+        elif len(kept) < ENOUGH * target and len(candidates) > TOO_MANY * density * target and not grown:
             area /= 2
         else:
             thinned = len(kept) >= ENOUGH * target

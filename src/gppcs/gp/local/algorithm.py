@@ -22,9 +22,10 @@ from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import placed
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.noise import FEWEST, Observations
+from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
+NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
 NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
 
 
@@ -157,9 +158,7 @@ def features_of(
     on_surface = tree.in_own_order()
     if feet is not None:
         on_surface = KdTree.over(np.ascontiguousarray(feet[tree.order].T) / spacing)
-    if thinned:
-        return tree, features_in_radius(on_surface, 1.0)
-    return tree, features_of_nearest(on_surface, FEWEST)  # a ball could hold any number of points
+    return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, NEAREST)
 
 
 class Scale(NamedTuple):

@@ -30,6 +30,7 @@ from gppcs.gp.local.candidates import (
     FIRST_STAGE,
     PER_POINT,
     SMALLEST_AREA,
+    TOO_MANY,
     cell_edge,
     gaps_of_lone,
     largest_gap,
@@ -183,7 +184,7 @@ def _with_candidates(
 
     The area is doubled or quartered. If even that leaves too few candidates, all points are candidates.
     """
-    many, few = ENOUGH * stage.density * stage.target, ENOUGH * stage.target
+    many, few = TOO_MANY * stage.density * stage.target, ENOUGH * stage.target
     asked = [_Asked.of(part, 0.0, fixed, fixed_places) for part in parts]
     kind = _kind(stage)
 

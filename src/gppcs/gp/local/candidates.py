@@ -25,9 +25,8 @@ from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
-# Candidates for each point to keep, at least: with fewer, all points stay candidates. And occupied cells for each cell
-# that the area has room for, at most: a plane has 1.5 on average, 1.7 at most.
-ENOUGH = 3
+ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
+TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
 # A candidate is lone if no other lies within the first of these distances, in target spacings.
 DISTANCES = (0.45, 0.9, 1.8, 3.6)
 # Those alone within a distance are outliers if more than this share of them is alone within twice that distance, too.
@@ -196,7 +195,7 @@ def thinned(
     points: NDArray[np.float64], sharpness: NDArray[np.float32], target: int, area: float, density: float
 ) -> tuple[float, NDArray[np.int64]]:
     """Return the area, doubled or halved until the occupied cells fit it, and the rows of their sharpest points."""
-    many, cells = ENOUGH * density * target, density * target
+    many, cells = TOO_MANY * density * target, density * target
     grids = _grids(points, sharpness, area, cells)
     seen, kept = next(grids)
     while len(kept) > many:
@@ -218,7 +217,7 @@ def _halved(
     A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
     """
     few, cells = ENOUGH * target, density * target
-    step = len(points) // int(ENOUGH * cells)
+    step = len(points) // int(TOO_MANY * cells)
     some, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
     halvings = 1
     while area * 0.5**halvings > SMALLEST_AREA:
