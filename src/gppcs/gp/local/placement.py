@@ -3,7 +3,7 @@
 The cell of a chosen point holds the points that are nearer to it than to the other chosen points. Of these, the step
 tries the three with the least quadric error, if it is below that of the chosen point: the summed squared distance from
 the tangent planes of all points of the cell (Garland and Heckbert 1997). The one to whose triangles the cell lies
-nearest takes the place, if the cell lies nearer than before. With attributes, up to 32 are tried, as long as their
+nearest takes the place, if the cell lies nearer than before. With attributes, up to 20 are tried, as long as their
 error alone is not too large. On convex parts, the new place is mostly a little outside the surface through its
 neighbours, so the error of the triangles falls; at ridges and corners it is on these. The order of choice stays, so
 every prefix gains as well.
@@ -39,8 +39,8 @@ AGREEING = 0.4  # Mean cosine between the planes of a cell and the fan of its po
 # steep above it, by the squared sine of the slope.
 THROUGH, PARALLEL, STEEP = 0.1, 0.9, 0.5
 TRIED = 3  # Points of a cell that are tried, at most, if only the shape counts.
-# The same with attributes. With 8, the surface error of the fresco is 40 % larger; with all, a run takes longer.
-TRIED_BY_DETAIL = 32
+# The same with attributes. With 8, the surface error of the fresco is 36 % larger; with all, a run takes longer.
+TRIED_BY_DETAIL = 20
 JUDGED = 10  # Points of a cell, at most, whose distance from the triangles is measured.
 ROUNDING = 1e-9  # Of the reach: a gain below this is only rounding.
 POINTS_AT_ONCE = 1024  # Points that a thread hands over at once, at least.
