@@ -2,8 +2,8 @@
 
 A shape is a union of parts: lathed and extruded solids, stretched and turned, and the patches of the sample scans.
 Points are random on the surface, uniform by area; those inside another part are dropped, those where two parts touch,
-as the top of a leg under a seat, stay. Normals are exact. Any number of points can be drawn: training takes 2,048 of
-each shape, sizes.py up to 100,000.
+as the top of a leg under a seat, stay. Normals are exact. Any number of points can be drawn: training draws 2,048 of
+each shape and takes 1,024 of these at once, sizes.py draws up to 100,000.
 """
 
 from __future__ import annotations

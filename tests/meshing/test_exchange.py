@@ -13,10 +13,6 @@ from meshes import energy, surface_of
 from shapes import ball, faults, hull, random_mesh, sheet
 
 
-def inner_edges(mesh):
-    return np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_a_split_keeps_the_topology(seed):
     points, _, mesh = random_mesh(seed)
@@ -27,7 +23,7 @@ def test_a_split_keeps_the_topology(seed):
     )  # fmt: skip
     rng = np.random.default_rng(seed)
     for k in range(10):
-        h = rng.choice(inner_edges(mesh))
+        h = rng.choice(mesh.inner_edges())
         free = size + 2 * k
         split_edge(mesh, h, len(points) + k, (h // 3, free, mesh.opposite[h] // 3, free + 1))
     assert faults(mesh) == []
@@ -53,7 +49,7 @@ def fine(request):
 def test_one_collapse_and_one_split_change_the_energy_as_said(fine):
     surface, level = fine
     for trial, change in ((module.try_collapses, 1), (module._try_splits, -1)):
-        edges, before = inner_edges(surface.mesh), energy(surface, 1e-4)
+        edges, before = surface.mesh.inner_edges(), energy(surface, 1e-4)
         said = module.tried(trial, surface, edges, 1e-4)
         best = np.argsort(said, kind="stable")[:1]
         vertices = np.count_nonzero(surface.mesh.leaving >= 0)
@@ -72,12 +68,12 @@ def test_one_collapse_and_one_split_change_the_energy_as_said(fine):
 def test_after_collapses_stale_splits_alone_differ(fine, rough):
     surface, level = fine
     surface.vertices[:] += rough * np.random.default_rng(0).standard_normal(surface.vertices.shape)
-    edges, rises, stale = inner_edges(surface.mesh), np.empty(len(surface.mesh.origin)), ~unmarked(surface)
+    edges, rises, stale = surface.mesh.inner_edges(), np.empty(len(surface.mesh.origin)), ~unmarked(surface)
     module._try_stale_splits(surface, edges, 1e-4, rises, stale)
     cheapest = np.argsort(module.tried(module.try_collapses, surface, edges, 1e-4), kind="stable")[:40]
     assert module._collapse_all(surface, edges[cheapest], level, 1e-4, stale) > 1
     assert 0 < np.count_nonzero(stale) < len(stale)
-    edges = inner_edges(surface.mesh)
+    edges = surface.mesh.inner_edges()
     module._try_stale_splits(surface, edges, 1e-4, rises, stale)
     np.testing.assert_array_equal(rises[edges], module.tried(module._try_splits, surface, edges, 1e-4))
 

@@ -71,7 +71,7 @@ def _collapse_what_can(surface: Surface, level: Ints, thin_cost: float) -> int:
     costs, changed = np.full(len(mesh.origin), np.inf), np.ones(len(mesh.leaving), dtype=np.bool_)
     while True:
         extra = thin_cost / len(mesh.faces())
-        edges, ends = _edges(surface), np.roll(mesh.origin.reshape(-1, 3), -1, axis=1).ravel()
+        edges, ends = surface.mesh.edges(), np.roll(mesh.origin.reshape(-1, 3), -1, axis=1).ravel()
         stale = edges[changed[mesh.origin[edges]] | changed[ends[edges]]]
         costs[stale], changed[:] = tried(try_collapses, surface, stale, extra), False
         order = np.argsort(costs[edges], kind="stable")[: np.count_nonzero(costs[edges] < np.inf)]
@@ -85,15 +85,8 @@ def _collapse_what_can(surface: Surface, level: Ints, thin_cost: float) -> int:
 def _flip_and_fit(surface: Surface, normals: Floats, extra: float) -> None:
     """Flip edges and move vertices, one after another, each if the energy falls and nothing comes to cut."""
     tree = TriangleTree.of(surface.mesh, surface.vertices)
-    _flip_all(surface, tree, normals, _edges(surface), extra)
+    _flip_all(surface, tree, normals, surface.mesh.edges(), extra)
     _fit_all(surface, tree, extra)
-
-
-def _edges(surface: Surface) -> Ints:
-    """Return a half-edge of each edge."""
-    mesh = surface.mesh
-    first = (mesh.opposite < 0) | (mesh.opposite > np.arange(len(mesh.origin)))
-    return np.flatnonzero((mesh.origin >= 0) & first)
 
 
 @kernel

@@ -19,7 +19,6 @@ from gppcs.meshing.halfedges import (
     MOST_AROUND,
     Flags,
     Floats,
-    HalfEdges,
     Ints,
     around,
     following,
@@ -49,7 +48,7 @@ def exchange(surface: Surface, level: Ints, extra: float) -> None:
     Each vertex is of a dense point, its `level`, (V,). In a very small mesh, some vertices may not find a place again.
     """
     mesh = surface.mesh
-    edges, rises, stale = _inner_edges(mesh), np.empty(len(mesh.origin)), np.ones(len(surface.first), dtype=np.bool_)
+    edges, rises, stale = mesh.inner_edges(), np.empty(len(mesh.origin)), np.ones(len(surface.first), dtype=np.bool_)
     costs = tried(try_collapses, surface, edges, extra)
     _try_stale_splits(surface, edges, extra, rises, stale)
     cheapest, best = np.argsort(costs, kind="stable"), np.argsort(rises[edges], kind="stable")
@@ -58,17 +57,12 @@ def exchange(surface: Surface, level: Ints, extra: float) -> None:
     missing = _collapse_all(surface, edges[cheapest[:count]], level, extra, stale)
     added = -1
     while missing and added:
-        edges = _inner_edges(mesh)
+        edges = mesh.inner_edges()
         _try_stale_splits(surface, edges, extra, rises, stale)
         order = np.argsort(rises[edges], kind="stable")
         added = _split_all(surface, edges[order], level, extra, missing, stale)
         missing -= added
     _fit_all(surface, extra)
-
-
-def _inner_edges(mesh: HalfEdges) -> Ints:
-    """Return a half-edge of each edge that two triangles have."""
-    return np.flatnonzero((mesh.origin >= 0) & (mesh.opposite > np.arange(len(mesh.origin))))
 
 
 def _try_stale_splits(surface: Surface, edges: Ints, extra: float, rises: Floats, stale: Flags) -> None:
@@ -198,11 +192,11 @@ def _split(surface, star, h, extra):
 
 
 @kernel
-def _split_all(surface, edges, level, extra, most, split):
-    """Split at most so many edges, of (m,), but none of a triangle marked in `split`, (F,); return their number.
+def _split_all(surface, edges, level, extra, most, stale):
+    """Split at most so many edges, of (m,), but none of a triangle that is split already; return their number.
 
-    Parts of split ones are marked, too. New vertices and triangles take the numbers of removed ones. Each vertex is of
-    the nearest point that none has.
+    Mark in `stale`, (F,), at first all False, the parts of split triangles. New vertices and triangles take the numbers
+    of removed ones. Each vertex is of the nearest point that none has.
     """
     mesh, count, w, f = surface.mesh, 0, 0, 0
     star = room_for_star(len(surface.points))
@@ -217,7 +211,7 @@ def _split_all(surface, edges, level, extra, most, split):
             around(mesh, mesh.origin[preceding(h)], star.halves)[0],
             around(mesh, mesh.origin[preceding(o)], star.halves)[0],
         )
-        if split[h // 3] or split[o // 3] or crowded == MOST_AROUND:
+        if stale[h // 3] or stale[o // 3] or crowded == MOST_AROUND:
             continue
         cost, place = _split(surface, star, h, extra)
         nearest = _nearest_member(surface, star, used, place)
@@ -233,7 +227,7 @@ def _split_all(surface, edges, level, extra, most, split):
         faces = h // 3, pair[0], o // 3, pair[1]
         split_edge(mesh, h, w, faces)
         for k in range(4):
-            star.edges[k], split[faces[k]] = 3 * faces[k] + 1, True
+            star.edges[k], stale[faces[k]] = 3 * faces[k] + 1, True
         level[w], used[nearest] = nearest, True
         store(surface, star, w, place, extra)
         count += 1

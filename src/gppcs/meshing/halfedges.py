@@ -43,6 +43,16 @@ class HalfEdges(NamedTuple):
         faces = self.origin.reshape(-1, 3)
         return faces[faces[:, 0] >= 0]
 
+    def edges(self) -> Ints:
+        """Return a half-edge of each edge."""
+        first = (self.opposite < 0) | (self.opposite > np.arange(len(self.origin)))
+        return np.flatnonzero((self.origin >= 0) & first)
+
+    def inner_edges(self) -> Ints:
+        """Return a half-edge of each edge that two triangles have."""
+        edges = self.edges()
+        return edges[self.opposite[edges] >= 0]
+
 
 class EdgeTable(NamedTuple):
     """Directed edges, listed by the vertex at which they begin. Kernels add to them."""
@@ -139,6 +149,18 @@ def leave_by(mesh, v, h):
         if h == first:
             return
     mesh.leaving[v] = h
+
+
+@kernel(allocates=False)
+def add_triangle(patch, size, f):
+    """Add a triangle to a patch of some size, unless it is there or the patch is full; return the new size."""
+    for slot in range(size):
+        if patch[slot] == f:
+            return size
+    if size == len(patch):
+        return size
+    patch[size] = f
+    return size + 1
 
 
 def without_bow_ties(faces: Ints, n: int) -> Ints:

@@ -15,7 +15,17 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from gppcs.clouds.topology import connected
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding, without_bow_ties
+from gppcs.meshing.halfedges import (
+    MOST_AROUND,
+    Floats,
+    HalfEdges,
+    Ints,
+    add_triangle,
+    around,
+    following,
+    preceding,
+    without_bow_ties,
+)
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 
 LONGEST = 7  # edges of a loop along which a handle is cut, at most
@@ -93,12 +103,8 @@ def _short_loops(mesh: HalfEdges, codes: Ints) -> Ints:
 def _find_loops(mesh, codes, bases, loops):
     """Fill `loops`, (m, LONGEST), with the shortest loop that does not part the mesh, from each base, (m,)."""
     n = len(mesh.leaving)
-    depth, sums, parent, queue = (
-        np.full(n, -1),
-        np.zeros(n, dtype=np.int64),
-        np.full(n, -1),
-        np.empty(n, dtype=np.int64),
-    )
+    depth, parent = np.full(n, -1), np.full(n, -1)
+    sums, queue = np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     halves = np.empty(MOST_AROUND, dtype=np.int64)
     for i in range(len(bases)):
         queue[0], head, tail = bases[i], 0, 1
@@ -245,22 +251,10 @@ def _side_of(mesh, loop, halves, side):
         before, after = loop[i - 1], loop[(i + 1) % len(loop)]
         h = _half_edge(mesh, loop[i], after, halves)
         while h >= 0 and mesh.origin[following(h)] != before:
-            size = _with(side, size, h // 3)
+            size = add_triangle(side, size, h // 3)
             h = mesh.opposite[preceding(h)]
         h = _half_edge(mesh, before, loop[i], halves)
         while h >= 0 and mesh.origin[h] != after:
-            size = _with(side, size, h // 3)
+            size = add_triangle(side, size, h // 3)
             h = mesh.opposite[following(h)]
-    return size
-
-
-@kernel(allocates=False)
-def _with(side, size, f):
-    """Add a triangle to a list of some size unless it is there, or the list is full; return the new size."""
-    for slot in range(size):
-        if side[slot] == f:
-            return size
-    if size < len(side):
-        side[size] = f
-        return size + 1
     return size

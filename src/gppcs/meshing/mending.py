@@ -14,6 +14,7 @@ from gppcs.meshing.halfedges import (
     Floats,
     HalfEdges,
     Ints,
+    add_triangle,
     around,
     following,
     leave_by,
@@ -83,7 +84,7 @@ def _patch(mesh, f, which, halves, patch):
         h = 3 * f + k
         if which in (k, 3):
             if mesh.opposite[h] >= 0:
-                size = _add(patch, size, mesh.opposite[h] // 3)
+                size = add_triangle(patch, size, mesh.opposite[h] // 3)
             elif which == k:
                 return 0
         if which in (4 + k, 7 + k, 7 + (k + 2) % 3, 10):
@@ -96,20 +97,8 @@ def _add_around(mesh, v, halves, patch, size):
     """Add the triangles around a vertex to a patch of some size; return the new size."""
     edges, _ = around(mesh, v, halves)
     for slot in range(edges):
-        size = _add(patch, size, halves[slot] // 3)
+        size = add_triangle(patch, size, halves[slot] // 3)
     return size
-
-
-@kernel(allocates=False)
-def _add(patch, size, f):
-    """Add a triangle to a patch of some size, unless it is there or the patch is full; return the new size."""
-    for slot in range(size):
-        if patch[slot] == f:
-            return size
-    if size == MOST_TRIANGLES:
-        return size
-    patch[size] = f
-    return size + 1
 
 
 @kernel

@@ -48,19 +48,19 @@ class LocalSurface:
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
-        distances, corners, weights = self._find(queries)
+        distances, corners, weights = self.find(queries)
         normals = np.empty((len(queries), 3))
         on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
         return distances, normals
 
     def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
-        _, corners, weights = self._find(queries)
+        _, corners, weights = self.find(queries)
         a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
         v, w = weights.T[..., np.newaxis]
         return a + v * (b - a) + w * (c - a)
 
-    def _find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    def find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
         """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
         n = len(queries)
         found = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))

@@ -23,24 +23,23 @@ SMALLEST_ROOT = np.polynomial.chebyshev.cheb2poly(_CHEBYSHEV.coef)[::-1].copy()
 def moments_in_ball(packed, count, x, y, z, squared_radius, moments, p):
     """Fill column p of `moments`, (10, n), with those of the packed points, (3, m), within a radius of (x, y, z)."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
-    n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for j in range(len(along_x)):
         dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
         inside = dx * dx + dy * dy + dz * dz <= squared_radius
-        n += 1.0 if inside else 0.0
-        dx, dy, dz = dx if inside else 0.0, dy if inside else 0.0, dz if inside else 0.0
-        sx += dx
-        sy += dy
-        sz += dz
-        sxx += dx * dx
-        sxy += dx * dy
-        sxz += dx * dz
-        syy += dy * dy
-        syz += dy * dz
-        szz += dz * dz
-    moments[0, p], moments[1, p], moments[2, p], moments[3, p] = n, sx, sy, sz
-    moments[4, p], moments[5, p], moments[6, p] = sxx, sxy, sxz
-    moments[7, p], moments[8, p], moments[9, p] = syy, syz, szz
+        one = 1.0 if inside else 0.0
+        sums = with_step(sums, one, dx if inside else 0.0, dy if inside else 0.0, dz if inside else 0.0)
+    for m in range(MOMENTS):
+        moments[m, p] = sums[m]
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def with_step(sums, one, x, y, z):
+    """Return moments, a tuple, with those of one more point at (x, y, z); where all is 0, there is none."""
+    n, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz = sums
+    return (
+        n + one, sx + x, sy + y, sz + z, sxx + x * x, sxy + x * y, sxz + x * z, syy + y * y, syz + y * z, szz + z * z,
+    )  # fmt: skip
 
 
 @kernel

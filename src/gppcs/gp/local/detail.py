@@ -16,7 +16,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 from gppcs.spatial.nearest import MANY_LEAVES, pack, room_for
-from gppcs.surface.moments import MOMENTS
+from gppcs.surface.moments import MOMENTS, with_step
 
 DISTANCE = 3.5  # Of a change of an attribute by its whole range, in desired spacings.
 ROUGH = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
@@ -124,25 +124,16 @@ def _steps(packed, full, x, y, z, squared_radius, steps, moments):
     """Fill `steps`, (4, m), with steps to the points within a radius, and ones, 0 beyond; and `moments`, (10,)."""
     along_x, along_y, along_z = packed[0][:full], packed[1][:full], packed[2][:full]
     to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
-    n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for j in range(len(along_x)):
         dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
         near = dx * dx + dy * dy + dz * dz <= squared_radius
         one = 1.0 if near else 0.0
         dx, dy, dz = dx if near else 0.0, dy if near else 0.0, dz if near else 0.0
         to_x[j], to_y[j], to_z[j], inside[j] = dx, dy, dz, one
-        n += one
-        sx += dx
-        sy += dy
-        sz += dz
-        sxx += dx * dx
-        sxy += dx * dy
-        sxz += dx * dz
-        syy += dy * dy
-        syz += dy * dz
-        szz += dz * dz
-    moments[0], moments[1], moments[2], moments[3] = n, sx, sy, sz
-    moments[4], moments[5], moments[6], moments[7], moments[8], moments[9] = sxx, sxy, sxz, syy, syz, szz
+        sums = with_step(sums, one, dx, dy, dz)
+    for m in range(MOMENTS):
+        moments[m] = sums[m]
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)

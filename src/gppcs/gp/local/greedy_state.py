@@ -106,7 +106,7 @@ def condition_on(new, root, field, state, room, count):
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
             )  # fmt: skip
-        for c in range(len(field.detail)):
+        for c in range(len(field.detail)):  # what `detail_apart` adds, in loops that vectorise
             for i in range(begin, end):
                 room.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):
