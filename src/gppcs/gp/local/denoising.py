@@ -23,16 +23,16 @@ from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, THICK, Layer, is_de
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
 
 LEAST, MANY, WIDEST = 60, 120, 480  # Points that tell a place: at least, at most without thick noise, and with it.
-LAYER = 0.31  # Noise above this, in radii of the neighbourhood, is thick: more points are taken.
+LAYER = 0.33  # Noise above this, in radii of the neighbourhood, is thick: more points are taken.
 # Mean squared distance between the feet on quadrics of k and of 2 k points, in variances of the noise over k, above
 # which more points cut off detail. Noise alone makes about 2.5.
-UNBIASED = 4.5
+UNBIASED = 6.0
 RUN = 64  # Points in tree order that are sampled together.
 FEW, PLENTY = 4, 16  # Least points denoised for each kept one: with thick noise, and otherwise.
 # Prior standard deviation of each curvature: of the height that it makes at the reach, in standard deviations of the
 # noise.
 CURVATURE = 0.5
-ROUNDS = 2  # With more, weights follow the noise of the normals.
+ROUNDS = 2  # With more, weights follow the noise of the normals; where the noise is thick, the second does so.
 TURN = 0.1  # An observation whose normal is off by 1 - cos = TURN is worth 1 / e of what it would be.
 LEAST_WORTH = 0.25  # Places of which observations tell less than this share of the median are not trusted.
 
@@ -58,12 +58,12 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
     plenty, few = len(points) // (PLENTY * n_points), len(points) // (FEW * n_points)
-    apart = max(1, min(k // MANY, few))
-    feet, normals = _first_places(tree, k, apart if noisy else 1)
+    apart, rounds = (max(1, min(k // LEAST, few)), 1) if k > MANY else (1, ROUNDS if noisy else 0)
+    feet, normals = _first_places(tree, k, apart)
     places = feet if noisy else tree.points
     wanted, worth = np.zeros(len(points), dtype=bool), np.ones(len(points))
     wanted[:: max(apart, plenty)] = True
-    for _ in range(ROUNDS if noisy else 0):
+    for _ in range(rounds):
         new, turned, worth = _round(KdTree.over(places), normals, tree.points, k, wanted)
         places, normals = np.where(wanted, new, places), np.where(wanted, turned, normals)
     result = Denoised(np.empty_like(points), np.empty_like(points), np.empty(len(points), dtype=bool))
@@ -92,7 +92,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     n, k = len(tree.order), NEIGHBOURS
     if n < FEWEST:
         return n, False
-    some = _in_runs(tree, SAMPLES)
+    some = _in_runs(tree, SAMPLES // 4)
     feet, fitted = projections(tree, some, k)
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
@@ -100,10 +100,8 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
         return min(k, n), False
     while 2 * k <= min(WIDEST, n):
         thick = layer.level > LAYER * layer.radius
-        if k >= MANY:
-            if not thick:
-                break
-            some = _in_runs(tree, SAMPLES // 4)  # enough for the layer alone, as wide quadrics cost more
+        if k >= MANY and not thick:
+            break
         if k > NEIGHBOURS:
             wider, fitted = projections(tree, some, 2 * k)
         if LEAST <= k < MANY and not thick and ((wider - feet) ** 2).sum(axis=0).mean() > UNBIASED * layer.level**2 / k:

@@ -1,0 +1,81 @@
+"""Continuous inducing points: the step of the kept points is the mean of the posterior, and their surface is nearer."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.gp.local import algorithm, inducing
+from gppcs.surface.local_surface import LocalSurface
+
+
+def sphere(n):
+    points = np.random.default_rng(0).standard_normal((n, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+def noisy(points, noise):
+    return points + noise * np.random.default_rng(1).standard_normal(points.shape)
+
+
+def test_the_step_is_the_mean_of_the_posterior():
+    places = sphere(3000)
+    observed, kept = noisy(places, 0.02), noisy(places[:80], 0.01)
+    steps = inducing.fitted(kept, observed, places) - kept
+
+    surface = LocalSurface.of(kept)
+    _, corners, weights = surface.find(places)
+    corners, shares = surface.tree.order[corners], np.column_stack([1 - weights.sum(axis=1), weights])
+    a, b, c = (kept[corner] for corner in corners.T)
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)[:, None]
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)  # 0 at the kept points
+    heights = ((observed - np.einsum("ij,ijk->ik", shares, kept[corners])) * normals).sum(axis=1)
+    noise = np.median(np.linalg.norm(observed - places, axis=1)) / inducing.MEDIAN
+    level = np.median(np.abs(heights)) / inducing.MEDIAN
+    design = np.zeros((len(observed), len(kept), 3))
+    for corner in range(3):
+        design[np.arange(len(observed)), corners[:, corner]] += shares[:, corner, None] * normals
+    design[np.abs(heights) > inducing.OUTLIER * level] = 0.0
+    design = design.reshape(len(observed), -1)
+    spacing = np.sqrt(inducing.surface_area(surface.tree) / len(kept))
+    normal, asked = design.T @ design, design.T @ heights
+    likely = np.sqrt((asked @ asked - level**2 * np.trace(normal)) / (normal**2).sum())
+    prior = min(likely, inducing.IN_SPACINGS * spacing, inducing.IN_NOISE * noise)
+    assert prior < likely / 1.5  # so that the trace, which random signs tell, decides nothing here
+    precision = (max(level, noise) / prior) ** 2
+    expected = np.linalg.solve(normal + precision * np.eye(kept.size), asked)
+    assert np.abs(steps.ravel() - expected).max() < 1e-3 * np.abs(expected).max()
+    assert np.abs(expected).max() > 1e-3
+
+
+def test_a_plane_that_noise_alone_explains_hardly_moves():
+    places = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.zeros(5000)])
+    smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
+    moved = inducing.fitted(smoothed[:200], noisy(places, 0.01), smoothed)
+    assert np.abs(moved - smoothed[:200]).mean() < 0.0005
+
+
+@pytest.mark.parametrize("name", ["bracket", "sphere"])
+def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypatch):
+    true = gppcs.sample(name, n_points=20_000).points
+    scan = noisy(true, 0.004 * np.linalg.norm(np.ptp(true, axis=0)))
+    distances = {}
+    for step in (True, False):
+        if not step:
+            monkeypatch.setattr(algorithm, "fitted", lambda kept, observed, places: kept)
+        kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
+        distances[step] = LocalSurface.of(kept).nearest_to(true)[0].mean()
+    assert distances[True] < 0.97 * distances[False]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_few_kept_points_stay_within_the_noise(count):
+    scan = noisy(sphere(5000), 0.01)
+    kept = gppcs.simplify(scan, n_points=count, denoise=True).cloud.points
+    assert len(np.unique(kept, axis=0)) == count
+    assert np.abs(np.linalg.norm(kept, axis=1) - 1.0).max() < 0.03
+
+
+def test_observations_without_noise_leave_the_kept_points_where_they_are():
+    points = sphere(2000)
+    assert np.array_equal(inducing.fitted(points[:100], points, points), points[:100])
