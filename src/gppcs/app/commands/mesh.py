@@ -109,7 +109,7 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = io.read_each(files, input_format, names_of(columns))
+        original, *others = (each.cloud for each in io.read_each(files, input_format, names_of(columns)))
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
