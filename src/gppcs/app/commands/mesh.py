@@ -203,8 +203,8 @@ def _note_bound(source: Path, result: MeshResult) -> None:
     outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
     if outliers or beside:
         print_error(
-            f"note: {source}: {outliers:,} outliers and {beside:,} points may be farther than the tolerance: noise "
-            "moved them, or no triangle reaches them. gppcs evaluate IN --simplified-mesh OUT measures all points"
+            f"note: {source}: places that may be farther than the tolerance: {outliers:,} of outliers, {beside:,} of "
+            "points that noise moved or no triangle reaches. gppcs evaluate IN --simplified-mesh OUT measures all points"
         )
     if found["noise"] > found["tolerance"]:
         print_error(
