@@ -19,7 +19,7 @@ from gppcs.errors import InputError, ParameterError, number, shown
 
 COLOURS = "rgb"  # stands for the attributes red, green and blue
 CLASSES = ("classification", "label", "class")  # their numbers are names
-HEAVIEST = 1000  # weight of an attribute; from about there on, the choice stays the same, and far above numbers overflow
+HEAVIEST = 1000  # weight of an attribute; larger ones change little, and far larger ones overflow
 MOST_CLASSES = 16  # of an attribute; the rarest of more are one class
 RANGE = 0.02, 0.98  # shares of the points below the ends of a range, so that a few outliers do not make it
 BEYOND = 0.5  # values farther than this beyond the ends of the range count as this far

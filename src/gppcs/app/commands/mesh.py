@@ -204,7 +204,7 @@ def _note_bound(source: Path, result: MeshResult) -> None:
     if outliers or beside:
         print_error(
             f"note: {source}: places that may be farther than the tolerance: {outliers:,} of outliers, {beside:,} of "
-            "points that noise moved or no triangle reaches. gppcs evaluate IN --simplified-mesh OUT measures all points"
+            "points that noise moved or no triangle reaches. gppcs evaluate IN --simplified-mesh OUT measures them all"
         )
     if found["noise"] > found["tolerance"]:
         print_error(
