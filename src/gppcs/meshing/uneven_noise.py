@@ -43,7 +43,7 @@ class UnevenNoise:
         strides = [stride for stride in STRIDES if n >= FEWEST * stride]
         if len(strides) < 2:
             return None
-        some = tree.every(-(-n // SAMPLES))
+        some = _thinned(tree, -(-n // SAMPLES))
         near, _ = some.neighbours(AROUND)
         measured = [_measured(tree, some, near, stride) for stride in strides]
         spreads, reaches = (np.array(part) for part in zip(*measured, strict=True))
@@ -60,16 +60,21 @@ class UnevenNoise:
             there = np.flatnonzero(self.stride == stride)
             if not len(there):
                 continue
-            thinned = tree.every(stride)
+            thinned = _thinned(tree, stride)
             for _ in range(STEPS):
                 places, fitted = projections(thinned, KdTree.over(np.ascontiguousarray(feet[there].T)), FITTED)
                 feet[there], normals[there], reaches[there] = places.T, fitted.normals.T, fitted.reaches
         return feet, normals, reaches
 
 
+def _thinned(tree: KdTree, stride: int) -> KdTree:
+    """Return a tree over points of a tree, a stride apart."""
+    return tree if stride == 1 else KdTree.over(np.ascontiguousarray(tree.points[:, ::stride]))
+
+
 def _measured(tree: KdTree, some: KdTree, near: Ints, stride: int) -> tuple[Floats, Floats]:
     """Return the noise about fits to points of a tree, a stride apart, and the reaches of these, at some points."""
-    fitted = fit_quadrics(tree.every(stride), some, FITTED)
+    fitted = fit_quadrics(_thinned(tree, stride), some, FITTED)
     return np.median(np.abs(fitted.heights)[near], axis=1) / NORMAL, np.median(fitted.reaches[near], axis=1)
 
 

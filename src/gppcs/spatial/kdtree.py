@@ -69,10 +69,6 @@ class KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
         return replace(self, order=np.arange(len(self.order)))
 
-    def every(self, step: int) -> KdTree:
-        """Return a tree over points of this one, so many apart in tree order."""
-        return self if step == 1 else KdTree.over(np.ascontiguousarray(self.points[:, ::step]))
-
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)

@@ -77,7 +77,7 @@ def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64],
 
     Points that follow each other in tree order are near each other, so the plane differs little from their own.
     """
-    some = tree.every(step)
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
     feet, fitted = projections(tree, some, k)
     if step == 1:
         return feet, fitted.normals
