@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.clouds.colours import oklab
+from gppcs.clouds.colours import full_scale, oklab
 from gppcs.clouds.ranges import AttributeRange
 
 RNG = np.random.default_rng(0)
@@ -62,6 +62,12 @@ def test_colours_of_any_scale_are_the_same(factor, kind):
         PLACES, dict(zip(("red", "green", "blue"), (colours * factor).T.astype(kind), strict=True))
     )
     assert (kept(first, detail="rgb").indices == kept(other, detail="rgb").indices).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_unknown_colour_does_not_change_the_scale_of_the_others():
+    assert full_scale(np.array([[0.2, 0.7, 1.0], [np.nan, 0.5, 0.5]])) == 1.0
+    assert full_scale(np.full((2, 3), np.nan)) == 1.0
 
 
 def test_borders_of_classes_do_not_depend_on_their_names():
