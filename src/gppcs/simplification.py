@@ -232,9 +232,9 @@ def simplify(
         Multiplies the density of the kept points: an attribute or a number for each point, finite and not negative. No
         point of weight 0 is kept, but those in `keep` (method "gp").
     detail : str or mapping of str to float, optional
-        Attributes that count beside the shape, with their weights, such as {"rgb": 1, "intensity": 0.5}; a name alone
-        has the weight 1. "rgb" stands for red, green and blue. A change by the whole range counts as much as a sharp
-        edge; noise of an attribute counts for nothing (method "gp").
+        Attributes that count beside the shape, with their weights from 0 to 1000, such as {"rgb": 1, "intensity":
+        0.5}; a name alone has the weight 1. "rgb" stands for red, green and blue. A change by the whole range counts as
+        much as a sharp edge; noise of an attribute counts for nothing (method "gp").
     quota : mapping of str to int, float or str, optional
         How many of the kept points meet a condition: exact numbers such as {"classification == 6": 500}, or shares of
         the M kept points such as {"classification == 6": "10%"}. Points that meet no condition share the rest. No point

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.clouds.colours import oklab
+from gppcs.clouds.colours import full_scale, oklab
 from gppcs.clouds.ranges import AttributeRange
 
 RNG = np.random.default_rng(0)
@@ -28,6 +28,13 @@ def test_points_go_where_an_attribute_jumps():
 
 def test_a_weight_of_zero_changes_nothing():
     assert (kept(detail={"intensity": 0}).indices == kept().indices).all()
+
+
+@pytest.mark.parametrize("scale", [1e-140, 1.0, 1e140])
+def test_the_largest_weight_keeps_different_points_everywhere(scale):
+    largest = kept(gppcs.PointCloud(PLACES * scale, WALL.attributes), detail={"intensity": 1000})
+    assert len(np.unique(largest.indices)) == 300
+    assert gppcs.evaluate(WALL, WALL.take(largest.indices)).covering_radius < 0.3
 
 
 def test_noise_counts_for_nothing():
@@ -57,6 +64,12 @@ def test_colours_of_any_scale_are_the_same(factor, kind):
     assert (kept(first, detail="rgb").indices == kept(other, detail="rgb").indices).all()
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_unknown_colour_does_not_change_the_scale_of_the_others():
+    assert full_scale(np.array([[0.2, 0.7, 1.0], [np.nan, 0.5, 0.5]])) == 1.0
+    assert full_scale(np.full((2, 3), np.nan)) == 1.0
+
+
 def test_borders_of_classes_do_not_depend_on_their_names():
     numbers = gppcs.PointCloud(PLACES, {"classification": np.where(DISC, 2, 6)})
     names = gppcs.PointCloud(PLACES, {"kind": np.where(DISC, "ground", "roof")})
@@ -80,7 +93,8 @@ def test_detail_works_with_points_to_keep_weights_and_a_spacing():
         ({"a": np.full(len(PLACES), np.nan)}, "a", gppcs.InputError, "20,000 of 20,000 that are NaN"),
         ({"a": np.arange(len(PLACES)).astype(str)}, "a", gppcs.InputError, "at most 16 different texts"),
         ({"a": PLACES}, "a", gppcs.InputError, "one number or class for each point"),
-        ({}, {"a": -1}, gppcs.ParameterError, "weights from 0 on, found 'a' with -1"),
+        ({}, {"a": -1}, gppcs.ParameterError, "weights from 0 to 1000, found 'a' with -1"),
+        ({}, {"a": 1e37}, gppcs.ParameterError, r"weights from 0 to 1000, found 'a' with 1e\+37"),
         ({}, ["a"], gppcs.ParameterError, "a mapping of names to weights"),
     ],
 )
@@ -102,3 +116,18 @@ def test_a_range_leaves_out_outliers_and_fills_gaps():
     shares = AttributeRange.of(cloud, "a").values(cloud)[:, 0]
     assert shares[500] == pytest.approx(0.5, abs=0.01)
     assert shares[1000:].tolist() == [1.5, 0.5]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_range_that_a_float_cannot_hold_is_one():
+    cloud = gppcs.PointCloud(PLACES, {"a": np.where(DISC, -1.7e308, 1.7e308)})
+    assert (kept(cloud, detail="a").indices == kept(detail="intensity").indices).all()
+    assert gppcs.evaluate(cloud, cloud, detail="a").detail["a"].error_mean == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_marks_missing_values_counts_as_an_outlier():
+    values = np.r_[np.linspace(0.0, 1e-3, 1000), 1.797e308, -1.797e308]
+    cloud = gppcs.PointCloud(np.zeros((1002, 3)), {"a": values, **dict.fromkeys(("red", "green", "blue"), values)})
+    assert AttributeRange.of(cloud, "a").values(cloud)[1000:, 0].tolist() == [1.5, -0.5]
+    assert np.isfinite(AttributeRange.of(cloud, "rgb").values(cloud)).all()

@@ -191,3 +191,13 @@ def test_compare_names_the_missing_extra_before_any_work(refused, scan, monkeypa
     told = (f"(the extra {extra}): pip install '", f"'{module}>=")
     refused(("compare", "scan.ply", "--ratio", 0.1, "-o", "side"), *told)
     assert files() == ["scan.ply"]
+
+
+def test_compare_names_all_missing_extras_at_once(refused, scan, monkeypatch):
+    for module in ("pymeshlab", "matplotlib", "pyvista", "CGAL"):
+        monkeypatch.setitem(sys.modules, module, None)
+    extras = [f"(the extra {extra}): pip install '" for extra in ("evaluate", "picture", "view")]
+    refused(("compare", "scan.ply", "--ratio", 0.1, "-o", "side"), *extras)
+    meshes = ("compare", "scan.ply", "--ratio", 0.1, "-o", "side", "--meshes", "--methods", "mesh,advancing-front")
+    refused(meshes, *extras, "(the extra cgal): pip install '")
+    refused((*meshes, "--no-picture"), extras[0], "(the extra cgal): pip install '")

@@ -65,6 +65,8 @@ def test_a_note_tells_that_the_faces_of_a_simplified_cloud_do_not_count(gppcs_co
         "--simplified-mesh mesh.ply\n"
     )
     assert gppcs_command("evaluate", "scan.ply", "scan.ply", "-q")[2] == ""
+    Path("mesh.ply").rename("mesh")
+    assert gppcs_command("evaluate", "scan.ply", "mesh", "-q")[2] == told.replace("mesh.ply", "mesh")
 
 
 def test_the_help_of_evaluate_defines_every_figure(printed):

@@ -78,7 +78,8 @@ def test_with_a_limit_vertices_stay_near_points_that_count():
     dense[7], face[7] = far, -1
     assigned = free.assigned._replace(face=face)
     surface = Surface.within(free.mesh, free.vertices, dense, assigned, 1e-4, np.full(3000, 1e-2))
-    assert _is_in_reach(free, far)
-    assert not _is_in_reach(surface, far)
-    assert _is_in_reach(surface, tuple(1.09 * dense[8]))
-    assert not _is_in_reach(surface, tuple(1.11 * dense[8]))
+    star = room_for_star(1)
+    assert _is_in_reach(free, star, far)
+    assert not _is_in_reach(surface, star, far)
+    assert _is_in_reach(surface, star, tuple(1.09 * dense[8]))
+    assert not _is_in_reach(surface, star, tuple(1.11 * dense[8]))

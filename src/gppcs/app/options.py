@@ -150,7 +150,7 @@ GROUP = option(
 DETAIL = option(
     "NAME[:WEIGHT]",
     "Let this attribute count beside the shape: rgb (red, green and blue), a number such as intensity, or classes. "
-    "The weight is 1 if none is given. Can be repeated (method gp).",
+    "The weight, from 0 to 1000, is 1 if none is given. Can be repeated (method gp).",
     CHOICE,
 )
 SEED = option(None, "Seed of random numbers. Methods without random numbers ignore it.", METHOD)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
+LARGEST = np.finfo(np.float64).max / 4.0  # numbers whose differences do not overflow
+
 
 def check_named(name: str, known: Iterable[str], use: str) -> None:
     """Raise an error that says for what an attribute was wanted, unless it is among those known."""

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import full_scale, oklab
-from gppcs.clouds.lookup import check_named
+from gppcs.clouds.lookup import LARGEST, as_floats, check_named
 from gppcs.clouds.objects import COLOUR
 from gppcs.errors import InputError, ParameterError, number, shown
 
 COLOURS = "rgb"  # stands for the attributes red, green and blue
 CLASSES = ("classification", "label", "class")  # their numbers are names
+HEAVIEST = 1000  # weight of an attribute; larger ones change little, and far larger ones overflow
 MOST_CLASSES = 16  # of an attribute; the rarest of more are one class
 RANGE = 0.02, 0.98  # shares of the points below the ends of a range, so that a few outliers do not make it
 BEYOND = 0.5  # values farther than this beyond the ends of the range count as this far
@@ -29,11 +30,11 @@ def weights_of_detail(detail: Any) -> dict[str, float]:
     if detail is None:
         return {}
     given = {detail: 1.0} if isinstance(detail, str) else detail
-    expected = "expected detail to be the name of an attribute, or a mapping of names to weights from 0 on"
+    expected = f"expected detail to be the name of an attribute, or a mapping of names to weights from 0 to {HEAVIEST}"
     if not isinstance(given, Mapping):
         raise ParameterError(f"{expected}, found {shown(detail)}")
     for name, weight in given.items():
-        if not isinstance(name, str) or not 0.0 <= number(weight) < math.inf:
+        if not isinstance(name, str) or not 0.0 <= number(weight) <= HEAVIEST:
             raise ParameterError(f"{expected}, found {shown(name)} with {shown(weight)}")
     return {name: float(weight) for name, weight in given.items() if weight > 0}
 
@@ -71,7 +72,7 @@ class AttributeRange:
             raise InputError(f"expected attribute {shown(name)} to hold one number or class for each point")
         if texts or values.dtype.kind == "b" or (name.lower() in CLASSES and values.dtype.kind in "iu"):
             return cls._of_classes(name, values, texts)
-        return cls._of_numbers(name, values.astype(np.float64))
+        return cls._of_numbers(name, as_floats(values))
 
     @classmethod
     def _of_classes(cls, name: str, values: NDArray[Any], texts: bool) -> AttributeRange:
@@ -91,6 +92,7 @@ class AttributeRange:
                 f"expected numbers in attribute {shown(name)}, found {len(values) - len(finite):,} of {len(values):,} "
                 "that are NaN or infinite; name another attribute"
             )
+        finite = np.clip(finite, -LARGEST, LARGEST)
         low, high = np.quantile(finite, RANGE)
         if not high > low:  # such as marks on few points
             low, high = finite.min(), finite.max()
@@ -98,6 +100,7 @@ class AttributeRange:
             warnings.warn(f"attribute {name!r} is {low:g} everywhere: it has no detail", stacklevel=2)
         return cls(name, float(low), float(high - low))
 
+    @np.errstate(over="ignore")  # what becomes infinite is far beyond the range
     def values(self, cloud: PointCloud) -> NDArray[np.float32]:
         """Return the attribute of a cloud in ranges, (N, k); values that are not finite count as the middle."""
         _check(cloud, self.name)
@@ -108,7 +111,7 @@ class AttributeRange:
         if self.classes:
             known = np.array(self.classes, dtype=values.dtype)
             return (values[:, np.newaxis] == known).astype(np.float32) / np.float32(math.sqrt(2.0))
-        shares = (values.astype(np.float64) - self.low) / (self.span or 1.0)
+        shares = (np.clip(as_floats(values), -LARGEST, LARGEST) - self.low) / (self.span or 1.0)
         return np.clip(np.nan_to_num(shares, nan=0.5), -BEYOND, 1.0 + BEYOND).astype(np.float32)[:, np.newaxis]
 
 

@@ -6,6 +6,7 @@ import functools
 import importlib
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -69,6 +70,18 @@ def require_pyvista() -> None:
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
             "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri libx11-6"
         )
+
+
+def require_all(*checks: Callable[[], object]) -> None:
+    """Check for several packages, and raise one error that names all that are missing."""
+    missing = []
+    for check in checks:
+        try:
+            check()
+        except MissingExtraError as error:
+            missing.append(str(error))
+    if missing:
+        raise MissingExtraError("; ".join(missing))
 
 
 def require_library(name: str, title: str) -> Any:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Amount, count_of
-from gppcs.engine.extras import require_pymeshlab
+from gppcs.engine.extras import require_all, require_pymeshlab
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
@@ -145,9 +146,7 @@ def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points
     asked = Amount.of(ratio, n_points)
     if asked.n_points is not None:
         count_of("n_points", asked.n_points, FEWEST_VERTICES)
-    require_pymeshlab()
-    for way in chosen:
-        require_way(way)
+    require_all(require_pymeshlab, *(partial(require_way, way) for way in chosen))
     return chosen
 
 

@@ -77,15 +77,10 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
     """Read the mesh of a file, if it has one and its suffix tells that it may."""
-    return read_mesh(path) if count_faces(path, format) else None
-
-
-def count_faces(path: Path, format: str | None = None) -> int:  # noqa: A002
-    """Return the number of faces of a file; 0 if its suffix tells that it has none."""
     if not any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if known.triangles):
-        return 0
+        return None
     with CloudFiles.of([path], format, if_needed=True) as files:
-        return files.left_out()[0]
+        return read_mesh(path) if files.left_out()[0] else None
 
 
 def write_mesh(

@@ -80,9 +80,9 @@ class MeshResult(ComparedByValue):
         0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
         `missing`, the number of these points that are no vertices. With a `tolerance` of the largest distance also
         `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`,
-        the largest distance of a vertex from the local surface of the points; `outliers`, the number of points left
-        out as `gppcs.find_outliers` finds them; `off_surface`, that of points left out as the mesh of all points is
-        farther than the tolerance from them.
+        the largest distance of a vertex from the local surface of the points; `outliers`, the number of places, repeats
+        counted once, of points left out as `gppcs.find_outliers` finds them; `off_surface`, that of places of points
+        left out as the mesh of all points is farther than the tolerance from them.
 
     Examples
     --------

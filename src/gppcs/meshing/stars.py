@@ -96,6 +96,8 @@ class Star(NamedTuple):
     found: Ints
     others: Ints
     beyond: Ints
+    nearest: Ints  # (1,): room for the point nearest to the vertex, and for its squared distance
+    gap: Floats
 
 
 @kernel
@@ -108,6 +110,7 @@ def room_for_star(n):
         np.zeros(1), np.zeros(NUMBERS), np.zeros(3),
         np.empty(around, dtype=np.int64), np.empty(around, dtype=np.int64),
         np.empty(around, dtype=np.int64), np.empty(around, dtype=np.int64),
+        np.empty(1, dtype=np.int64), np.empty(1),
     )  # fmt: skip
 
 
@@ -309,7 +312,7 @@ def _is_allowed(surface, star, p):
         if star.squared[m] > most:
             return False
         largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
-    if largest < NEAR or not _is_in_reach(surface, p):
+    if largest < NEAR or not _is_in_reach(surface, star, p):
         return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
@@ -328,13 +331,12 @@ def _is_allowed(surface, star, p):
 
 
 @kernel
-def _is_in_reach(surface, p):
+def _is_in_reach(surface, star, p):
     """Return whether the nearest point is near enough to a vertex at p, if distances have a limit."""
     if surface.limit == np.inf:
         return True
-    found, squared = np.empty(1, dtype=np.int64), np.empty(1)
-    nearest_in_tree(surface.bounded, surface.low, surface.high, p[0], p[1], p[2], found, squared)
-    return squared[0] <= max(surface.limit, surface.reaches[found[0]])
+    nearest_in_tree(surface.bounded, surface.low, surface.high, p[0], p[1], p[2], star.nearest, star.gap)
+    return star.gap[0] <= max(surface.limit, surface.reaches[star.nearest[0]])
 
 
 @kernel(allocates=False)

@@ -104,10 +104,11 @@ def compare(
     from gppcs.app.tables import Row, as_csv, as_markdown
     from gppcs.drawing.attributes import Colourable
     from gppcs.drawing.web.contents import Named, report_page
-    from gppcs.engine.extras import require_pymeshlab, require_pyvista
+    from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab, require_pyvista
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
     from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
+    from gppcs.evaluation.mesh_ways import require_way
     from gppcs.io.mesh_files import read_mesh
 
     timer = started(quiet, threads)
@@ -125,6 +126,9 @@ def compare(
     ):
         if wrong:
             raise ParameterError(message)
+    if picture:
+        ways = (partial(require_way, name) for name in names_of(methods) or ())
+        require_all(require_pymeshlab, require_matplotlib, require_pyvista, *ways)
     work: Any
     if meshes:
         work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
@@ -134,9 +138,6 @@ def compare(
     viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)
-    if picture:
-        require_pymeshlab()
-        require_pyvista()
     surface = read_mesh(mesh) if mesh else None
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:

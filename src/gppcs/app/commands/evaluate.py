@@ -56,7 +56,7 @@ def evaluate(
     from gppcs.clouds.quantities import unit_of
     from gppcs.evaluation.judge import evaluate as measured
     from gppcs.evaluation.judge import evaluate_mesh
-    from gppcs.io.mesh_files import count_faces, read_mesh
+    from gppcs.io.mesh_files import read_mesh
 
     timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
@@ -69,12 +69,12 @@ def evaluate(
     with timer("reading"):
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
-    if simplified and (faces := count_faces(simplified, input_format)):
+    if simplified and read[1].faces:
         print_error(
-            f"note: {simplified}: only its points are judged, not its {faces:,} faces; for the mesh, use "
+            f"note: {simplified}: only its points are judged, not its {read[1].faces:,} faces; for the mesh, use "
             f"--simplified-mesh {simplified}"
         )
-    clouds = [cloud.take(cloud.finite_rows()) for cloud in read]
+    clouds = [each.cloud.take(each.cloud.finite_rows()) for each in read]
     report = (
         evaluate_mesh(clouds[0], judged, surface, timer)
         if judged

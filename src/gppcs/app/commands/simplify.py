@@ -144,8 +144,10 @@ def simplify(
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
-    if denoise and mark is not None:
-        raise ParameterError("expected --add kept without --denoise, as it writes the points where they were")
+    if mark is not None and (request.denoise or not getattr(chosen, "snap", True)):
+        raise ParameterError(
+            "expected --add kept without --denoise and --set snap=false, as it writes the points where they were"
+        )
     limit, (query, files) = None if memory is None else bytes_of(memory), options.query_of(inside, only)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
     written = [target for each in outputs for target in each.targets]
