@@ -87,9 +87,9 @@ class DensePoints:
 
 
 def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
-    """Give normals, (n, 3), of the points of a tree, in its order, signs that agree, as every `step`-th point tells.
+    """Give normals, (n, 3), of the points of a tree, in its order, signs that agree, told by every `step`-th of them.
 
-    The ways between points far closer to each other follow what noise is left, not the surface.
+    Points that are much nearer to each other lie beside each other across what noise is left, not along the surface.
     """
     some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
     near, _ = some.neighbours(EDGES)

@@ -16,14 +16,14 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-FINER = 4  # about so many times as many points have the next narrower fits, so they reach about half as far
+FINER = 4  # points of the next narrower fits, about, in those of the wider ones: they reach half as far
 FITTED = 80  # points of each fit
 AROUND = 16  # samples by whose median the noise at a sample is told
 STEADY = 0.5  # noise is what grows by at most this power of the reach; that of detail is about 1
 LEAST = 0.1  # noise that counts, in reaches of the narrowest fit
 COMMON = 0.25  # a cloud is noisy if at least this share of the samples is
 UNEVEN = 2.5  # least ratio of the 90 % to the 10 % quantile of uneven noise; that of even noise is about 2
-FEWEST = 10_000  # points of the wider fits by which noise is told: in fewer, thin parts pass for it
+FEWEST = 10_000  # points to some of which the widest fits are made: in fewer, thin parts pass for noise
 ACROSS = 0.3  # a fit reaches across noise of at most this share of its reach
 STEPS = 2  # projections of each point
 NORMAL = 0.6745  # median of the absolute value of standard normal numbers
@@ -34,7 +34,7 @@ class UnevenNoise:
     """The noise around the points of a tree, (n,) each."""
 
     noise: Floats  # standard deviation of the points from the surface
-    stride: Ints  # of the points to which is fitted: the narrowest fit that reaches across the noise
+    stride: Ints  # between the points of the narrowest fit that reaches across the noise
 
     @classmethod
     def of(cls, tree: KdTree) -> UnevenNoise | None:
@@ -66,9 +66,9 @@ class UnevenNoise:
 
 
 def _strides(n: int) -> list[int]:
-    """Return strides of n points, from 1 to that of the widest fits, which reach as far however many points there are.
+    """Return the strides of fits to n points, ascending; none if these are too few.
 
-    Returns none if these are too few.
+    The widest fits reach as far, however many points there are.
     """
     widest = n / FEWEST
     if widest < FINER:
