@@ -82,3 +82,25 @@ def test_a_room_seen_by_a_depth_camera_has_few_pieces():
     topology = topology_of(mesh.faces)
     assert topology.pieces <= 10
     assert topology.borders <= 24
+
+
+def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(shared_data):
+    """No noise was found in every 4th point."""
+    points = gppcs.read(shared_data / "nyu_basement.ply").points
+    levels = [np.sqrt((UnevenNoise.of(KdTree.build(points[::k])).noise ** 2).mean()) for k in (4, 2, 1)]
+    assert max(levels) < 1.4 * min(levels)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scan", "step"), [("nyu_basement", 4), ("redwood_livingroom_frame", 1)])
+def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, step):
+    """There were 79 and 15."""
+    points = gppcs.read(shared_data / f"{scan}.ply").points[::step]
+    assert topology_of(gppcs.mesh(points, n_points=5_000, moved=True).mesh.faces).pieces <= 10
+
+
+@pytest.mark.slow
+def test_many_points_closer_than_their_noise_leave_few_pieces():
+    """There were 28, as signs of normals were passed between points across what noise was left."""
+    mesh = gppcs.mesh(gppcs.sample("room", n_points=400_000), n_points=20_000, moved=True).mesh
+    assert topology_of(mesh.faces).pieces <= 14

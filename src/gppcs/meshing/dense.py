@@ -76,14 +76,27 @@ class DensePoints:
         feet, normals, fitted = uneven.projected(tree)
         tree = KdTree.build(feet)
         rows, raw, places = rows[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
-        near, squared = tree.neighbours(EDGES)
-        normals = with_signs(tree.in_own_order(), near, normals[tree.order])
+        near, squared = tree.neighbours(RANK)
+        normals = _signed(tree, normals[tree.order], max(1, len(rows) // joined))
         # A point covers the surface as far as it would in the thinned cloud that its quadric is fitted to, and as it
         # would among the joined points: these cannot tell a gap that is no wider than they are apart.
-        reaches = _reaches(near[:, :RANK], squared[:, :RANK]) * max(1.0, len(rows) / joined) ** 0.5
+        reaches = _reaches(near, squared) * max(1.0, len(rows) / joined) ** 0.5
         reaches = np.maximum(reaches, fitted[tree.order] * (RANK / FITTED) ** 0.5)
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, float(np.sqrt((uneven.noise**2).mean())), True)
+
+
+def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
+    """Give normals, (n, 3), of the points of a tree, in its order, signs that agree, told by every `step`-th of them.
+
+    Points that are much nearer to each other lie beside each other across what noise is left, not along the surface.
+    """
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
+    near, _ = some.neighbours(EDGES)
+    signed = with_signs(some, near, normals[::step].copy())
+    nearest, _ = some.nearest_of(tree.points.T, 1)
+    turned = np.einsum("ij,ij->i", signed[nearest[:, 0]], normals) < 0.0
+    return np.where(turned[:, None], -normals, normals)
 
 
 def _some_rows(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

@@ -16,14 +16,14 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-STRIDES = 1, 4, 16, 64  # fits are made to every 1st, 4th and so on point: each time, they reach about twice as far
+FINER = 4  # points of the next narrower fits, about, in those of the wider ones: they reach half as far
 FITTED = 80  # points of each fit
 AROUND = 16  # samples by whose median the noise at a sample is told
-STEADY = 2.0**0.5  # noise is what a fit of twice the reach raises by at most this factor; detail about doubles
+STEADY = 0.5  # noise is what grows by at most this power of the reach; that of detail is about 1
 LEAST = 0.1  # noise that counts, in reaches of the narrowest fit
 COMMON = 0.25  # a cloud is noisy if at least this share of the samples is
 UNEVEN = 2.5  # least ratio of the 90 % to the 10 % quantile of uneven noise; that of even noise is about 2
-FEWEST = 10_000  # points of the wider fits by which noise is told: in fewer, thin parts pass for it
+FEWEST = 10_000  # points to some of which the widest fits are made: in fewer, thin parts pass for noise
 ACROSS = 0.3  # a fit reaches across noise of at most this share of its reach
 STEPS = 2  # projections of each point
 NORMAL = 0.6745  # median of the absolute value of standard normal numbers
@@ -34,14 +34,14 @@ class UnevenNoise:
     """The noise around the points of a tree, (n,) each."""
 
     noise: Floats  # standard deviation of the points from the surface
-    stride: Ints  # of `STRIDES`, that of the narrowest fit that reaches across the noise
+    stride: Ints  # between the points of the narrowest fit that reaches across the noise
 
     @classmethod
     def of(cls, tree: KdTree) -> UnevenNoise | None:
         """Measure the noise around all points; return None if there is little, if it is even, or if it is detail."""
         n = tree.points.shape[1]
-        strides = [stride for stride in STRIDES if n >= FEWEST * stride]
-        if len(strides) < 2:
+        strides = _strides(n)
+        if not strides:
             return None
         some = _thinned(tree, -(-n // SAMPLES))
         near, _ = some.neighbours(AROUND)
@@ -56,15 +56,25 @@ class UnevenNoise:
     def projected(self, tree: KdTree) -> tuple[Floats, Floats, Floats]:
         """Return the feet, (n, 3), of the points on fits across the noise, with normals, (n, 3), and reaches, (n,)."""
         feet, normals, reaches = np.ascontiguousarray(tree.points.T), np.empty((len(self.noise), 3)), self.noise.copy()
-        for stride in STRIDES:
+        for stride in np.unique(self.stride):
             there = np.flatnonzero(self.stride == stride)
-            if not len(there):
-                continue
             thinned = _thinned(tree, stride)
             for _ in range(STEPS):
                 places, fitted = projections(thinned, KdTree.over(np.ascontiguousarray(feet[there].T)), FITTED)
                 feet[there], normals[there], reaches[there] = places.T, fitted.normals.T, fitted.reaches
         return feet, normals, reaches
+
+
+def _strides(n: int) -> list[int]:
+    """Return the strides of fits to n points, ascending; none if these are too few.
+
+    The widest fits reach as far, however many points there are.
+    """
+    widest = n / FEWEST
+    if widest < FINER:
+        return []
+    steps = round(np.log(widest) / np.log(FINER))
+    return [round(widest ** (step / steps)) for step in range(steps + 1)]
 
 
 def _thinned(tree: KdTree, stride: int) -> KdTree:
@@ -85,7 +95,7 @@ def _decided(spreads: Floats, reaches: Floats) -> tuple[Ints, Floats, Ints]:
     it; no points if there is little noise, or if it is even.
     """
     nowhere = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int64)
-    steady = (spreads[1:] <= STEADY * spreads[:-1]) & (spreads[:-1] > 0.0)
+    steady = (spreads[1:] <= spreads[:-1] * (reaches[1:] / reaches[:-1]) ** STEADY) & (spreads[:-1] > 0.0)
     counted = steady & (spreads[:-1] > LEAST * reaches[0])
     if counted.mean(axis=1).max() < COMMON:
         return nowhere
