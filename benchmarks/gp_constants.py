@@ -79,6 +79,7 @@ CONSTANTS = (
     Constant(placement, "PARALLEL", "cosine of planes on both sides of a thin wall", "-"),
     Constant(placement, "STEEP", "squared sine of the slope of a way through it", "-"),
     Constant(placement, "TRIED", "points of a cell around which the triangles are tried", "points"),
+    Constant(placement, "TRIED_BY_DETAIL", "the same with attributes", "points"),
     Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
