@@ -18,7 +18,7 @@ from conditions import SMALLER, Condition
 from gppcs.gp.local import algorithm, candidates, density, greedy, placement
 from gppcs.methods import gp
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface import noise
+from gppcs.surface import noise, quadrics
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
@@ -84,6 +84,7 @@ CONSTANTS = (
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
+    Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
     Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
     Constant(noise, "CLEAN", "noise that changes nothing", "target spacings"),

@@ -88,6 +88,15 @@ def test_points_on_a_line_give_a_normal_across_it(n):
         assert normal @ along == pytest.approx(0, abs=1e-7)
 
 
+def test_a_steep_place_keeps_the_plane_it_stands_on():
+    """A paraboloid far from where its points are, at a slope of 2.4."""
+    surface = np.column_stack([LATTICE, 0.4 * (LATTICE**2).sum(axis=1)])
+    _, normal = fitted(surface, [3.0, 0.0, 3.6])
+    np.testing.assert_allclose(np.abs(normal), [0, 0, 1], atol=1e-9)
+    _, normal = fitted(surface, [2.0, 0.0, 1.6])
+    np.testing.assert_allclose(normal / normal[2], [-1.6, 0, 1], atol=1e-5)
+
+
 def test_many_places_at_a_time_as_each_by_itself():
     """A leaf's places share a search, unless density jumps, or ties leave no ball with just k points."""
     rng = np.random.default_rng(0)

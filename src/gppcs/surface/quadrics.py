@@ -17,6 +17,7 @@ COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
 RIDGE = 1e-8  # Added to the diagonal: equations stay solvable if the points lie on a line or a conic.
 TASKS = 256  # Runs of leaves; within a run, each search starts from the radius of the one before.
+STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from points on one side only.
 
 
 class Quadrics(NamedTuple):
@@ -32,8 +33,8 @@ class Quadrics(NamedTuple):
 def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
 
-    The coordinates u and v lie in the plane of these points; weights are Gaussian. With fewer
-    than six points, the normal is the plane's.
+    The coordinates u and v lie in the plane of these points; weights are Gaussian. Where the quadric is steep, or there
+    are fewer than six points, the normal is the plane's.
     """
     m = places.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
@@ -126,6 +127,8 @@ def fill_equations(terms, equations):
 def _turn(coefficients, s, t, normal):
     """Turn the plane's normal, (3,), into the quadric's at the origin; return the distance to the quadric along it."""
     height, b, c = coefficients[0], coefficients[1], coefficients[2]
+    if b * b + c * c > STEEPEST:
+        return height
     length = np.sqrt(1.0 + b * b + c * c)
     for axis in range(3):
         normal[axis] = (normal[axis] - b * s[axis] - c * t[axis]) / length
