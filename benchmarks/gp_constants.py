@@ -22,7 +22,7 @@ from gppcs.surface import noise, quadrics
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
-LIMITS = {"SHARE": (0.0, 0.99), "feature_weight": (0.0, 1.0), "SPARE": (1.0, 2.0)}
+LIMITS = {"SHARE": (0.0, 0.99), "feature_weight": (0.0, 1.0)}
 
 
 class Constant(NamedTuple):
@@ -57,19 +57,15 @@ CONSTANTS = (
     Constant(density, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
     Constant(algorithm, "NUGGET", "variance of an observation without noise", "prior variances"),
     Constant(algorithm, "NEAREST", "points of a neighbourhood where candidates are all points", "points"),
-    Constant(algorithm, "GRADATION", "growth of the desired spacing with distance", "-"),
-    Constant(density, "GROUP_SIZE", "points that have one limit of that growth", "points"),
     Constant(density, "LEAST_ROUGHNESS", "of flat places", "-"),
     Constant(density, "EDGE_ROUGHNESS", "roughness on a right-angled edge", "-"),
     Constant(density, "WEIGHT_POWER", "power of the users' weights", "-"),
     Constant(density, "FINEST", "candidates with weights", "times those without"),
-    Constant(candidates, "FIRST_STAGE", "points of the first stage", "points"),
     Constant(candidates, "ENOUGH", "candidates for each point to keep", "candidates"),
     Constant(candidates, "TOO_MANY", "occupied cells for each that the area has room for", "cells"),
     Constant(candidates, "DISTANCES", "within which a lone candidate has no other", "target spacings"),
     Constant(candidates, "OUTLIERS", "of lone candidates, those lone within twice the distance", "-"),
     Constant(candidates, "HARMLESS", "lone candidates that may stay", "points to keep"),
-    Constant(greedy, "SPARE", "points chosen for each one wanted", "-"),
     Constant(greedy, "POINTS", "candidates of a part that chooses at once with others", "candidates"),
     Constant(placement, "PASSES", "of the placement", "-"),
     Constant(placement, "MOST", "points of a cell", "points"),
@@ -83,12 +79,12 @@ CONSTANTS = (
     Constant(placement, "PARALLEL", "cosine of planes on both sides of a thin wall", "-"),
     Constant(placement, "STEEP", "squared sine of the slope of a way through it", "-"),
     Constant(placement, "TRIED", "points of a cell around which the triangles are tried", "points"),
+    Constant(placement, "TRIED_BY_DETAIL", "the same with attributes", "points"),
     Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),
     Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
     Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
-    Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
     Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
     Constant(noise, "CLEAN", "noise that changes nothing", "target spacings"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.spatial.kdtree import first_leaf, leaf_range
 
 MOMENTS = 10  # numbers per neighbourhood, see above
 AT_ONCE = 32  # neighbourhoods that one vectorised loop handles: those of all points in a leaf of the tree
@@ -40,24 +39,6 @@ def with_step(sums, one, x, y, z):
     return (
         n + one, sx + x, sy + y, sz + z, sxx + x * x, sxy + x * y, sxz + x * z, syy + y * y, syz + y * z, szz + z * z,
     )  # fmt: skip
-
-
-@kernel
-def node_moments(points, low, high, moments):
-    """Compute the moments of each node of a tree, relative to the middle of its box. Shapes: moments (nodes, 10)."""
-    n, leaves = points.shape[1], first_leaf(low)
-    point = np.zeros(MOMENTS, dtype=np.float64)
-    point[0] = 1.0
-    for node in range(2 * leaves - 1, 0, -1):
-        x, y, z = middle(low[node], high[node])
-        moments[node] = 0.0
-        if node < leaves:
-            for child in (2 * node, 2 * node + 1):
-                u, v, w = middle(low[child], high[child])
-                add_shifted(moments[child], u - x, v - y, w - z, moments[node])
-            continue
-        for i in range(*leaf_range(n, leaves, node)):
-            add_shifted(point, points[0, i] - x, points[1, i] - y, points[2, i] - z, moments[node])
 
 
 @kernel(fastmath=False, allocates=False)

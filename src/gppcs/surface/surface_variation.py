@@ -33,7 +33,6 @@ from gppcs.surface.moments import (
     flattest_side_by_side,
     middle,
     moments_in_ball,
-    node_moments,
 )
 
 LEAVES_PER_GROUP = 8  # the points of this many leaves share one search of the tree
@@ -117,12 +116,30 @@ def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -
     # Nodes count as a whole only if some group of leaves is smaller than the balls.
     if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:
         moments = np.empty((len(tree.low), MOMENTS))
-        node_moments(tree.points, tree.low, tree.high, moments)
+        _node_moments(tree.points, tree.low, tree.high, moments)
     on_ranges(
         _features_in_balls, groups, groups, tree.points, tree.order, tree.low, tree.high, moments, radius * radius,
         features.surface_variation, features.normals, features.neighbours,
     )  # fmt: skip
     return features
+
+
+@kernel
+def _node_moments(points, low, high, moments):
+    """Compute the moments of each node of a tree, relative to the middle of its box. Shapes: moments (nodes, 10)."""
+    n, leaves = points.shape[1], first_leaf(low)
+    point = np.zeros(MOMENTS, dtype=np.float64)
+    point[0] = 1.0
+    for node in range(2 * leaves - 1, 0, -1):
+        x, y, z = middle(low[node], high[node])
+        moments[node] = 0.0
+        if node < leaves:
+            for child in (2 * node, 2 * node + 1):
+                u, v, w = middle(low[child], high[child])
+                add_shifted(moments[child], u - x, v - y, w - z, moments[node])
+            continue
+        for i in range(*leaf_range(n, leaves, node)):
+            add_shifted(point, points[0, i] - x, points[1, i] - y, points[2, i] - z, moments[node])
 
 
 @kernel

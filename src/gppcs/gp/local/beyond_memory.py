@@ -27,7 +27,6 @@ from gppcs.gp.local.algorithm import Criterion, Ranking, Scale, features_of, loc
 from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
-    FIRST_STAGE,
     PER_POINT,
     SMALLEST_AREA,
     TOO_MANY,
@@ -49,7 +48,7 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.stored import Neighbourhood, Run, StoredPoints, within, write_run
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
+from gppcs.surface.noise import NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
 
 PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
@@ -161,7 +160,7 @@ def choose_stored(
     with timer("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
         nested = [stage]
-        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
+        while nested[-1].target > max(len(fixed), PART / (CELLS_ON_SLOPES * density)):
             nested.append(_coarser(nested[-1], each))
     chosen = _in_memory(nested.pop(), each, timer, fixed)
     while nested:
@@ -229,7 +228,7 @@ def _store_candidates(
 ) -> tuple[Run, NDArray[np.int64], NDArray[np.int64]]:
     """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
     stored, noise = stage.stored, stage.noise
-    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing  # the points of a fit lie within 1.2 spacings
+    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing  # the points of a fit lie nearer
     near = stored.near(asked.part, margin, repeats=True)
     points = near.points
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
@@ -329,11 +328,12 @@ def _in_parts(stage: _Stage, each: Each, timer: Timer, chosen: _Chosen) -> _Chos
     """Choose the points of a further stage part by part, behind those that are chosen."""
     wanted, parts = stage.target - len(chosen.rows), stage.stored.parts(PART)
     with timer("features", len(stage.stored)) as advanced:
-        variation = []
+        measured = []
         for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
-            variation.append(of_part)
+            measured.append(of_part)
             advanced(int(stage.stored.counts[part.first : part.last].sum()))
-        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, each)
+        variation, rough, weights = np.concatenate(measured, axis=1)
+        stage = replace(stage, scale=Scale.of(variation, stage.criterion, rough, weights))
     added = NO_POINTS
     with timer("greedy selection", wanted) as advanced:
         before, level = len(chosen.rows), float(chosen.scores[-1]) if len(chosen.rows) else 1.0
@@ -351,7 +351,7 @@ def _in_parts(stage: _Stage, each: Each, timer: Timer, chosen: _Chosen) -> _Chos
 
 
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
-    """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
+    """Keep the candidates of a part and its halo with their features in a file; return what the scale takes of some."""
     near = _candidates(stage, stage.halo, part)
     tree, features = features_of(near.points, _observations(near.records).feet, stage.spacing, stage.thinned)
     near = near.take(tree.order)
@@ -367,16 +367,9 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     records.tofile(unfinished)
     os.replace(unfinished, stage.file(part))
     rough = records["rough"] if stage.detail else np.zeros(len(records))
-    found = np.stack([features.surface_variation, rough])[:, near.inside]
+    weights = records["weight"] if "weight" in (records.dtype.names or ()) else np.ones(len(records))
+    found = np.stack([features.surface_variation, rough, weights])[:, near.inside]
     return found[:, :: max(1, found.shape[1] // SAMPLES)]
-
-
-def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
-    """Return the stage with the scale of the field."""
-    scale = Scale.of(variation[0], stage.criterion, variation[1])
-    raw = replace(stage, scale=scale)
-    squares = np.concatenate(list(each(partial(_squared, raw), _some(parts))))
-    return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
 
 
 def _some(items: list[Any]) -> list[Any]:
@@ -395,12 +388,6 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     if "weight" in (records.dtype.names or ()):
         field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
-
-
-def _squared(stage: _Stage, part: Part) -> NDArray[np.float64]:
-    """Return 1 / spacing^2 of the candidates of a part, before it is scaled."""
-    near, field = _field(stage, part)
-    return field.spacings[near.inside] ** -2.0
 
 
 def _round(stage: _Stage, parts: list[Part], each: Each, level: float, chosen: _Chosen) -> Iterator[_Chosen]:
@@ -478,15 +465,11 @@ def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDAr
 def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], each: Each) -> Noise:
     """Measure the noise as `Noise.measure` does, in some parts."""
     share, spacing = min(1.0, sample_size(n_points) / len(stored)), math.sqrt(area / n_points)
-    count = int(np.pi * share * len(stored) / n_points)
-    if count < FEWEST:
-        return Noise(None, count, False, 0.0, True, True, spacing)
-    fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(count, NEIGHBOURS), min(count, 2 * NEIGHBOURS)})
-    some = _some(parts)
+    fits, some = [NEIGHBOURS, 2 * NEIGHBOURS], _some(parts)
     measure = partial(_distances, stored, share, 0.5 * HALO * spacing, fits, -(-SAMPLES // len(some)))
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
-    return Noise.from_layers(layers.__getitem__, count, spacing)
+    return Noise.from_layers(layers.__getitem__, spacing)
 
 
 def _noise_of_detail(

@@ -19,7 +19,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import TASKS, WIDER, look_around, reach_of_nearest, search_for
 from gppcs.surface.moments import tangents
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, THICK, Layer, is_detail, projections
+from gppcs.surface.noise import NEIGHBOURS, SAMPLES, THICK, Layer, is_detail, projections
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
 
 LEAST, MANY, WIDEST = 60, 120, 480  # Points that tell a place: at least, at most without thick noise, and with it.
@@ -90,7 +90,7 @@ def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64],
 def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     """Return how many points tell a place, and whether there is any noise, which is not detail of the surface."""
     n, k = len(tree.order), NEIGHBOURS
-    if n < FEWEST:
+    if n < k:
         return n, False
     some = _in_runs(tree, SAMPLES // 4)
     feet, fitted = projections(tree, some, k)
