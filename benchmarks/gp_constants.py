@@ -22,7 +22,7 @@ from gppcs.surface import noise, quadrics
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
-LIMITS = {"SHARE": (0.0, 0.99), "feature_weight": (0.0, 1.0)}
+LIMITS = {"SHARE": (0.0, 0.99), "feature_weight": (0.0, 1.0), "SPARE": (1.0, 2.0)}
 
 
 class Constant(NamedTuple):
@@ -66,6 +66,7 @@ CONSTANTS = (
     Constant(candidates, "DISTANCES", "within which a lone candidate has no other", "target spacings"),
     Constant(candidates, "OUTLIERS", "of lone candidates, those lone within twice the distance", "-"),
     Constant(candidates, "HARMLESS", "lone candidates that may stay", "points to keep"),
+    Constant(greedy, "SPARE", "points chosen for each one wanted", "-"),
     Constant(greedy, "POINTS", "candidates of a part that chooses at once with others", "candidates"),
     Constant(placement, "PASSES", "of the placement", "-"),
     Constant(placement, "MOST", "points of a cell", "points"),

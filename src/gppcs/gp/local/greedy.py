@@ -38,6 +38,7 @@ from gppcs.gp.local.kernel import LocalField, detail_apart, field_distance
 from gppcs.gp.local.posterior import condition, posterior
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
 
+SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
 LEAST_STEP = 1e-6  # A level below this is the last.
 REPORTED = 4096  # Points chosen one after another between two reports of progress.
 LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
@@ -163,7 +164,7 @@ def _choose_in_levels(
 
 def next_step(chosen: int, wanted: int) -> float:
     """Return by what the level is multiplied: scores fall about as the spacing of the chosen points, or faster."""
-    return math.sqrt(chosen / wanted)
+    return math.sqrt(chosen / (SPARE * wanted))
 
 
 def _divide(state: GreedyState, count: int) -> Parts:
