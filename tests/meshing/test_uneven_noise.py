@@ -94,7 +94,7 @@ def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(
 @pytest.mark.slow
 @pytest.mark.parametrize(("scan", "step"), [("nyu_basement", 4), ("redwood_livingroom_frame", 1)])
 def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, step):
-    """There were 79 and 15."""
+    """There were 79 and 15 pieces."""
     points = gppcs.read(shared_data / f"{scan}.ply").points[::step]
     assert topology_of(gppcs.mesh(points, n_points=5_000, moved=True).mesh.faces).pieces <= 10
 

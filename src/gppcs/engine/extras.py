@@ -81,7 +81,7 @@ def require_all(*checks: Callable[[], object]) -> None:
         except MissingExtraError as error:
             missing.append(str(error))
     if missing:
-        raise MissingExtraError("; ".join(missing))
+        raise MissingExtraError("\n".join(missing))
 
 
 def require_library(name: str, title: str) -> Any:

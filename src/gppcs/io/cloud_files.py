@@ -183,6 +183,14 @@ class CloudFiles:
                     size += 24 * known.count(file) if known.count else _size(file)
         return name, size
 
+    def faces(self) -> int:
+        """Return how many faces the files have."""
+        count = 0
+        for path in self.paths:
+            with self._opened(path) as (file, known):
+                count += known.faces(file)
+        return count
+
     def left_out(self) -> tuple[int, list[str]]:
         """Return how many faces are left out of the files, and in words all that is."""
         faces, unread = 0, list[str]()

@@ -80,7 +80,7 @@ def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
     if not any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if known.triangles):
         return None
     with CloudFiles.of([path], format, if_needed=True) as files:
-        return read_mesh(path) if files.left_out()[0] else None
+        return read_mesh(path) if files.faces() else None
 
 
 def write_mesh(

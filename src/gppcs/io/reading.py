@@ -109,14 +109,14 @@ def read_each(
     paths: Sequence[str | os.PathLike[str]],
     format: str | None = None,  # noqa: A002
     columns: Sequence[str] | None = None,
-) -> list[Loaded]:
-    """Read clouds that a command puts side by side, of which only some need a format and columns."""
+) -> list[tuple[PointCloud, int]]:
+    """Read clouds, each with its number of faces, that a command puts side by side; only some need a format."""
     several = len(paths) > 1
     with ExitStack() as stack:
         each = [stack.enter_context(CloudFiles.of([path], format, columns, if_needed=several)) for path in paths]
         if several:
             _check_needed([known for files in each for known in files.formats()], format, columns)
-        return [Loaded(files.read(), *files.left_out()) for files in each]
+        return [(files.read(), files.faces()) for files in each]
 
 
 def _check_needed(found: list[Format], format: str | None, columns: Sequence[str] | None) -> None:  # noqa: A002

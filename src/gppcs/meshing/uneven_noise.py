@@ -13,10 +13,10 @@ import numpy as np
 
 from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.noise import SAMPLES, projections
+from gppcs.surface.noise import MEDIAN, SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-FINER = 4  # points of the next narrower fits, about, in those of the wider ones: they reach half as far
+FINER = 4  # about the ratio of one stride to the next: fits then reach about twice as far
 FITTED = 80  # points of each fit
 AROUND = 16  # samples by whose median the noise at a sample is told
 STEADY = 0.5  # noise is what grows by at most this power of the reach; that of detail is about 1
@@ -26,7 +26,6 @@ UNEVEN = 2.5  # least ratio of the 90 % to the 10 % quantile of uneven noise; th
 FEWEST = 10_000  # points to some of which the widest fits are made: in fewer, thin parts pass for noise
 ACROSS = 0.3  # a fit reaches across noise of at most this share of its reach
 STEPS = 2  # projections of each point
-NORMAL = 0.6745  # median of the absolute value of standard normal numbers
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def _thinned(tree: KdTree, stride: int) -> KdTree:
 def _measured(tree: KdTree, some: KdTree, near: Ints, stride: int) -> tuple[Floats, Floats]:
     """Return the noise about fits to points of a tree, a stride apart, and the reaches of these, at some points."""
     fitted = fit_quadrics(_thinned(tree, stride), some, FITTED)
-    return np.median(np.abs(fitted.heights)[near], axis=1) / NORMAL, np.median(fitted.reaches[near], axis=1)
+    return np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN, np.median(fitted.reaches[near], axis=1)
 
 
 def _decided(spreads: Floats, reaches: Floats) -> tuple[Ints, Floats, Ints]:

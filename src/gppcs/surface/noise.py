@@ -29,6 +29,7 @@ TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation 
 # Largest variance of an observation, in units of the prior's, so that lone points still count. Without it the covering
 # radius of a desk scan grows from 1.7 to 6.7 times that of fps (research/experiments.md).
 LARGEST = 2.0
+MEDIAN = 0.6745  # Of the absolute value of standard normal numbers.
 SAMPLES = 4096  # Points on which the noise level is measured: its error is then about one per cent.
 # The level is told by this share of the points; Gaussian noise has that share within so many standard deviations.
 SHARE, DEVIATIONS = 0.9, 1.645

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import gppcs
 from gppcs.gp.local import algorithm, inducing
@@ -20,7 +21,7 @@ def noisy(points, noise):
 def test_the_step_is_the_mean_of_the_posterior():
     places = sphere(3000)
     observed, kept = noisy(places, 0.02), noisy(places[:80], 0.01)
-    steps = inducing.fitted(kept, observed, places) - kept
+    steps = inducing.inducing_points(kept, observed, places) - kept
 
     surface = LocalSurface.of(kept)
     _, corners, weights = surface.find(places)
@@ -31,7 +32,7 @@ def test_the_step_is_the_mean_of_the_posterior():
     normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)  # 0 at the kept points
     heights = ((observed - np.einsum("ij,ijk->ik", shares, kept[corners])) * normals).sum(axis=1)
     noise = np.median(np.linalg.norm(observed - places, axis=1)) / inducing.MEDIAN
-    level = np.median(np.abs(heights)) / inducing.MEDIAN
+    level = np.median(np.abs(heights[lengths[:, 0] > 0.0])) / inducing.MEDIAN
     design = np.zeros((len(observed), len(kept), 3))
     for corner in range(3):
         design[np.arange(len(observed)), corners[:, corner]] += shares[:, corner, None] * normals
@@ -48,10 +49,34 @@ def test_the_step_is_the_mean_of_the_posterior():
     assert np.abs(expected).max() > 1e-3
 
 
+def test_the_prior_of_the_steps_follows_from_the_observations():
+    rng, places = np.random.default_rng(2), sphere(8000)
+    kept = places[:400]
+    surface = LocalSurface.of(kept)
+    _, corners, weights = surface.find(places)
+    a, b, c = (surface.tree.points.T[corner] for corner in corners.T)
+    normals = np.cross(b - a, c - a)
+    normals[400:] /= np.linalg.norm(normals[400:], axis=1)[:, None]
+    weights = np.column_stack([1 - weights.sum(axis=1), weights])
+    rows = np.arange(0, corners.size + 1, 3)
+    design = inducing.Design(csr_array((weights.ravel(), corners.ravel(), rows), shape=(8000, 400)), normals)
+    for true in (0.01, 0.02):
+        heights = design.times(true * rng.standard_normal(1200)) + 0.02 * rng.standard_normal(8000)
+        assert inducing._likely(design, heights, 0.02) == pytest.approx(true, rel=0.3)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_many_kept_points_hardly_move_where_noise_alone_explains_the_observations(share):
+    places = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.zeros(5000)])
+    smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
+    kept = smoothed[: round(share * 5000)]
+    assert np.abs(inducing.inducing_points(kept, noisy(places, 0.01), smoothed) - kept).mean() < 0.0005
+
+
 def test_a_plane_that_noise_alone_explains_hardly_moves():
     places = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.zeros(5000)])
     smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
-    moved = inducing.fitted(smoothed[:200], noisy(places, 0.01), smoothed)
+    moved = inducing.inducing_points(smoothed[:200], noisy(places, 0.01), smoothed)
     assert np.abs(moved - smoothed[:200]).mean() < 0.0005
 
 
@@ -62,7 +87,7 @@ def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypa
     distances = {}
     for step in (True, False):
         if not step:
-            monkeypatch.setattr(algorithm, "fitted", lambda kept, observed, places: kept)
+            monkeypatch.setattr(algorithm, "inducing_points", lambda kept, observed, places: kept)
         kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
         distances[step] = LocalSurface.of(kept).nearest_to(true)[0].mean()
     assert distances[True] < 0.97 * distances[False]
@@ -78,4 +103,4 @@ def test_few_kept_points_stay_within_the_noise(count):
 
 def test_observations_without_noise_leave_the_kept_points_where_they_are():
     points = sphere(2000)
-    assert np.array_equal(inducing.fitted(points[:100], points, points), points[:100])
+    assert np.array_equal(inducing.inducing_points(points[:100], points, points), points[:100])

@@ -69,12 +69,12 @@ def evaluate(
     with timer("reading"):
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
-    if simplified and read[1].faces:
+    if simplified and (faces := read[1][1]):
         print_error(
-            f"note: {simplified}: only its points are judged, not its {read[1].faces:,} faces; for the mesh, use "
+            f"note: {simplified}: only its points are judged, not its {faces:,} faces; for the mesh, use "
             f"--simplified-mesh {simplified}"
         )
-    clouds = [each.cloud.take(each.cloud.finite_rows()) for each in read]
+    clouds = [cloud.take(cloud.finite_rows()) for cloud, _ in read]
     report = (
         evaluate_mesh(clouds[0], judged, surface, timer)
         if judged

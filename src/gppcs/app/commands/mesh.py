@@ -109,7 +109,7 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = (each.cloud for each in io.read_each(files, input_format, names_of(columns)))
+        original, *others = (read for read, _ in io.read_each(files, input_format, names_of(columns)))
         kept = _rows_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
@@ -203,8 +203,8 @@ def _note_bound(source: Path, result: MeshResult) -> None:
     outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
     if outliers or beside:
         print_error(
-            f"note: {source}: places that may be farther than the tolerance: {outliers:,} of outliers, {beside:,} of "
-            "points that noise moved or no triangle reaches. gppcs evaluate IN --simplified-mesh OUT measures them all"
+            f"note: {source}: {outliers:,} outliers and {beside:,} other places may be farther than the tolerance: "
+            "noise moved them, or no triangle reaches them. gppcs evaluate IN --simplified-mesh OUT measures all points"
         )
     if found["noise"] > found["tolerance"]:
         print_error(

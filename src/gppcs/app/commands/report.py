@@ -61,7 +61,7 @@ def report(
         require_pymeshlab()
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        clouds = [Named(name, each.cloud) for name, each in zip(different_names(inputs), read, strict=True)]
+        clouds = [Named(name, cloud) for name, (cloud, _) in zip(different_names(inputs), read, strict=True)]
     if meshes:
         with timer("meshes", len(clouds)) as advanced:
             finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]

@@ -67,7 +67,7 @@ def view(
         read = io.read_each(inputs, input_format, names_of(columns))
         meshes = [mesh_of(path, input_format) for path in inputs]
     named = zip(different_names(inputs), read, meshes, strict=True)
-    clouds = [Named(name, each.cloud, mesh) for name, each, mesh in named]
+    clouds = [Named(name, cloud, mesh) for name, (cloud, _), mesh in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"

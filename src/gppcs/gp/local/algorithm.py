@@ -19,7 +19,7 @@ from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import ROUNDING, WEIGHT_POWER, density_of, refinement, roundness_of, weighted
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
-from gppcs.gp.local.inducing import fitted
+from gppcs.gp.local.inducing import inducing_points
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import placed
 from gppcs.spatial.kdtree import KdTree
@@ -100,19 +100,20 @@ def choose_denoised(
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
-    observed = sample(points, n_points)
+    rows = sample(points, n_points)
+    observed = points[rows]
     with timer("denoising"):
-        surface = denoised(points[observed], n_points)
+        surface = denoised(observed, n_points)
         trusted = np.flatnonzero(surface.trusted)
     among = trusted if len(trusted) > n_points else np.arange(len(observed))
-    rows = observed[among]
+    rows = rows[among]
     ranking = choose(
         surface.places[among], n_points, criterion, density, timer, 0, weights if weights is None else weights[rows],
         attributes if attributes is None else attributes[rows],
     )  # fmt: skip
     chosen = surface.take(among[ranking.rows])
     with timer("denoising"):
-        places = fitted(chosen.places, points[observed], surface.places)
+        places = inducing_points(chosen.places, observed, surface.places)
     return ranking._replace(rows=rows[ranking.rows], surface=chosen._replace(places=places))
 
 

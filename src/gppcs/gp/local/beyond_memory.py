@@ -302,7 +302,7 @@ def _in_memory(stage: _Stage, each: Each, timer: Timer, fixed: NDArray[np.int64]
         sharpness = np.ascontiguousarray(records["sharpness"])
         target = min(stage.target, len(records))
         candidates = nested_candidates(places, sharpness, target, stage.area, stage.density, len(fixed))
-    weights = records["weight"] if "weight" in (records.dtype.names or ()) else None
+    weights = _weights(records)
     last = records[candidates[-1].rows]
     observations, detail = _observations(last), _detail(stage, last)
     ranking = rank(places, candidates, observations, stage.criterion, timer, len(fixed), weights, detail)
@@ -315,6 +315,11 @@ def _observations(records: NDArray[Any]) -> Observations:
     names = records.dtype.names or ()
     feet = np.ascontiguousarray(records["foot"]) if "foot" in names else None
     return Observations(feet, records["variance"] if "variance" in names else np.zeros(len(records)))
+
+
+def _weights(records: NDArray[Any]) -> NDArray[np.float64] | None:
+    """Return the weights of candidates, if they have any."""
+    return records["weight"] if "weight" in (records.dtype.names or ()) else None
 
 
 def _detail(stage: _Stage, records: NDArray[Any]) -> Detail | None:
@@ -367,8 +372,10 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     records.tofile(unfinished)
     os.replace(unfinished, stage.file(part))
     rough = records["rough"] if stage.detail else np.zeros(len(records))
-    weights = records["weight"] if "weight" in (records.dtype.names or ()) else np.ones(len(records))
-    found = np.stack([features.surface_variation, rough, weights])[:, near.inside]
+    weights = _weights(records)
+    found = np.stack([features.surface_variation, rough, np.ones(len(records)) if weights is None else weights])[
+        :, near.inside
+    ]
     return found[:, :: max(1, found.shape[1] // SAMPLES)]
 
 
@@ -385,8 +392,8 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
     variances = _observations(records).variances / stage.spacing**2
     field = local_field(tree, features, variances, stage.criterion, _detail(stage, records), stage.scale)
-    if "weight" in (records.dtype.names or ()):
-        field = field._replace(spacings=field.spacings * records["weight"] ** (-0.5 * WEIGHT_POWER))
+    if (weights := _weights(records)) is not None:
+        field = field._replace(spacings=field.spacings * weights ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
 
 

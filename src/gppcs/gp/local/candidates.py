@@ -85,8 +85,7 @@ def sample_size(n_points: int) -> int:
 def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
     """Return all rows, or those of a random sample of a large cloud without the repeats among them, ascending.
 
-    A sample measures the area as well as all points do, and the noise, unless that is thicker than the
-    target spacing: then a sample has too few points for the widest neighbourhoods.
+    A sample measures the area as well as all points do, and the noise, unless that is thicker than the target spacing.
     """
     n = len(points)
     if n <= 1.5 * sample_size(n_points):  # to draw most of the points would cost more than it saves

@@ -58,7 +58,8 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
     plenty, few = len(points) // (PLENTY * n_points), len(points) // (FEW * n_points)
-    apart, rounds = (max(1, min(k // LEAST, few)), 1) if k > MANY else (1, ROUNDS if noisy else 0)
+    thick = k > MANY
+    apart, rounds = max(1, min(k // LEAST, few)) if thick else 1, 1 if thick else ROUNDS if noisy else 0
     feet, normals = _first_places(tree, k, apart)
     places = feet if noisy else tree.points
     wanted, worth = np.zeros(len(points), dtype=bool), np.ones(len(points))
@@ -97,7 +98,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
     if layer.level <= THICK * layer.radius and is_detail(layer, Layer.between(some.points, wider, fitted)):
-        return min(k, n), False
+        return k, False
     while 2 * k <= min(WIDEST, n):
         thick = layer.level > LAYER * layer.radius
         if k >= MANY and not thick:
@@ -107,7 +108,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
         if LEAST <= k < MANY and not thick and ((wider - feet) ** 2).sum(axis=0).mean() > UNBIASED * layer.level**2 / k:
             break
         k, feet, layer = 2 * k, wider, Layer.between(some.points, wider, fitted)
-    return min(k, n), layer.level > 0.0
+    return k, layer.level > 0.0
 
 
 def _in_runs(tree: KdTree, samples: int) -> KdTree:

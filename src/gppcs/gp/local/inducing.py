@@ -21,32 +21,30 @@ from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import surface_area
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.noise import MEDIAN
 
 # Prior standard deviation of a step along each axis at most, whatever the observations make likely: in spacings of the
 # kept points, and in standard deviations of the noise.
 IN_SPACINGS, IN_NOISE = 0.18, 0.3
-MEDIAN = 0.6745  # Median of the absolute value of a standard Gaussian.
 OUTLIER = 3.0  # Observations farther from their triangle, in standard deviations, tell nothing.
-MOST_ITERATIONS = 100  # Of conjugate gradients
 
 
-class Heights(NamedTuple):
-    """The n observed heights above the triangles as a linear function of the steps of the M kept points."""
+class Design(NamedTuple):
+    """The n heights of observed points above their triangles as a linear function of the steps of M kept points."""
 
-    shares: csr_array  # (n, M), of the corners in the foot of each point
+    weights: csr_array  # (n, M), of the corners in the foot of each point
     normals: NDArray[np.float32]  # (n, 3), of the triangles; 0 for observations that tell nothing
 
-    def of(self, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def times(self, steps: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much steps, (3 M,), raise each triangle below its point, (n,)."""
-        return np.einsum("ij,ij->i", self.normals, self.shares @ steps.reshape(-1, 3))
+        return np.einsum("ij,ij->i", self.normals, self.weights @ steps.reshape(-1, 3))
 
     def transposed(self, heights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of heights, (n,), that the steps have a share in, (3 M,)."""
-        return (self.shares.T @ (self.normals * heights[:, np.newaxis])).ravel()
+        return (self.weights.T @ (self.normals * heights[:, np.newaxis])).ravel()
 
 
-@one_blas_thread()
-def fitted(
+def inducing_points(
     kept: NDArray[np.float64], observed: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the kept places, (M, 3), after one step, given observed points, (n, 3), and their denoised places."""
@@ -57,54 +55,57 @@ def fitted(
     _, corners, weights = surface.find(places)
     normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
-    on_ranges(_observe, len(observed), in_tree_order, corners, weights, observed, normals, heights)
-    level = np.median(np.abs(heights)) / MEDIAN
+    on_ranges(_observe, len(observed), in_tree_order, corners, observed, normals, heights)
+    if not len(inside := np.flatnonzero(normals.any(axis=1))):  # the places of kept points, at least, have no triangle
+        return kept
+    level = np.median(np.abs(heights[inside])) / MEDIAN
     normals[np.abs(heights) > OUTLIER * level] = 0.0
-    shares = np.column_stack([1.0 - weights.sum(axis=1), weights])
-    rows = np.arange(0, corners.size + 1, 3)
-    told = Heights(csr_array((shares.ravel(), corners.ravel(), rows), shape=(len(observed), len(kept))), normals)
+    weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
+    begins = np.arange(0, corners.size + 1, 3)
+    design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=(len(observed), len(kept))), normals)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
-    prior = min(_likely(told, heights, level), IN_SPACINGS * spacing, IN_NOISE * noise)
+    prior = min(_likely(design, heights, level), IN_SPACINGS * spacing, IN_NOISE * noise)
     if prior == 0.0:
         return kept
     moved = kept.copy()
-    moved[surface.tree.order] += _posterior_mean(told, heights, (max(level, noise) / prior) ** 2)
+    moved[surface.tree.order] += _posterior_mean(design, heights, (max(level, noise) / prior) ** 2)
     return moved
 
 
-def _likely(told: Heights, heights: NDArray[np.float64], level: float) -> float:
-    """Return the standard deviation of the steps that makes the heights, with this noise, as large as they are.
+@one_blas_thread()
+def _likely(design: Design, heights: NDArray[np.float64], level: float) -> float:
+    """Return the standard deviation of the steps by moments: A^T h is as long as steps and noise make it on average.
 
-    It equates the expected square of the transposed heights. The trace that belongs to it is told by random signs.
+    Random signs estimate the trace that this takes (Hutchinson 1990).
     """
-    asked = told.transposed(heights)
-    by_noise = level**2 * (told.shares.power(2).sum(axis=1) * (told.normals**2).sum(axis=1)).sum()
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], len(asked))
-    trace = (told.transposed(told.of(signs)) ** 2).sum()
-    return float(np.sqrt(max(asked @ asked - by_noise, 0.0) / trace)) if trace > 0.0 else 0.0
+    right_side = design.transposed(heights)
+    by_noise = level**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], len(right_side))
+    trace = (design.transposed(design.times(signs)) ** 2).sum()
+    return float(np.sqrt(max(right_side @ right_side - by_noise, 0.0) / trace)) if trace > 0.0 else 0.0
 
 
-def _posterior_mean(told: Heights, heights: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
+@one_blas_thread()
+def _posterior_mean(design: Design, heights: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
     """Return the steps, (M, 3), given the heights, and the precision of the prior in that of an observation."""
-    asked = told.transposed(heights)
+    right_side = design.transposed(heights)
+    size = len(right_side)
     equations = LinearOperator(
-        (len(asked), len(asked)), lambda steps: told.transposed(told.of(steps)) + precision * steps, dtype=np.float64
+        (size, size), lambda steps: design.transposed(design.times(steps)) + precision * steps, dtype=np.float64
     )
-    steps, _ = cg(equations, asked, rtol=1e-4, maxiter=MOST_ITERATIONS)
+    steps, _ = cg(equations, right_side, rtol=1e-4)
     return steps.reshape(-1, 3)
 
 
 @kernel
-def _observe(begin, end, kept, corners, weights, observed, normals, heights):
-    """Fill the normals of the triangles, (n, 3), and the heights of observed points, (n, 3), above their feet, (n,).
+def _observe(begin, end, kept, corners, observed, normals, heights):
+    """Fill the normals of the triangles, (n, 3), and the heights of observed points, (n, 3), above them, (n,).
 
-    Shapes: kept (M, 3) and corners (n, 3) in tree order, weights (n, 2) of the second and third corner.
+    Shapes: kept (M, 3) and corners (n, 3) in tree order.
     """
     for i in range(begin, end):
         a, b, c = row(kept, corners[i, 0]), row(kept, corners[i, 1]), row(kept, corners[i, 2])
-        v, w = weights[i]
         normal = unit(area_vector(a, b, c))
-        above = dot(normal, minus(row(observed, i), a))
-        heights[i] = above - v * dot(normal, minus(b, a)) - w * dot(normal, minus(c, a))
+        heights[i] = dot(normal, minus(row(observed, i), a))
         for axis in range(3):
             normals[i, axis] = normal[axis]
