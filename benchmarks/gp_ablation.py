@@ -59,6 +59,11 @@ class Change:
     replaced: Sequence[tuple[Any, str, Any]] = ()  # module, name, value
 
 
+def not_graded(tree: Any, spacings: Any, slope: float) -> Any:
+    """Leave spacings as they are, in place of `density.graded`."""
+    return spacings
+
+
 def always_round(roughness: Any) -> float:
     """Take every cloud for one that is alike everywhere, in place of `density.roundness_of`."""
     return 1.0
@@ -71,7 +76,7 @@ def nowhere_sharp(tree: Any, edge: float) -> Any:
 
 def changes() -> dict[str, Change]:
     """Return the changes by their names in the table."""
-    segregation_off = (algorithm, "roundness_of", always_round)
+    gradation_off, segregation_off = (algorithm, "graded", not_graded), (algorithm, "roundness_of", always_round)
     sharpness_off, noise_off = (candidates, "sharpness_of", nowhere_sharp), (noise, "CLEAN", np.inf)
     return {
         DEFAULT: Change(),
@@ -82,6 +87,7 @@ def changes() -> dict[str, Change]:
         "normals off": Change(Weighted(normal=0.0)),
         "density off": Change(Weighted(density=0.0)),
         "normals and density off": Change(replace(USUAL, feature_weight=0.0)),
+        "gradation off": Change(replaced=[gradation_off]),
         "segregation off": Change(replaced=[segregation_off]),
         "sharpness off": Change(replaced=[sharpness_off]),
         "placement off": Change(replaced=[(algorithm, "placed", conditions.not_placed)]),

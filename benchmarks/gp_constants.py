@@ -57,6 +57,8 @@ CONSTANTS = (
     Constant(density, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
     Constant(algorithm, "NUGGET", "variance of an observation without noise", "prior variances"),
     Constant(algorithm, "NEAREST", "points of a neighbourhood where candidates are all points", "points"),
+    Constant(algorithm, "GRADATION", "growth of the desired spacing with distance", "-"),
+    Constant(density, "GROUP_SIZE", "points that have one limit of that growth", "points"),
     Constant(density, "LEAST_ROUGHNESS", "of flat places", "-"),
     Constant(density, "EDGE_ROUGHNESS", "roughness on a right-angled edge", "-"),
     Constant(density, "WEIGHT_POWER", "power of the users' weights", "-"),

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.algorithm import NUGGET, Criterion, local_field, rank
 from gppcs.gp.local.candidates import nested_candidates
+from gppcs.gp.local.density import graded
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features
@@ -44,20 +45,21 @@ def field_of(variation, **changes):
     normals = rng.standard_normal((n, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     features = Features(variation, normals, np.full(n, 9, dtype=np.int32))
-    return features, local_field(tree, features, np.arange(float(n)), criterion(**changes))
+    return tree, features, local_field(tree, features, np.arange(float(n)), criterion(**changes))
 
 
 @given(st.integers(2, 200), st.floats(0, 2.0), st.integers(0, 999))
 def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     variation = np.random.default_rng(seed).random(n) / 3
-    features, field = field_of(variation, density_power=power)
+    tree, features, field = field_of(variation, density_power=power)
     assert np.mean(field.spacings**-2) == pytest.approx(1)  # as many points as wanted on the whole
     roughness = np.sqrt(variation)
     clipped = np.minimum(roughness, 0.29)
     alike = clipped.max() - clipped.min() < 1e-12
     segregation = 0.0 if alike else clipped.var() / (clipped.mean() * (0.29 - clipped.mean()))
     density = np.maximum(roughness, 0.05) ** (power * (1 - segregation**2) ** 4)
-    np.testing.assert_allclose(field.spacings, np.sqrt(density.mean() / density), rtol=1e-9)
+    expected = graded(tree, np.sqrt(density.mean() / density), 0.1)
+    np.testing.assert_allclose(field.spacings / field.spacings[0], expected / expected[0], rtol=1e-9)
     assert field.normal_weight == pytest.approx(1.4 * (1 - segregation**2) ** 4)
     assert np.mean(field.y) == pytest.approx(0, abs=1e-9)
     assert np.std(field.y) == pytest.approx(1)
@@ -69,7 +71,7 @@ def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
 @pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * np.random.default_rng(0).random(20)])
 def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     """Its surface variation differs by rounding alone."""
-    _, field = field_of(variation)
+    _, _, field = field_of(variation)
     np.testing.assert_allclose(field.spacings, 1, rtol=1e-12)
     np.testing.assert_array_equal(field.y, 0)
 

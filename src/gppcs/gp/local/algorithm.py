@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import Candidates, cell_edge, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import ROUNDING, WEIGHT_POWER, density_of, refinement, roundness_of, weighted
+from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.inducing import inducing_points
@@ -175,18 +175,15 @@ class Scale(NamedTuple):
     deviation: float
     roundness: float  # From 1 for a cloud whose places are alike to 0 for flat faces and edges only
     density: float  # Mean of the wanted density
+    spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
 
     @classmethod
     def of(
-        cls,
-        variation: NDArray[np.float64],
-        criterion: Criterion,
-        detail: NDArray[np.float64] | float = 0.0,
-        weights: NDArray[np.float64] | float = 1.0,
+        cls, variation: NDArray[np.float64], criterion: Criterion, detail: NDArray[np.float64] | float = 0.0
     ) -> Scale:
-        """Measure candidates, given their surface variation, the roughness of their detail and their weights, (n,)."""
+        """Measure candidates, given their surface variation and the roughness of their detail, (n,)."""
         roundness = roundness_of(np.sqrt(variation))
-        density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness) * weights**WEIGHT_POWER
+        density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
         return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
 
 
@@ -206,7 +203,8 @@ def local_field(
     roundness = scale.roundness if scale else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
-    spacings = np.sqrt((scale.density if scale else np.mean(density)) / density)
+    spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
+    spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
     y = np.zeros(len(noise))
     if criterion.error_weight > 0.0:  # otherwise nothing asks for it
         mean, deviation = (scale.mean, scale.deviation) if scale else (np.mean(variation), np.std(variation))

@@ -333,12 +333,11 @@ def _in_parts(stage: _Stage, each: Each, timer: Timer, chosen: _Chosen) -> _Chos
     """Choose the points of a further stage part by part, behind those that are chosen."""
     wanted, parts = stage.target - len(chosen.rows), stage.stored.parts(PART)
     with timer("features", len(stage.stored)) as advanced:
-        measured = []
+        variation = []
         for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
-            measured.append(of_part)
+            variation.append(of_part)
             advanced(int(stage.stored.counts[part.first : part.last].sum()))
-        variation, rough, weights = np.concatenate(measured, axis=1)
-        stage = replace(stage, scale=Scale.of(variation, stage.criterion, rough, weights))
+        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, each)
     added = NO_POINTS
     with timer("greedy selection", wanted) as advanced:
         before, level = len(chosen.rows), float(chosen.scores[-1]) if len(chosen.rows) else 1.0
@@ -356,7 +355,7 @@ def _in_parts(stage: _Stage, each: Each, timer: Timer, chosen: _Chosen) -> _Chos
 
 
 def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
-    """Keep the candidates of a part and its halo with their features in a file; return what the scale takes of some."""
+    """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _candidates(stage, stage.halo, part)
     tree, features = features_of(near.points, _observations(near.records).feet, stage.spacing, stage.thinned)
     near = near.take(tree.order)
@@ -372,11 +371,16 @@ def _measure(stage: _Stage, part: Part) -> NDArray[np.float64]:
     records.tofile(unfinished)
     os.replace(unfinished, stage.file(part))
     rough = records["rough"] if stage.detail else np.zeros(len(records))
-    weights = _weights(records)
-    found = np.stack([features.surface_variation, rough, np.ones(len(records)) if weights is None else weights])[
-        :, near.inside
-    ]
+    found = np.stack([features.surface_variation, rough])[:, near.inside]
     return found[:, :: max(1, found.shape[1] // SAMPLES)]
+
+
+def _scaled(stage: _Stage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> _Stage:
+    """Return the stage with the scale of the field."""
+    scale = Scale.of(variation[0], stage.criterion, variation[1])
+    raw = replace(stage, scale=scale)
+    squares = np.concatenate(list(each(partial(_squared, raw), _some(parts))))
+    return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
 
 
 def _some(items: list[Any]) -> list[Any]:
@@ -395,6 +399,12 @@ def _field(stage: _Stage, part: Part) -> tuple[Neighbourhood, LocalField]:
     if (weights := _weights(records)) is not None:
         field = field._replace(spacings=field.spacings * weights ** (-0.5 * WEIGHT_POWER))
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
+
+
+def _squared(stage: _Stage, part: Part) -> NDArray[np.float64]:
+    """Return 1 / spacing^2 of the candidates of a part, before it is scaled."""
+    near, field = _field(stage, part)
+    return field.spacings[near.inside] ** -2.0
 
 
 def _round(stage: _Stage, parts: list[Part], each: Each, level: float, chosen: _Chosen) -> Iterator[_Chosen]:
