@@ -63,6 +63,7 @@ CONSTANTS = (
     Constant(density, "EDGE_ROUGHNESS", "roughness on a right-angled edge", "-"),
     Constant(density, "WEIGHT_POWER", "power of the users' weights", "-"),
     Constant(density, "FINEST", "candidates with weights", "times those without"),
+    Constant(candidates, "FIRST_STAGE", "points of the first stage", "points"),
     Constant(candidates, "ENOUGH", "candidates for each point to keep", "candidates"),
     Constant(candidates, "TOO_MANY", "occupied cells for each that the area has room for", "cells"),
     Constant(candidates, "DISTANCES", "within which a lone candidate has no other", "target spacings"),

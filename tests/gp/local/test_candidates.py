@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
+    FIRST_STAGE,
     TOO_MANY,
     gaps_of_lone,
     largest_gap,
@@ -93,7 +94,7 @@ def plain_stages(points, sharpness, n_points, area, density):
             thinned = len(kept) >= ENOUGH * target
             candidates = kept if thinned else candidates
             stages.append((target, candidates, thinned, area))
-            if target == 1:
+            if target <= FIRST_STAGE:
                 return stages[::-1]
             target, grown = -(-target // 2), False
 

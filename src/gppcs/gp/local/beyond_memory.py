@@ -27,6 +27,7 @@ from gppcs.gp.local.algorithm import Criterion, Ranking, Scale, features_of, loc
 from gppcs.gp.local.candidates import (
     DISTANCES,
     ENOUGH,
+    FIRST_STAGE,
     PER_POINT,
     SMALLEST_AREA,
     TOO_MANY,
@@ -160,7 +161,7 @@ def choose_stored(
     with timer("candidates", len(stored)) as advanced:
         stage = _with_candidates(stage, parts, each, advanced, fixed, fixed_places)
         nested = [stage]
-        while nested[-1].target > max(len(fixed), PART / (CELLS_ON_SLOPES * density)):
+        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (CELLS_ON_SLOPES * density)):
             nested.append(_coarser(nested[-1], each))
     chosen = _in_memory(nested.pop(), each, timer, fixed)
     while nested:

@@ -24,6 +24,7 @@ from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
+FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
 ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
 TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
 # A candidate is lone if no other lies within the first of these distances, in target spacings.
@@ -143,7 +144,7 @@ def nested_candidates(
     else:
         rows = np.arange(len(points))
     stages = [Candidates(n_points, rows, enough, area)]
-    while stages[-1].target > max(1, 2 * fixed):
+    while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
         area, kept = thinned(points[rows], sharpness[rows], target, area, density)
         if enough := len(kept) >= ENOUGH * target:
