@@ -82,7 +82,7 @@ def test_the_run_is_printed_as_a_table(printed, ball):
         f"dense points {dense:,}",
     ]
     assert not any("small holes" in row for row in rows)
-    assert re.fullmatch(r".*mean distance of the points from the mesh .*time \d+\.\d\d s.*", " ".join(rows))
+    assert re.fullmatch(r".*mean distance of the points, noise aside, from the mesh .*time \d+\.\d\d s.*", " ".join(rows))
 
 
 @pytest.mark.parametrize("unit", [None, "mm"])
@@ -91,7 +91,7 @@ def test_lengths_are_printed_with_their_unit_and_as_shares_of_the_diagonal(print
     rows = rows_of(printed("mesh", "ball.ply", "-o", "small.ply", "--tolerance", "1%", *options))
     diagonal = np.linalg.norm(np.ptp(ball.points, axis=0))
     assert f"tolerance {0.01 * diagonal:.4g} {unit + ' ' if unit else ''}(1.000% of the diagonal)" in rows
-    words = {"mean distance of the points from the mesh", "largest distance of the points that count",
+    words = {"mean distance of the points, noise aside, from the mesh", "largest distance of the points that count",
              "largest distance of a vertex from the points' surface"}  # fmt: skip
     of_unit = f" {unit}" if unit else ""
     pattern = rf"(.*?) \d[\d.e-]*{of_unit} \([\d.]+% of the diagonal\)"

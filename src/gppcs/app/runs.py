@@ -34,7 +34,7 @@ INDEX = "index"  # the attribute of the row in the input
 NOISES = (
     (0.04, "little, points are chosen as without noise"),
     (0.25, "some, kept points favour the surface that is fitted through it"),
-    (math.inf, "much; with fewer points it would matter less"),
+    (math.inf, "much; --denoise moves the points out of it"),
 )  # up to which share of the spacing of the kept points, what noise means for the result
 
 

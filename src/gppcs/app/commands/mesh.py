@@ -25,7 +25,7 @@ from gppcs.errors import InputError
 WORDS = {
     "dense_points": "dense points",
     "noise": "noise of the points",
-    "mean_distance": "mean distance of the points from the mesh",
+    "mean_distance": "mean distance of the points, noise aside, from the mesh",
     "tolerance": "tolerance",
     "largest_distance": "largest distance of the points that count",
     "back_distance": "largest distance of a vertex from the points' surface",

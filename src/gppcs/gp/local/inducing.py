@@ -1,6 +1,6 @@
 """Continuous inducing points: the denoised kept points go where, together, they explain all observations best.
 
-Denoising tells each place by itself, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
+Denoising estimates each place alone, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
 the kept points, in triangles, and each observed point observes the triangle nearest to its place, with Gaussian noise.
 The steps of the kept points have a Gaussian prior, whose variance follows from the observations: none where noise alone
 explains them. The points go to the mean of the posterior. research/local-field.md has the equations.
@@ -74,9 +74,9 @@ def inducing_points(
 
 @one_blas_thread()
 def _likely(design: Design, heights: NDArray[np.float64], level: float) -> float:
-    """Return the standard deviation of the steps by moments: A^T h is as long as steps and noise make it on average.
+    """Return the standard deviation of the steps, by moments of the transposed heights.
 
-    Random signs estimate the trace that this takes (Hutchinson 1990).
+    Random signs estimate a trace (Hutchinson 1990).
     """
     right_side = design.transposed(heights)
     by_noise = level**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
