@@ -82,7 +82,9 @@ def test_the_run_is_printed_as_a_table(printed, ball):
         f"dense points {dense:,}",
     ]
     assert not any("small holes" in row for row in rows)
-    assert re.fullmatch(r".*mean distance of the points, noise aside, from the mesh .*time \d+\.\d\d s.*", " ".join(rows))
+    assert re.fullmatch(
+        r".*mean distance of the points, noise aside, from the mesh .*time \d+\.\d\d s.*", " ".join(rows)
+    )
 
 
 @pytest.mark.parametrize("unit", [None, "mm"])

@@ -20,7 +20,7 @@ NORMAL_WEIGHT = 2.8  # Distance of two normals at a right angle, in desired spac
 # Memory in bytes, a little more than measured.
 HASHED = 16  # For each point, while cells are looked up.
 MEASURED = 100  # For each point of the sample.
-DENOISED = 90  # The same, while it is denoised.
+DENOISED = 120  # The same, while it is denoised.
 RANKED = 300  # For each candidate.
 PLACED = 130  # For each point of the cells, after the choice.
 CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
