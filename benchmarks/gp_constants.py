@@ -89,6 +89,7 @@ CONSTANTS = (
     Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
     Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
     Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
+    Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
     Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
     Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
     Constant(noise, "CLEAN", "noise that changes nothing", "target spacings"),

@@ -4,6 +4,7 @@ import pytest
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import (
     CLEAN,
+    FEWEST,
     NEIGHBOURS,
     Noise,
     feet_of,
@@ -25,11 +26,11 @@ def rough_plane(sigma, n=20_000):
 
 def test_smooth_surfaces_are_quiet(sphere):
     """Found, in the unit of the sphere's radius: 1.5e-7, and 6e-5 for a twentieth of the points."""
-    for points, spacing, most in (
-        (sphere, 0.01, 1e-6), (sphere[::20], 0.05, 5e-4), (rough_plane(0.0), 0.01, 1e-12),
+    for points, n_points, spacing, most in (
+        (sphere, 500, 0.01, 1e-6), (sphere[::20], 100, 0.05, 5e-4), (rough_plane(0.0), 500, 0.01, 1e-12),
     ):  # fmt: skip
         tree = KdTree.build(points)
-        noise = Noise.measure(tree, spacing)
+        noise = Noise.measure(tree, n_points, spacing)
         assert noise.quiet
         assert noise.level <= most
         feet, variances = noise.observe(points)
@@ -40,7 +41,7 @@ def test_smooth_surfaces_are_quiet(sphere):
 @pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
 def test_the_level_is_about_that_of_the_noise(sigma):
     """Found: 0.88 to 0.98 of it, as a point pulls its quadric along; balls of 30 points have a radius of 0.022."""
-    level = Noise.measure(KdTree.build(rough_plane(sigma)), 0.02).level
+    level = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).level
     assert 0.85 * sigma < level < 1.1 * sigma
 
 
@@ -49,7 +50,7 @@ def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tre
     rng = np.random.default_rng(0)
     points = rough_plane(0.005)
     tree = KdTree.build(points)
-    noise = Noise.measure(tree, 0.02)
+    noise = Noise.measure(tree, 500, 0.02)
     found = observed(noise, points)[1]
     of_each = np.linalg.norm(feet_of(tree, points, noise.neighbours) - points, axis=1)
     np.testing.assert_allclose(
@@ -59,8 +60,15 @@ def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tre
     assert 0 < (found == 2 * 0.02**2).mean() < 0.1
     assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
     shuffled = rng.permutation(len(points))
-    other = Noise.measure(KdTree.build(points[shuffled]), 0.02)
+    other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)
     np.testing.assert_allclose(observed(other, points)[1], found, rtol=1e-5)
+
+
+def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
+    points = rough_plane(0.01, 4_000)
+    most = int(np.pi * len(points) / FEWEST)
+    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
+    assert Noise.measure(KdTree.build(points), most + 5, 0.02).level == 0
 
 
 @pytest.mark.slow
@@ -71,7 +79,7 @@ def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(sigma, sphere)
     rng = np.random.default_rng(1)  # another seed than that of the sphere
     points = surface * (1 + sigma * np.sqrt(4 * np.pi) * rng.standard_normal((len(surface), 1)))
     tree = KdTree.build(points)
-    noise = Noise.measure(tree, 0.045)
+    noise = Noise.measure(tree, 500, 0.045)
     assert noise.thick
     assert noise.neighbours > NEIGHBOURS
     across, within = (
@@ -87,14 +95,20 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     rng = np.random.default_rng(0)
     flat = rng.random((20_000, 2))
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
-    noise = Noise.measure(KdTree.build(waves), 0.045)
+    noise = Noise.measure(KdTree.build(waves), 500, 0.045)
     assert noise.level > CLEAN * noise.spacing
     assert noise.quiet
     assert not noise.clean
     assert not noise.thick
     for sigma, is_thick in ((0.002, False), (0.005, False), (0.01, True), (0.02, True)):
-        noise = Noise.measure(KdTree.build(rough_plane(sigma)), 0.045)
+        noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)
         assert noise.thick == is_thick
+
+
+def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
+    tree = KdTree.build(rough_plane(0.03))
+    assert Noise.measure(tree, 1_500, 0.025).neighbours == int(20 * np.pi / 1.5)
+    assert Noise.measure(tree, 3_000, 0.02).neighbours == int(20 * np.pi / 3)
 
 
 def test_outliers_do_not_count_as_noise():

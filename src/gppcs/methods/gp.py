@@ -49,8 +49,8 @@ class LocalGP(Method):
         "counts, too. The order is a ranking: its first points are a simplification of their number. The attributes of "
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
         'to the prior one. The diagnostic "noise_in_spacings" is the distance of points from the surface, in '
-        "target spacings: the standard deviation if it is Gaussian noise. A value below 0.04 "
-        "changes nothing, nor does detail such as vegetation."
+        "target spacings: the standard deviation if it is Gaussian noise. It is 0 if too few points lie near each "
+        "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see research/local-field.md"
     attributes = ("score", "deviation")

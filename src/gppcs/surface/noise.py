@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import Quadrics, fit_quadrics
 
+FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
 # Noise above this, in neighbourhood radii, is thick: neighbourhoods lie within its layer, not across it. 32
 # clouds without added noise have at most 0.22.
@@ -76,24 +77,30 @@ class Noise:
     tree: KdTree | None
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
-    level: float  # Distance of the points from the surface, as in `Layer`, in the unit of the tree
-    quiet: bool  # Whether no noise matters: there is little, or it is detail of the surface such as vegetation
+    # Distance of the points from the surface, as in `Layer`, in the unit of the tree; 0 where it is not measured.
+    level: float
+    # Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
+    # near each other to measure it.
+    quiet: bool
     clean: bool  # Whether there is little, so that sharp places can be told
     spacing: float  # Target spacing, in the same unit
 
     @classmethod
-    def measure(cls, tree: KdTree, spacing: float) -> Noise:
-        """Measure the noise of the points of a tree."""
-        noise = cls.from_layers(partial(layer_of, tree), spacing)
+    def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
+        """Measure the noise of the points of a tree; neighbourhoods never grow beyond the target spacing."""
+        within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
+        noise = cls.from_layers(partial(layer_of, tree), within, spacing)
         return noise if noise.quiet else replace(noise, tree=tree)
 
     @classmethod
-    def from_layers(cls, layer_of: Callable[[int], Layer], spacing: float) -> Noise:
+    def from_layers(cls, layer_of: Callable[[int], Layer], within: int, spacing: float) -> Noise:
         """Tell the noise from the layers about quadrics fitted to different numbers of points."""
+        if within < FEWEST:
+            return cls(None, within, False, 0.0, True, True, spacing)
         layer_of = cache(layer_of)
         narrow = layer_of(NEIGHBOURS)
         thick = narrow.level > THICK * narrow.radius
-        neighbours = 2 * NEIGHBOURS if thick else NEIGHBOURS
+        neighbours = min(2 * NEIGHBOURS if thick else NEIGHBOURS, within)
         layer = layer_of(neighbours)
         clean = layer.level <= CLEAN * spacing
         quiet = clean or (not thick and is_detail(narrow, layer_of(2 * NEIGHBOURS)))

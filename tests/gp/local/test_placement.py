@@ -132,7 +132,7 @@ def test_noise_is_placed_by_the_feet():
     points = sphere_cap(12_000)
     noisy = points + 0.02 * np.random.default_rng(5).standard_normal(points.shape)
     tree = KdTree.build(noisy)
-    noise = Noise.measure(tree, np.sqrt(np.pi / 300))
+    noise = Noise.measure(tree, 300, np.sqrt(np.pi / 300))
     assert not noise.quiet
     chosen = np.random.default_rng(6).choice(len(points), 300, replace=False)
     with_feet, without = placed(noisy, chosen, noise=noise), placed(noisy, chosen)

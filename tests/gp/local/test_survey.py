@@ -68,7 +68,7 @@ def test_area_and_noise_of_millions_are_judged_by_some(monkeypatch):
     assert len(some.order) == pytest.approx(20_000, rel=0.01)
     assert len(sampled(5_000).order) == pytest.approx(26 * 5_000, rel=0.01)
     assert surface_area(some) == pytest.approx(1.0, rel=0.1)
-    levels = [Noise.measure(tree, 0.045).level for tree in (every, some)]
+    levels = [Noise.measure(tree, 500, 0.045).level for tree in (every, some)]
     assert levels[1] == pytest.approx(levels[0], rel=0.1)
 
 

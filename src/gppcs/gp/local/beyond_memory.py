@@ -49,7 +49,7 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.row_sample import drawn
 from gppcs.spatial.stored import Neighbourhood, Run, StoredPoints, within, write_run
-from gppcs.surface.noise import NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, Observations, projections
 from gppcs.surface.surface_variation import Features
 
 PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
@@ -229,7 +229,7 @@ def _store_candidates(
 ) -> tuple[Run, NDArray[np.int64], NDArray[np.int64]]:
     """Store the candidates of a part for the last stage; return their numbers in each box, and those of lone ones."""
     stored, noise = stage.stored, stage.noise
-    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing  # the points of a fit lie nearer
+    margin = DIAGONAL * stage.edge + DISTANCES[-1] * stage.spacing  # the points of a fit lie within 1.2 spacings
     near = stored.near(asked.part, margin, repeats=True)
     points = near.points
     some = np.flatnonzero(drawn(near.rows, sample_size(stage.target) / len(stored)))
@@ -483,11 +483,15 @@ def _place(stage: _Stage, fixed: NDArray[np.int64], asked: _Asked) -> tuple[NDAr
 def _noise(stored: StoredPoints, n_points: int, area: float, parts: list[Part], each: Each) -> Noise:
     """Measure the noise as `Noise.measure` does, in some parts."""
     share, spacing = min(1.0, sample_size(n_points) / len(stored)), math.sqrt(area / n_points)
-    fits, some = [NEIGHBOURS, 2 * NEIGHBOURS], _some(parts)
+    count = int(np.pi * share * len(stored) / n_points)
+    if count < FEWEST:
+        return Noise(None, count, False, 0.0, True, True, spacing)
+    fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(count, NEIGHBOURS), min(count, 2 * NEIGHBOURS)})
+    some = _some(parts)
     measure = partial(_distances, stored, share, 0.5 * HALO * spacing, fits, -(-SAMPLES // len(some)))
     found = np.concatenate(list(each(measure, some)), axis=2)
     layers = {k: Layer.of(*of_fit) for k, of_fit in zip(fits, found, strict=True)}
-    return Noise.from_layers(layers.__getitem__, spacing)
+    return Noise.from_layers(layers.__getitem__, count, spacing)
 
 
 def _noise_of_detail(

@@ -65,7 +65,7 @@ def survey(
         tree = KdTree.build(places)
         area, _ = thinned(places, np.zeros(len(places), dtype=np.float32), n_points, surface_area(tree), density)
     with timer("noise"):
-        noise = Noise.measure(tree, math.sqrt(area / n_points))
+        noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean:  # otherwise noisy points would look sharp
         with timer("candidates"):

@@ -19,7 +19,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import TASKS, WIDER, look_around, reach_of_nearest, search_for
 from gppcs.surface.moments import tangents
-from gppcs.surface.noise import NEIGHBOURS, SAMPLES, THICK, Layer, is_detail, projections
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, THICK, Layer, is_detail, projections
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
 
 LEAST, MANY, WIDEST = 60, 120, 480  # Points that tell a place: at least, at most without thick noise, and with it.
@@ -91,14 +91,14 @@ def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64],
 def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     """Return how many points tell a place, and whether there is any noise, which is not detail of the surface."""
     n, k = len(tree.order), NEIGHBOURS
-    if n < k:
+    if n < FEWEST:
         return n, False
     some = _in_runs(tree, SAMPLES // 4)
     feet, fitted = projections(tree, some, k)
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
     if layer.level <= THICK * layer.radius and is_detail(layer, Layer.between(some.points, wider, fitted)):
-        return k, False
+        return min(k, n), False
     while 2 * k <= min(WIDEST, n):
         thick = layer.level > LAYER * layer.radius
         if k >= MANY and not thick:
@@ -108,7 +108,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
         if LEAST <= k < MANY and not thick and ((wider - feet) ** 2).sum(axis=0).mean() > UNBIASED * layer.level**2 / k:
             break
         k, feet, layer = 2 * k, wider, Layer.between(some.points, wider, fitted)
-    return k, layer.level > 0.0
+    return min(k, n), layer.level > 0.0
 
 
 def _in_runs(tree: KdTree, samples: int) -> KdTree:
