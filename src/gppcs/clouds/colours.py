@@ -38,7 +38,7 @@ def fit_eight_bits(colours: NDArray[Any]) -> bool:
 
 def full_scale(colours: NDArray[Any]) -> float:
     """Return which value of some colours is the brightest possible: 1, 255 or 65535, whatever fits."""
-    largest = np.nanmax(colours, initial=0, where=np.abs(colours) <= 65535)  # beyond are marks of missing values
+    largest = colours.max(initial=0, where=np.abs(colours) <= 65535)  # NaN and larger ones mark missing values
     return 1.0 if np.issubdtype(colours.dtype, np.floating) and largest <= 1 else 255.0 if largest <= 255 else 65535.0
 
 

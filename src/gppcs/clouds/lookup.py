@@ -42,3 +42,8 @@ def as_floats(values: NDArray[Any]) -> NDArray[np.float64]:
     """Return values as numbers of type float64; those that are too large become infinite."""
     with np.errstate(over="ignore"):
         return values.astype(np.float64)
+
+
+def bounded(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Return values as numbers of type float64 whose differences do not overflow; NaN stays."""
+    return np.clip(as_floats(values), -LARGEST, LARGEST)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import full_scale, oklab
-from gppcs.clouds.lookup import LARGEST, as_floats, check_named
+from gppcs.clouds.lookup import as_floats, bounded, check_named
 from gppcs.clouds.objects import COLOUR
 from gppcs.errors import InputError, ParameterError, number, shown
 
@@ -92,7 +92,7 @@ class AttributeRange:
                 f"expected numbers in attribute {shown(name)}, found {len(values) - len(finite):,} of {len(values):,} "
                 "that are NaN or infinite; name another attribute"
             )
-        finite = np.clip(finite, -LARGEST, LARGEST)
+        finite = bounded(finite)
         low, high = np.quantile(finite, RANGE)
         if not high > low:  # such as marks on few points
             low, high = finite.min(), finite.max()
@@ -111,7 +111,7 @@ class AttributeRange:
         if self.classes:
             known = np.array(self.classes, dtype=values.dtype)
             return (values[:, np.newaxis] == known).astype(np.float32) / np.float32(math.sqrt(2.0))
-        shares = (np.clip(as_floats(values), -LARGEST, LARGEST) - self.low) / (self.span or 1.0)
+        shares = (bounded(values) - self.low) / (self.span or 1.0)
         return np.clip(np.nan_to_num(shares, nan=0.5), -BEYOND, 1.0 + BEYOND).astype(np.float32)[:, np.newaxis]
 
 

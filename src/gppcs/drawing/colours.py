@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.lookup import LARGEST
+from gppcs.clouds.lookup import bounded
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
@@ -88,7 +88,7 @@ class Legend:
 
 def scale_ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
     """Return where a colour scale of values (N,) begins and ends, so that a few extreme ones do not spoil it."""
-    known = np.clip(values[np.isfinite(values)].astype(np.float64), -LARGEST, LARGEST)
+    known = bounded(values[np.isfinite(values)])
     if len(known) == 0:
         return 0.0, 1.0
     first, last = np.percentile(known, (0.0, ROOT_SHARE) if root else LINEAR_SHARES)

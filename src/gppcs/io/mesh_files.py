@@ -16,7 +16,6 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
-from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import FORMATS, check_input, format_of, naming, refuse_losses
 from gppcs.io.format import Format
 from gppcs.io.gltf import FORMAT as GLTF
@@ -75,12 +74,10 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         return Mesh(cloud.points, known.triangles(file))
 
 
-def mesh_of(path: Path, format: str | None = None) -> Mesh | None:  # noqa: A002
-    """Read the mesh of a file, if it has one and its suffix tells that it may."""
-    if not any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if known.triangles):
-        return None
-    with CloudFiles.of([path], format, if_needed=True) as files:
-        return read_mesh(path) if files.faces() else None
+def mesh_of(path: Path, faces: int) -> Mesh | None:
+    """Read the mesh of a file with so many faces, if there are any and its suffix tells that it may be a mesh."""
+    may_be = any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if known.triangles)
+    return read_mesh(path) if faces and may_be else None
 
 
 def write_mesh(

@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import Floats, Ints
-from gppcs.meshing.uneven_noise import FITTED, UnevenNoise
+from gppcs.meshing.uneven_noise import FITTED, UnevenNoise, thinned
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree, nearest_distances
@@ -91,7 +91,7 @@ def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
 
     Points that are much nearer to each other lie beside each other across what noise is left, not along the surface.
     """
-    some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
+    some = thinned(tree.in_own_order(), step)
     near, _ = some.neighbours(EDGES)
     signed = with_signs(some, near, normals[::step].copy())
     nearest, _ = some.nearest_of(tree.points.T, 1)

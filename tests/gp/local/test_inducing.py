@@ -62,7 +62,7 @@ def test_the_prior_of_the_steps_follows_from_the_observations():
     design = inducing.Design(csr_array((weights.ravel(), corners.ravel(), rows), shape=(8000, 400)), normals)
     for true in (0.01, 0.02):
         heights = design.times(true * rng.standard_normal(1200)) + 0.02 * rng.standard_normal(8000)
-        assert inducing._likely(design, heights, 0.02) == pytest.approx(true, rel=0.3)
+        assert inducing._likely(design, design.transposed(heights), 0.02) == pytest.approx(true, rel=0.3)
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])

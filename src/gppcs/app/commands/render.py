@@ -75,7 +75,7 @@ def render(
         return
     (source,) = sources
     cloud, faces, unread = io.load(source, input_format, names_of(columns))
-    mesh = mesh_of(source, input_format)
+    mesh = mesh_of(source, faces)
     with naming(source), io.whole_output(output, force) as file:
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if faces and mesh is None:

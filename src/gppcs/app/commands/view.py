@@ -65,7 +65,7 @@ def view(
                 return
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        meshes = [mesh_of(path, input_format) for path in inputs]
+        meshes = [mesh_of(path, faces) for path, (_, faces) in zip(inputs, read, strict=True)]
     named = zip(different_names(inputs), read, meshes, strict=True)
     clouds = [Named(name, cloud, mesh) for name, (cloud, _), mesh in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)

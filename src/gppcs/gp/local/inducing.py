@@ -63,22 +63,22 @@ def inducing_points(
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     begins = np.arange(0, corners.size + 1, 3)
     design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=(len(observed), len(kept))), normals)
+    right_side = design.transposed(heights)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
-    prior = min(_likely(design, heights, level), IN_SPACINGS * spacing, IN_NOISE * noise)
+    prior = min(_likely(design, right_side, level), IN_SPACINGS * spacing, IN_NOISE * noise)
     if prior == 0.0:
         return kept
     moved = kept.copy()
-    moved[surface.tree.order] += _posterior_mean(design, heights, (max(level, noise) / prior) ** 2)
+    moved[surface.tree.order] += _posterior_mean(design, right_side, (max(level, noise) / prior) ** 2)
     return moved
 
 
 @one_blas_thread()
-def _likely(design: Design, heights: NDArray[np.float64], level: float) -> float:
+def _likely(design: Design, right_side: NDArray[np.float64], level: float) -> float:
     """Return the standard deviation of the steps, by moments of the transposed heights.
 
     Random signs estimate a trace (Hutchinson 1990).
     """
-    right_side = design.transposed(heights)
     by_noise = level**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(right_side))
     trace = (design.transposed(design.times(signs)) ** 2).sum()
@@ -86,9 +86,8 @@ def _likely(design: Design, heights: NDArray[np.float64], level: float) -> float
 
 
 @one_blas_thread()
-def _posterior_mean(design: Design, heights: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
-    """Return the steps, (M, 3), given the heights, and the precision of the prior in that of an observation."""
-    right_side = design.transposed(heights)
+def _posterior_mean(design: Design, right_side: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
+    """Return the steps, (M, 3), given the transposed heights, and the prior's precision in that of an observation."""
     size = len(right_side)
     equations = LinearOperator(
         (size, size), lambda steps: design.transposed(design.times(steps)) + precision * steps, dtype=np.float64
