@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gppcs.meshing.coverage import RANK, Cover
-from gppcs.meshing.halfedges import Floats, Ints
+from gppcs.meshing.halfedges import Flags, Floats, Ints
 from gppcs.meshing.uneven_noise import FITTED, UnevenNoise, thinned
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
@@ -85,6 +85,11 @@ class DensePoints:
         cover = Cover(tree.points, tree.low, tree.high, normals, reaches)
         return cls(rows, raw, places, normals, cover, float(np.sqrt((uneven.noise**2).mean())), True)
 
+    def turned(self, some: Ints, turned: Flags, tree: KdTree) -> DensePoints:
+        """Return them with the normals of some of them turned, over whose places a tree is; others follow these."""
+        signed = np.where(turned[:, None], -self.normals[some], self.normals[some])
+        return replace(self, normals=_following(tree, signed, self.places, self.normals))
+
 
 def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
     """Give normals, (n, 3), of the points of a tree, in its order, signs that agree, told by every `step`-th of them.
@@ -93,8 +98,12 @@ def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
     """
     some = thinned(tree.in_own_order(), step)
     near, _ = some.neighbours(EDGES)
-    signed = with_signs(some, near, normals[::step].copy())
-    nearest, _ = some.nearest_of(tree.points.T, 1)
+    return _following(some, with_signs(some, near, normals[::step].copy()), tree.points.T, normals)
+
+
+def _following(some: KdTree, signed: Floats, places: Floats, normals: Floats) -> Floats:
+    """Give normals, (n, 3), at places, (n, 3), the signs of those at the nearest points of a tree."""
+    nearest, _ = some.nearest_of(places, 1)
     turned = np.einsum("ij,ij->i", signed[nearest[:, 0]], normals) < 0.0
     return np.where(turned[:, None], -normals, normals)
 

@@ -27,12 +27,14 @@ from gppcs.meshing.fans import fans_of
 from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.meshing.mending import without_cuts
+from gppcs.meshing.patches import turned_patches
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.fans import ON_CIRCLE
 from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.normals import EDGES
 from gppcs.surface.outliers import outliers_among
 
 FEWEST_VERTICES = 4  # of a mesh: those of a tetrahedron
@@ -356,11 +358,11 @@ class _FirstMesh:
     @classmethod
     def of(cls, dense: DensePoints, level: Ints, chosen: Ints, moved: bool) -> _FirstMesh:
         """Join some dense points; raise an error if they lie on no surface."""
-        places, normals, reaches = dense.places[level], dense.normals[level], dense.cover.reaches[level]
+        places, reaches = dense.places[level], dense.cover.reaches[level]
         tree = KdTree.over(np.ascontiguousarray(places.T))
         near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
         for on_circle in ON_CIRCLE:
-            triangles, votes, radii = fans_of(places, normals, near, on_circle)
+            triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
             agreed = np.count_nonzero(votes > 1) / max(1, len(votes))
             if agreed >= LEAST_AGREED:
                 break
@@ -369,6 +371,11 @@ class _FirstMesh:
                 f"expected points on a surface, found {len(level)} points of whose triangles only {agreed:.0%} fit "
                 "together: they fill a volume, are too few, or have noise thicker than their spacing"
             )
+        if dense.uneven:
+            turned = turned_patches(triangles[votes == 3], places, dense.normals[level], near[:, :EDGES])
+            dense = dense.turned(level, turned, tree)
+            triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
+        normals = dense.normals[level]
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
         fewest = STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES
         faces = without_scraps(faces, len(level), fewest)
