@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
+from gppcs.meshing.bridges import bridged
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import (
@@ -17,6 +16,7 @@ from gppcs.meshing.halfedges import (
     Ints,
     add_edge,
     find_edge,
+    pieces_of,
     without_bow_ties,
 )
 from gppcs.meshing.handles import without_small_handles
@@ -31,12 +31,20 @@ PIECE_TRIANGLES = 12  # triangles of a piece; smaller ones are scraps
 
 
 def assembled(
-    triangles: Ints, votes: Ints, radii: Floats, points: Floats, normals: Floats, reaches: Floats, cover: Cover
+    triangles: Ints,
+    votes: Ints,
+    radii: Floats,
+    points: Floats,
+    normals: Floats,
+    reaches: Floats,
+    cover: Cover,
+    bridges: bool = False,
 ) -> Ints:
     """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
 
     Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
     are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
+    With `bridges`, pieces whose borders run side by side are joined before that.
     """
     kept = are_covered(cover, triangles, points, reaches)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]
@@ -47,6 +55,8 @@ def assembled(
     faces = gaps_filled(faces, points, normals, reaches, cover, SMALL_GAP)
     faces = taken(np.concatenate([faces, triangles[order[~agreed]]]), len(points))
     faces = without_bow_ties(faces, len(points))
+    if bridges:
+        faces = bridged(faces, triangles, points, normals, reaches, cover)
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
     cut = without_small_handles(faces, points, normals)
@@ -152,11 +162,3 @@ def largest_pieces(faces: Ints, n: int, count: int, counts_faces: bool) -> Ints:
     kept[order] = np.cumsum(fewest[order]) <= count
     kept[order[0]] = True
     return faces[kept[pieces]]
-
-
-def pieces_of(faces: Ints, n: int) -> Ints:
-    """Return the connected piece of each triangle."""
-    ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
-    _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
-    found: Ints = pieces[faces[:, 0]]
-    return found

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.engine.kernels import kernel
@@ -182,3 +182,11 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+
+
+def pieces_of(faces: Ints, n: int) -> Ints:
+    """Return the connected piece of each triangle."""
+    ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
+    found: Ints = pieces[faces[:, 0]]
+    return found

@@ -376,7 +376,7 @@ class _FirstMesh:
             dense = dense.turned(level, turned, tree)
             triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
         normals = dense.normals[level]
-        faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover)
+        faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover, dense.uneven)
         fewest = STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES
         faces = without_scraps(faces, len(level), fewest)
         vertices = places if moved else dense.raw[level]
