@@ -92,15 +92,16 @@ def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scan", "step"), [("nyu_basement", 4), ("redwood_livingroom_frame", 1)])
-def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, step):
-    """There were 79 and 15 pieces."""
+@pytest.mark.parametrize("step", [4, 2, 1])
+@pytest.mark.parametrize(("scan", "pieces"), [("nyu_basement", 5), ("redwood_livingroom_frame", 4), ("tum_desk", 11)])
+def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, pieces, step):
+    """There were 6, 6, 9 pieces, 6, 3, 5 and 10, 13, 14: signs of normals differed, and borders in contact stayed."""
     points = gppcs.read(shared_data / f"{scan}.ply").points[::step]
-    assert topology_of(gppcs.mesh(points, n_points=5_000, moved=True).mesh.faces).pieces <= 10
+    assert topology_of(gppcs.mesh(points, n_points=5_000, moved=True).mesh.faces).pieces <= pieces
 
 
 @pytest.mark.slow
 def test_many_points_closer_than_their_noise_leave_few_pieces():
-    """There were 28, as signs of normals were passed between points across what noise was left."""
+    """There were 28, as signs of normals were passed between points across what noise was left, and then 11."""
     mesh = gppcs.mesh(gppcs.sample("room", n_points=400_000), n_points=20_000, moved=True).mesh
-    assert topology_of(mesh.faces).pieces <= 14
+    assert topology_of(mesh.faces).pieces <= 7
