@@ -27,7 +27,6 @@ LAYER = 0.33  # Noise above this, in radii of the neighbourhood, is thick: more 
 # Mean squared distance between the feet on quadrics of k and of 2 k points, in variances of the noise over k, above
 # which more points cut off detail. Noise alone makes about 2.5.
 UNBIASED = 6.0
-RUN = 64  # Points in tree order that are sampled together.
 FEW, PLENTY = 4, 16  # Least points denoised for each kept one: with thick noise, and otherwise.
 # Prior standard deviation of each curvature: of the height that it makes at the reach, in standard deviations of the
 # noise.
@@ -93,7 +92,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     n, k = len(tree.order), NEIGHBOURS
     if n < FEWEST:
         return n, False
-    some = _in_runs(tree, SAMPLES // 4)
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-n // (SAMPLES // 4))]))
     feet, fitted = projections(tree, some, k)
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
@@ -109,13 +108,6 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
             break
         k, feet, layer = 2 * k, wider, Layer.between(some.points, wider, fitted)
     return min(k, n), layer.level > 0.0
-
-
-def _in_runs(tree: KdTree, samples: int) -> KdTree:
-    """Return about so many points of a tree, in runs of neighbours in tree order, which share their searches."""
-    n = len(tree.order)
-    rows = np.arange(n) if n <= samples else np.flatnonzero(np.arange(n) // RUN % (n // samples) == 0)
-    return KdTree.over(np.ascontiguousarray(tree.points[:, rows]))
 
 
 def _round(
