@@ -5,6 +5,8 @@ import pytest
 
 import gppcs
 from gppcs.errors import InputError, ParameterError
+from gppcs.gp.local.denoising import MANY, neighbourhood
+from gppcs.spatial.kdtree import KdTree
 
 NOISE = 0.01
 
@@ -59,6 +61,12 @@ def test_edges_are_rounded_no_more_than_without():
         beside_edges = np.sort(0.5 - np.abs(kept), axis=1)[:, 1] < 2 * np.sqrt(6 / 800)
         near[denoise] = off_cube(kept[beside_edges]).mean()
     assert near[True] < 0.7 * near[False]
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05])
+def test_outliers_do_not_widen_the_neighbourhood(share):
+    with_outliers = gppcs.sample("statue", 100_000, noise=0.002, outliers=share)
+    assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY
 
 
 def test_without_noise_points_stay():
