@@ -256,7 +256,7 @@ def test_a_flat_square_within_a_tolerance_has_the_vertices_of_its_corners():
     assert largest_distance(result, grid) <= 0.1
 
 
-@pytest.mark.parametrize("tolerance", ["0.1%", "0.3%"])
+@pytest.mark.parametrize("tolerance", [pytest.param("0.1%", marks=pytest.mark.slow), "0.3%"])
 def test_a_cube_within_a_tolerance_has_the_vertices_of_its_corners(tolerance):
     """From the middle of an edge between a corner and a vertex on a flat side, the fit does not find the corner."""
     rng = np.random.default_rng(0)
@@ -471,6 +471,7 @@ def test_bad_parameters_are_errors(ball, arguments, message):
         gppcs.mesh(ball, **arguments)
 
 
+@pytest.mark.slow
 def test_a_mean_that_no_try_reaches_is_an_error():
     """On noise, the distance rises again with the vertices: the mesh of all points misses it by a third."""
     with pytest.raises(gppcs.ParameterError, match="mean distance that a mesh of these points reaches"):

@@ -127,6 +127,7 @@ def test_points_to_keep_and_weights(tmp_path):
     assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
 
 
+@pytest.mark.slow
 def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
     path = written(tmp_path, gppcs.sample("painted", 40_000))
     cloud, asked = gppcs.read(path), {"n_points": 3_000, "detail": "rgb"}
