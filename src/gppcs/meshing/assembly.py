@@ -49,7 +49,7 @@ def assembled(
     faces = without_bow_ties(faces, len(points))
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
-    cut = without_small_handles(faces, points, normals)
+    cut = without_small_handles(faces, points, normals, reaches, cover)
     if len(cut) < len(faces):
         faces = without_bow_ties(gaps_filled(cut, points, normals, reaches, cover, LARGEST_GAP), len(points))
     corners = points[faces]
