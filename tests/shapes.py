@@ -59,11 +59,10 @@ def drilled_plate(n, across, radius, thickness, seed=0):
     along, end, turned = rng.random(side), rng.integers(0, 2, side), rng.random(side) < 0.5
     rim = np.where(turned, [along, end], [end, along]).T
     angle = 2 * np.pi * rng.random(wall)
-    bore = (rng.integers(0, across, (wall, 2)) + 0.5) / across + radius * np.column_stack(
-        [np.cos(angle), np.sin(angle)]
-    )
+    rings = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    bores = (rng.integers(0, across, (wall, 2)) + 0.5) / across + rings
     height = np.concatenate([rng.integers(0, 2, face), rng.random(side + wall)])
-    return np.column_stack([np.concatenate([plane, rim, bore]), thickness * height])
+    return np.column_stack([np.concatenate([plane, rim, bores]), thickness * height])
 
 
 def random_mesh(seed):
