@@ -208,7 +208,7 @@ def _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
     for v in loop:
         if not around(mesh, v, halves)[1]:
             return False
-    return _bareness(vertices, reaches, cover, loop) + min(-outward / RADIAL, 1.0) >= SPAN
+    return _bareness(vertices, reaches, cover, loop) + min(-outward / RADIAL, SPAN / 2) >= SPAN
 
 
 @kernel
