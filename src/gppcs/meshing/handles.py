@@ -201,9 +201,9 @@ def _outward(vertices, normals, loop):
 
 @kernel
 def _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
-    """Return whether a loop, away from borders, runs in a hole: the barer it is, the less need normals point into it.
+    """Return whether a loop, away from borders, runs in a hole: a place across it lies far from all points.
 
-    Across a loop around a bridge between sheets there are points of these.
+    SPAN reaches are enough; fewer are where normals point into the hole. Across a bridge lie points of the sheets.
     """
     for v in loop:
         if not around(mesh, v, halves)[1]:
