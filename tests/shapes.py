@@ -48,6 +48,23 @@ def torus(n, seed=0, radius=0.4):
     return ring + radius * normals, normals
 
 
+def drilled_plate(n, across, radius, thickness, seed=0):
+    """Points of a plate of side 1 with rows and columns of drilled holes, uniform by area."""
+    rng = np.random.default_rng(seed)
+    around = 2 * np.pi * radius * across**2
+    areas = np.array([2 - around * radius, 4 * thickness, around * thickness])  # both faces, the sides, the bores
+    face, side, wall = rng.multinomial(n, areas / areas.sum())
+    plane = rng.random((2 * n, 2))
+    plane = plane[np.linalg.norm(across * plane % 1 - 0.5, axis=1) > across * radius][:face]
+    along, end, turned = rng.random(side), rng.integers(0, 2, side), rng.random(side) < 0.5
+    rim = np.where(turned, [along, end], [end, along]).T
+    angle = 2 * np.pi * rng.random(wall)
+    rings = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    bores = (rng.integers(0, across, (wall, 2)) + 0.5) / across + rings
+    height = np.concatenate([rng.integers(0, 2, face), rng.random(side + wall)])
+    return np.column_stack([np.concatenate([plane, rim, bores]), thickness * height])
+
+
 def random_mesh(seed):
     """Points, normals and half-edges of a sphere or a sheet, perhaps with a hole."""
     points, normals, faces = [ball(60, seed), sheet(80, seed), sheet(120, seed, hole=0.2)][seed % 3]

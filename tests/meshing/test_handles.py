@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.clouds.topology import topology_of
+from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import HalfEdges, following
 from gppcs.meshing.handles import _codes, without_small_handles
-from shapes import random_mesh, torus
+from gppcs.spatial.kdtree import KdTree
+from shapes import drilled_plate, random_mesh, torus
 
 
 def grid(n, first=0):
@@ -30,6 +32,14 @@ def bridged(places, n=20):
     whole = np.delete(above, places, axis=0), np.delete(below, places, axis=0)
     up = np.repeat([[0.0, 0, -1], [0, 0, 1]], n * n, axis=0)
     return np.concatenate([*whole, walls]), np.concatenate([low, low + np.array([0, 0, 1])]), up
+
+
+def cut(faces, vertices, normals):
+    """The mesh without its small handles, where the vertices are all points."""
+    tree = KdTree.build(vertices)
+    reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
+    cover = Cover(tree.points, tree.low, tree.high, normals[tree.order], reaches)
+    return without_small_handles(faces, vertices, normals, reaches[np.argsort(tree.order)], cover)
 
 
 def noisy(name, n, level=1e-3):
@@ -60,17 +70,17 @@ def test_codes_cancel_out_around_each_triangle_but_not_around_a_handle(tubes):
 def test_of_the_tubes_between_two_sheets_all_but_one_are_cut(tubes):
     faces, vertices, normals = bridged(50 * np.arange(1, tubes + 1))
     assert topology_of(faces)[3:] == (1, tubes - 1)
-    cut = without_small_handles(faces, vertices, normals)
-    assert topology_of(cut) == (0, 0, 2 + 2 * (tubes - 1), 1, 0)
-    assert len(faces) - len(cut) < 20 * tubes
+    left = cut(faces, vertices, normals)
+    assert topology_of(left) == (0, 0, 2 + 2 * (tubes - 1), 1, 0)
+    assert len(faces) - len(left) < 20 * tubes
     if tubes == 1:
-        assert np.array_equal(cut, faces)
+        assert np.array_equal(left, faces)
 
 
 def test_more_tubes_than_a_code_has_bits_are_cut():
     faces, vertices, normals = bridged(80 * np.arange(1, 81), n=60)
     assert topology_of(faces).genus == 79
-    assert topology_of(without_small_handles(faces, vertices, normals)).genus == 0
+    assert topology_of(cut(faces, vertices, normals)).genus == 0
 
 
 def test_a_noisy_relief_has_no_handle():
@@ -83,6 +93,14 @@ def test_a_noisy_relief_has_no_handle():
 @pytest.mark.parametrize("n_points", [100, 500])
 def test_drilled_holes_stay_though_they_are_a_few_edges_wide(n_points):
     assert gppcs.mesh(noisy("bracket", 5_000), n_points=n_points).diagnostics["genus"] == 5
+
+
+@pytest.mark.parametrize(("radius", "thickness"), [(1.0, 3), (1.2, 2), (1.2, 3)])
+def test_narrow_holes_of_a_thin_plate_stay(radius, thickness):
+    """In spacings of the first mesh. Of the 16 holes, 3, 14 and 12 stayed."""
+    spacing = np.sqrt(2 / (8 * 300))
+    points = drilled_plate(20_000, 4, radius * spacing, thickness * spacing)
+    assert topology_of(gppcs.mesh(points, n_points=300).mesh.faces) == (0, 0, 0, 1, 16)
 
 
 @pytest.mark.parametrize(("radius", "n"), [(0.4, 4000), (0.06, 1000), (0.04, 1500)])

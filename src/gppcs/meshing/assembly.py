@@ -59,7 +59,7 @@ def assembled(
         faces = bridged(faces, triangles, points, normals, reaches, cover)
     faces = gaps_filled(faces, points, normals, reaches, cover, LARGEST_GAP)
     faces = without_bow_ties(faces, len(points))
-    cut = without_small_handles(faces, points, normals)
+    cut = without_small_handles(faces, points, normals, reaches, cover)
     if len(cut) < len(faces):
         faces = without_bow_ties(gaps_filled(cut, points, normals, reaches, cover, LARGEST_GAP), len(points))
     corners = points[faces]

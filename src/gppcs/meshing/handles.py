@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import breadth_first_order
 
 from gppcs.clouds.topology import connected
 from gppcs.engine.kernels import kernel
+from gppcs.meshing.coverage import MOST_STEPS, SPAN, Cover
 from gppcs.meshing.halfedges import (
     MOST_AROUND,
     Floats,
@@ -26,6 +27,7 @@ from gppcs.meshing.halfedges import (
     preceding,
     without_bow_ties,
 )
+from gppcs.spatial.kdtree import nearest_in_tree
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 
 LONGEST = 7  # edges of a loop along which a handle is cut, at most
@@ -33,14 +35,15 @@ MOST_TRIANGLES = 300  # that a cut takes
 RADIAL = 0.4  # least mean cosine between normals and the way from the centre of a loop, around bars and in holes
 
 
-def without_small_handles(faces: Ints, vertices: Floats, normals: Floats) -> Ints:
+def without_small_handles(faces: Ints, vertices: Floats, normals: Floats, reaches: Floats, cover: Cover) -> Ints:
     """Leave out triangles along short loops that go around or through handles; the gaps are to be filled.
 
-    The mesh has no bow ties, before and after. A round cuts as many handles as a code has bits, at most.
+    The mesh has no bow ties, before and after. A round cuts as many handles as a code has bits, at most. Bars stay, and
+    holes that the dense points of the cover leave open; `reaches`, (n,), is how far each vertex covers the surface.
     """
     while (codes := _codes(mesh := HalfEdges.of(faces, len(vertices)))).any():
         left_out = np.zeros(len(faces), dtype=np.bool_)
-        _cut_all(mesh, vertices, normals, codes, _short_loops(mesh, codes), left_out)
+        _cut_all(mesh, vertices, normals, reaches, cover, codes, _short_loops(mesh, codes), left_out)
         if not left_out.any():
             break
         faces = without_bow_ties(faces[~left_out], len(vertices))
@@ -153,14 +156,20 @@ def _trace(parent, depth, p, q, loop):
 
 
 @kernel
-def _cut_all(mesh, vertices, normals, codes, loops, left_out):
+def _cut_all(mesh, vertices, normals, reaches, cover, codes, loops, left_out):
     """Mark in `left_out`, (F,), the triangles on one side of loops that together do not part the mesh."""
     basis, near_cut = np.zeros(64, dtype=np.int64), np.zeros(len(mesh.leaving), dtype=np.bool_)
     halves, side = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_TRIANGLES, dtype=np.int64)
     for padded in loops:
         loop = padded[padded >= 0]
         code = _reduced(basis, _code_along(mesh, codes, loop, halves))
-        if code == 0 or _is_around_tube(vertices, normals, loop):
+        if code == 0:
+            continue
+        outward = _outward(vertices, normals, loop)
+        if outward < RADIAL and _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
+            _keep(basis, code)  # so that no other loop in this hole is cut
+            continue
+        if abs(outward) >= RADIAL:
             continue
         size = _side_of(mesh, loop if _is_upright(vertices, normals, loop) else loop[::-1], halves, side)
         if not _is_apart(mesh, near_cut, side[:size]):
@@ -173,14 +182,50 @@ def _cut_all(mesh, vertices, normals, codes, loops, left_out):
 
 
 @kernel(allocates=False)
-def _is_around_tube(vertices, normals, loop):
-    """Return whether normals along a loop point away from its centre, as on a bar, or to it, as in a drilled hole."""
-    x = y = z = total = 0.0
+def _centre(vertices, loop):
+    """Return the mean of the vertices of a loop."""
+    x = y = z = 0.0
     for v in loop:
         x, y, z = x + vertices[v, 0] / len(loop), y + vertices[v, 1] / len(loop), z + vertices[v, 2] / len(loop)
+    return x, y, z
+
+
+@kernel(allocates=False)
+def _outward(vertices, normals, loop):
+    """Return the mean cosine between the normals along a loop and the way from its centre: 1 on bars, -1 in holes."""
+    centre, total = _centre(vertices, loop), 0.0
     for v in loop:
-        total += dot(unit(minus(row(vertices, v), (x, y, z))), row(normals, v))
-    return abs(total) >= RADIAL * len(loop)
+        total += dot(unit(minus(row(vertices, v), centre)), row(normals, v))
+    return total / len(loop)
+
+
+@kernel
+def _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
+    """Return whether a loop, away from borders, runs in a hole: a place across it lies far from all points.
+
+    SPAN reaches are enough; fewer are where normals point into the hole. Across a bridge lie points of the sheets.
+    """
+    for v in loop:
+        if not around(mesh, v, halves)[1]:
+            return False
+    return _bareness(vertices, reaches, cover, loop) + min(-outward / RADIAL, SPAN / 2) >= SPAN
+
+
+@kernel
+def _bareness(vertices, reaches, cover, loop):
+    """Return how far the barest place across a loop is from all dense points, in reaches of the vertices."""
+    (x, y, z), reach, largest = _centre(vertices, loop), 0.0, 0.0
+    found, squared = np.empty(1, dtype=np.int64), np.empty(1)
+    for i in range(len(loop)):
+        a, b = minus(row(vertices, loop[i - 1]), (x, y, z)), minus(row(vertices, loop[i]), (x, y, z))
+        reach += reaches[loop[i]] / len(loop)
+        for j in range(MOST_STEPS + 1):
+            for k in range(MOST_STEPS + 1 - j):
+                v, w = j / MOST_STEPS, k / MOST_STEPS
+                p, q, r = x + v * a[0] + w * b[0], y + v * a[1] + w * b[1], z + v * a[2] + w * b[2]
+                nearest_in_tree(cover.points, cover.low, cover.high, p, q, r, found, squared)
+                largest = max(largest, squared[0])
+    return np.sqrt(largest) / reach
 
 
 @kernel(allocates=False)
