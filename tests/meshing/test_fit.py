@@ -29,7 +29,7 @@ def coarse():
 @pytest.mark.parametrize("left_out", [0, 30])
 def test_a_step_is_that_of_a_dense_solver(left_out, monkeypatch):
     """Rows: the distance off the triangle, a weak hold along it, and a pull on each vertex, stronger on borders."""
-    monkeypatch.setattr(fit, "_undo_turns", lambda *arguments: None)
+    monkeypatch.setattr(fit, "undo_turns", lambda *arguments: None)
     points, normals, faces = ball(200)
     faces = faces[(faces >= left_out).all(axis=1)]
     mesh, dense, assigned = assigned_to_ball(faces, points)

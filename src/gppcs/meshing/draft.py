@@ -7,18 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gppcs.clouds.mesh import Mesh
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.exchange import exchange
-from gppcs.meshing.fit import fitted
+from gppcs.meshing.fit import UNDO_ROUNDS, fitted, undo_turns
 from gppcs.meshing.flips import flip, qualities
 from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
 from gppcs.meshing.mending import cut_out, mend
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
 from gppcs.meshing.stars import Surface
+from gppcs.surface.inducing import joint_steps
 
 THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in mean squared distances of its points
 THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
@@ -109,6 +111,27 @@ class Draft:
             return after
         self.vertices = before
         return assigned
+
+    def explain_observed(self) -> None:
+        """Move the vertices to where they explain the dense points best as the cloud has them.
+
+        Projections onto the surface are smoothed. Vertices of triangles that would cut others stay.
+        """
+        assigned = self.assigned()
+        there = np.flatnonzero(assigned.face >= 0)
+        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
+        faces = self.mesh.faces()
+        spacing = float(np.sqrt(Mesh(self.vertices, faces).face_areas().sum() / self.used()))
+        moved = self.vertices + joint_steps(
+            self.vertices, corners, assigned.weights[there], self.dense.raw[there], self.dense.places[there], spacing
+        )
+        undo_turns(faces, self.vertices, self.normals, moved)
+        for _ in range(UNDO_ROUNDS):
+            if not len(cut := cutting(self.mesh, moved)):
+                break
+            corners = self.mesh.origin.reshape(-1, 3)[cut]
+            moved[corners] = self.vertices[corners]
+        self.vertices = moved
 
     def exchanged(self, assigned: Assignment) -> tuple[Draft, Assignment]:
         """Return a draft in which vertices have gone to where they help more, and the triangles of the dense points.

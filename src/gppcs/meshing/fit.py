@@ -65,7 +65,7 @@ def fitted(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, a
     )
     steps, _ = cg(matrix, sums.right.ravel(), rtol=1e-6, maxiter=MOST_ITERATIONS, M=nearly_inverse)
     moved = vertices + steps.reshape(-1, 3)
-    _undo_turns(mesh.faces(), vertices, normals, moved)
+    undo_turns(mesh.faces(), vertices, normals, moved)
     return moved
 
 
@@ -124,7 +124,7 @@ def _add_beside(mesh, beside, steps, found):
                 found[w, i] += beside[h, i, j] * steps[v, j]
 
 
-def _undo_turns(faces: Ints, vertices: Floats, normals: Floats, moved: Floats) -> None:
+def undo_turns(faces: Ints, vertices: Floats, normals: Floats, moved: Floats) -> None:
     """Halve steps in `moved`, (V, 3), that make triangles thin; also undo those that turn them against the normals."""
     cosines, qualities = _shapes(faces, vertices, normals)
     least, thinnest = np.minimum(LEAST_COSINE, cosines), np.minimum(THIN, qualities)

@@ -505,6 +505,9 @@ class _Maker:
                     assigned = draft.flip(draft.fit(assigned))
         if self.effort:
             draft = self._exchanged(draft, assigned)
+        if self.moved and dense.noise:
+            with timer("fit"):
+                draft.explain_observed()
         with timer("mending"):
             opened = draft.mend(counts_faces)
         with timer("distances"):

@@ -19,10 +19,10 @@ from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
-from gppcs.gp.local.inducing import inducing_points
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import placed
 from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.inducing import inducing_points
 from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 

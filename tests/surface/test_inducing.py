@@ -5,7 +5,8 @@ import pytest
 from scipy.sparse import csr_array
 
 import gppcs
-from gppcs.gp.local import algorithm, inducing
+from gppcs.gp.local import algorithm
+from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
 
 

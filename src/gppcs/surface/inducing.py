@@ -1,9 +1,9 @@
-"""Continuous inducing points: the denoised kept points go where, together, they explain all observations best.
+"""Continuous inducing points: the vertices of a surface go where, together, they explain all observations best.
 
 Denoising estimates each place alone, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
-the kept points, in triangles, and each observed point observes the triangle nearest to its place, with Gaussian noise.
-The steps of the kept points have a Gaussian prior, whose variance follows from the observations: none where noise alone
-explains them. The points go to the mean of the posterior. research/local-field.md has the equations.
+the vertices, in triangles, and each observed point observes the triangle nearest to its place, with Gaussian noise.
+The steps of the vertices have a Gaussian prior, whose variance follows from the observations: none where noise alone
+explains them. The vertices go to the mean of the posterior. research/local-field.md has the equations.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import MEDIAN
 
 # Prior standard deviation of a step along each axis at most, whatever the observations make likely: in spacings of the
-# kept points, and in standard deviations of the noise.
+# vertices, and in standard deviations of the noise.
 IN_SPACINGS, IN_NOISE = 0.18, 0.3
 OUTLIER = 3.0  # Observations farther from their triangle, in standard deviations, tell nothing.
 
 
 class Design(NamedTuple):
-    """The n heights of observed points above their triangles as a linear function of the steps of M kept points."""
+    """The n heights of observed points above their triangles as a linear function of the steps of M vertices."""
 
     weights: csr_array  # (n, M), of the corners in the foot of each point
     normals: NDArray[np.float32]  # (n, 3), of the triangles; 0 for observations that tell nothing
@@ -48,29 +48,45 @@ def inducing_points(
     kept: NDArray[np.float64], observed: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the kept places, (M, 3), after one step, given observed points, (n, 3), and their denoised places."""
-    noise = np.median(np.linalg.norm(observed - places, axis=1)) / MEDIAN
-    if noise == 0.0:
-        return kept
     surface = LocalSurface.of(kept)
     _, corners, weights = surface.find(places)
-    normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
-    on_ranges(_observe, len(observed), in_tree_order, corners, observed, normals, heights)
+    spacing = np.sqrt(surface_area(surface.tree) / len(kept))
+    moved = kept.copy()
+    moved[surface.tree.order] += joint_steps(in_tree_order, corners, weights, observed, places, spacing)
+    return moved
+
+
+def joint_steps(
+    vertices: NDArray[np.float64],
+    corners: NDArray[np.integer],
+    weights: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    places: NDArray[np.float64],
+    spacing: float,
+) -> NDArray[np.float64]:
+    """Return the posterior mean of the steps of vertices, (M, 3), given observed points, (n, 3), and triangles of each.
+
+    These are nearest to the denoised places of the points. Shapes: corners (n, 3), weights of the second and third
+    corner (n, 2), places (n, 3).
+    """
+    still = np.zeros_like(vertices)
+    noise = np.median(np.linalg.norm(observed - places, axis=1)) / MEDIAN
+    if noise == 0.0:
+        return still
+    normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
+    on_ranges(_observe, len(observed), vertices, corners, observed, normals, heights)
     if not len(inside := np.flatnonzero(normals.any(axis=1))):  # the places of kept points, at least, have no triangle
-        return kept
+        return still
     level = np.median(np.abs(heights[inside])) / MEDIAN
     normals[np.abs(heights) > OUTLIER * level] = 0.0
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     begins = np.arange(0, corners.size + 1, 3)
-    design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=(len(observed), len(kept))), normals)
+    shape = len(observed), len(vertices)
+    design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=shape), normals)
     right_side = design.transposed(heights)
-    spacing = np.sqrt(surface_area(surface.tree) / len(kept))
     prior = min(_likely(design, right_side, level), IN_SPACINGS * spacing, IN_NOISE * noise)
-    if prior == 0.0:
-        return kept
-    moved = kept.copy()
-    moved[surface.tree.order] += _posterior_mean(design, right_side, (max(level, noise) / prior) ** 2)
-    return moved
+    return _posterior_mean(design, right_side, (max(level, noise) / prior) ** 2) if prior > 0.0 else still
 
 
 @one_blas_thread()
@@ -97,13 +113,13 @@ def _posterior_mean(design: Design, right_side: NDArray[np.float64], precision: 
 
 
 @kernel
-def _observe(begin, end, kept, corners, observed, normals, heights):
+def _observe(begin, end, vertices, corners, observed, normals, heights):
     """Fill the normals of the triangles, (n, 3), and the heights of observed points, (n, 3), above them, (n,).
 
-    Shapes: kept (M, 3) and corners (n, 3) in tree order.
+    Shapes: vertices (M, 3), corners (n, 3).
     """
     for i in range(begin, end):
-        a, b, c = row(kept, corners[i, 0]), row(kept, corners[i, 1]), row(kept, corners[i, 2])
+        a, b, c = row(vertices, corners[i, 0]), row(vertices, corners[i, 1]), row(vertices, corners[i, 2])
         normal = unit(area_vector(a, b, c))
         heights[i] = dot(normal, minus(row(observed, i), a))
         for axis in range(3):
