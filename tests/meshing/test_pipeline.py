@@ -483,13 +483,30 @@ def test_moved_vertices_explain_the_observed_points_of_a_noisy_cloud(monkeypatch
     """Fitted to projections alone, they are a third farther from the true surface."""
     noisy, exact = (gppcs.sample("bracket", 40_000, noise=noise).points for noise in (0.01, 0.0))
     with_step = gppcs.mesh(noisy, n_points=1000, moved=True).mesh
-    monkeypatch.setattr(Draft, "explain_observed", lambda draft: None)
+    monkeypatch.setattr(Draft, "explain_observed", lambda draft, assigned: None)
     without = gppcs.mesh(noisy, n_points=1000, moved=True).mesh
     near, far = (
         np.sqrt(nearest_triangles(each.vertices, each.faces, exact)[1]).mean() for each in (with_step, without)
     )
     assert near < 0.85 * far
     assert is_sound(with_step)
+
+
+def test_a_mean_distance_takes_no_more_vertices_though_vertices_explain_the_observed_points(monkeypatch):
+    """It is that of the projections, from which the last step goes away."""
+    noisy, asked = gppcs.sample("bracket", 10_000, noise=0.01), {"tolerance": "0.15%:mean", "moved": True}
+    with_step = gppcs.mesh(noisy, **asked)
+    monkeypatch.setattr(Draft, "explain_observed", lambda draft, assigned: None)
+    assert len(with_step.indices) == len(gppcs.mesh(noisy, **asked).indices)
+
+
+def test_moved_vertices_stay_where_noise_alone_explains_the_observed_points(monkeypatch):
+    noisy = gppcs.sample("sphere", 20_000, noise=0.003)
+    with_step = gppcs.mesh(noisy, n_points=500, moved=True).mesh
+    monkeypatch.setattr(Draft, "explain_observed", lambda draft, assigned: None)
+    without = gppcs.mesh(noisy, n_points=500, moved=True).mesh
+    steps = np.linalg.norm(with_step.vertices - without.vertices, axis=1)
+    assert np.median(steps) < 0.03 * 0.003 * np.linalg.norm(np.ptp(noisy.points, axis=0))
 
 
 def test_vertices_of_rounded_points_are_within_a_tolerance():

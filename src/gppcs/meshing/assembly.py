@@ -44,7 +44,7 @@ def assembled(
 
     Triangles on which two or three fans agree come first, those with small circumcircles before others. Small gaps
     are filled; then triangles of a single fan are added where there is room; then larger gaps are filled, and pinholes.
-    With `bridges`, pieces whose borders run side by side are joined before that.
+    With `bridges`, pieces whose borders run side by side are joined before larger gaps are filled.
     """
     kept = are_covered(cover, triangles, points, reaches)
     triangles, votes, radii = triangles[kept], votes[kept], radii[kept]

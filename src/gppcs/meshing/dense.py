@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import Flags, Floats, Ints
-from gppcs.meshing.uneven_noise import FITTED, UnevenNoise, thinned
+from gppcs.meshing.uneven_noise import FITTED, UnevenNoise
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.even_sample import even_sample
 from gppcs.spatial.kdtree import KdTree, nearest_distances
@@ -86,7 +86,10 @@ class DensePoints:
         return cls(rows, raw, places, normals, cover, float(np.sqrt((uneven.noise**2).mean())), True)
 
     def turned(self, some: Ints, turned: Flags, tree: KdTree) -> DensePoints:
-        """Return them with the normals of some of them turned, over whose places a tree is; others follow these."""
+        """Return these points with the normals of some turned; all others take the sign of the nearest of these.
+
+        The tree is over the places of these.
+        """
         signed = np.where(turned[:, None], -self.normals[some], self.normals[some])
         return replace(self, normals=_following(tree, signed, self.places, self.normals))
 
@@ -96,7 +99,7 @@ def _signed(tree: KdTree, normals: Floats, step: int) -> Floats:
 
     Points that are much nearer to each other lie beside each other across what noise is left, not along the surface.
     """
-    some = thinned(tree.in_own_order(), step)
+    some = tree.in_own_order().thinned(step)
     near, _ = some.neighbours(EDGES)
     return _following(some, with_signs(some, near, normals[::step].copy()), tree.points.T, normals)
 

@@ -13,7 +13,7 @@ from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.exchange import exchange
-from gppcs.meshing.fit import UNDO_ROUNDS, fitted, undo_turns
+from gppcs.meshing.fit import fitted, undo_turns
 from gppcs.meshing.flips import flip, qualities
 from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
 from gppcs.meshing.mending import cut_out, mend
@@ -21,6 +21,7 @@ from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
 from gppcs.meshing.stars import Surface
 from gppcs.surface.inducing import joint_steps
+from gppcs.surface.noise import MEDIAN
 
 THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in mean squared distances of its points
 THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
@@ -112,26 +113,28 @@ class Draft:
         self.vertices = before
         return assigned
 
-    def explain_observed(self) -> None:
-        """Move the vertices to where they explain the dense points best as the cloud has them.
+    def explain_observed(self, assigned: Assignment) -> None:
+        """Move the vertices to where they explain the dense points best as the cloud has them, without new cuts.
 
-        Projections onto the surface are smoothed. Vertices of triangles that would cut others stay.
+        Projections onto the surface are smoothed.
         """
-        assigned = self.assigned()
-        there = np.flatnonzero(assigned.face >= 0)
-        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
-        faces = self.mesh.faces()
+        there, corners = self._corners_of(assigned)
+        raw, places, faces = self.dense.raw[there], self.dense.places[there], self.mesh.faces()
+        noise = float(np.median(np.linalg.norm(raw - places, axis=1))) / MEDIAN if len(there) else 0.0
         spacing = float(np.sqrt(Mesh(self.vertices, faces).face_areas().sum() / self.used()))
-        moved = self.vertices + joint_steps(
-            self.vertices, corners, assigned.weights[there], self.dense.raw[there], self.dense.places[there], spacing
-        )
-        undo_turns(faces, self.vertices, self.normals, moved)
-        for _ in range(UNDO_ROUNDS):
+        moved = self.vertices + joint_steps(self.vertices, corners, assigned.weights[there], raw, noise, spacing)
+        while True:
+            undo_turns(faces, self.vertices, self.normals, moved)
             if not len(cut := cutting(self.mesh, moved)):
                 break
             corners = self.mesh.origin.reshape(-1, 3)[cut]
             moved[corners] = self.vertices[corners]
         self.vertices = moved
+
+    def _corners_of(self, assigned: Assignment) -> tuple[Ints, Ints]:
+        """Return the dense points that have a triangle, (m,), and its corners, (m, 3)."""
+        there = np.flatnonzero(assigned.face >= 0)
+        return there, self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
 
     def exchanged(self, assigned: Assignment) -> tuple[Draft, Assignment]:
         """Return a draft in which vertices have gone to where they help more, and the triangles of the dense points.
@@ -153,8 +156,7 @@ class Draft:
         """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
         self._insert(assigned, *worst_places(self.mesh, assigned, self._unused(), count))
         assigned = self.flip()
-        there = np.flatnonzero(assigned.face >= 0)
-        corners = self.mesh.origin.reshape(-1, 3)[assigned.face[there]]
+        there, corners = self._corners_of(assigned)
         squared = ((self.vertices[corners] - self.dense.places[there, None]) ** 2).sum(axis=2)
         self.start[there] = np.take_along_axis(corners, squared.argmin(axis=1)[:, None], axis=1)[:, 0]
 

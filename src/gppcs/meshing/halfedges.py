@@ -9,9 +9,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from gppcs.clouds.topology import connected
 from gppcs.engine.kernels import kernel
 
 Ints = NDArray[np.int64]
@@ -184,9 +185,6 @@ def without_bow_ties(faces: Ints, n: int) -> Ints:
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
 
 
-def pieces_of(faces: Ints, n: int) -> Ints:
+def pieces_of(faces: Ints, n: int) -> NDArray[np.int32]:
     """Return the connected piece of each triangle."""
-    ends = np.concatenate([faces[:, :2], faces[:, 1:]]).T
-    _, pieces = connected_components(coo_array((np.ones(ends.shape[1]), ends), shape=(n, n)), directed=False)
-    found: Ints = pieces[faces[:, 0]]
-    return found
+    return connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), n)[1][faces[:, 0]]

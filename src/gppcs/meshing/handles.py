@@ -159,15 +159,17 @@ def _trace(parent, depth, p, q, loop):
 def _cut_all(mesh, vertices, normals, reaches, cover, codes, loops, left_out):
     """Mark in `left_out`, (F,), the triangles on one side of loops that together do not part the mesh."""
     basis, near_cut = np.zeros(64, dtype=np.int64), np.zeros(len(mesh.leaving), dtype=np.bool_)
+    holes = {np.int64(0)}  # codes of loops in holes: no other loop in these is cut
     halves, side = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_TRIANGLES, dtype=np.int64)
     for padded in loops:
         loop = padded[padded >= 0]
-        code = _reduced(basis, _code_along(mesh, codes, loop, halves))
-        if code == 0:
+        along = _code_along(mesh, codes, loop, halves)
+        code = _reduced(basis, along)
+        if code == 0 or along in holes:
             continue
         outward = _outward(vertices, normals, loop)
         if outward < RADIAL and _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
-            _keep(basis, code)  # so that no other loop in this hole is cut
+            holes.add(along)
             continue
         if abs(outward) >= RADIAL:
             continue
@@ -203,7 +205,7 @@ def _outward(vertices, normals, loop):
 def _is_in_hole(mesh, vertices, reaches, cover, loop, outward, halves):
     """Return whether a loop, away from borders, runs in a hole: a place across it lies far from all points.
 
-    SPAN reaches are enough; fewer are where normals point into the hole. Across a bridge lie points of the sheets.
+    SPAN reaches are enough, half of them where normals point into the hole. Across a bridge lie points of the sheets.
     """
     for v in loop:
         if not around(mesh, v, halves)[1]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import minimum_spanning_tree
 
+from gppcs.clouds.topology import connected
 from gppcs.meshing.fans import STEEPEST
 from gppcs.meshing.halfedges import Flags, Floats, Ints
 
@@ -18,16 +20,14 @@ def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints)
     are passed on along a spanning tree, first where most points tell the same. The largest patch of a tree keeps its
     sign.
     """
-    ends = np.concatenate([triangles[:, :2], triangles[:, 1:]]).T
-    patches, patch = _components(ends, len(points))
+    patches, patch = connected(triangles[:, :2].ravel(), triangles[:, 1:].ravel(), len(points))
     pairs, agreement = _agreements(patch, points, normals, near)
     sums = coo_array((agreement, np.sort(patch[pairs], axis=0)), shape=(patches, patches)).tocsr()
     sums.eliminate_zeros()
     a, b = minimum_spanning_tree(-abs(sums)).nonzero()
     differ = patches * (sums[a, b] < 0.0)
-    twice = np.concatenate([[a, b + differ], [a + patches, b + patches - differ]], axis=1)
-    _, side = _components(twice, 2 * patches)
-    _, tree = _components(np.array([a, b]), patches)
+    _, side = connected(np.append(a, a + patches), np.append(b + differ, b + patches - differ), 2 * patches)
+    _, tree = connected(a, b, patches)
     by_size = np.argsort(np.bincount(patch), kind="stable")
     largest = np.empty(patches, dtype=np.int64)
     largest[tree[by_size]] = by_size
@@ -35,14 +35,7 @@ def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints)
     return turned[patch]
 
 
-def _components(ends: Ints, n: int) -> tuple[int, Ints]:
-    """Return the number of connected parts of a graph with edges between `ends`, (2, e), and the part of each node."""
-    graph = coo_array((np.ones(ends.shape[1]), ends), shape=(n, n))
-    count, part = connected_components(graph, directed=False)
-    return count, part
-
-
-def _agreements(patch: Ints, points: Floats, normals: Floats, near: Ints) -> tuple[Ints, Floats]:
+def _agreements(patch: NDArray[np.int32], points: Floats, normals: Floats, near: Ints) -> tuple[Ints, Floats]:
     """Return pairs of near points of different patches, (2, p), on one sheet, and the cosines between their normals."""
     i, j = np.repeat(np.arange(len(points)), near.shape[1]), near.ravel()
     met = patch[i] != patch[j]

@@ -76,7 +76,8 @@ class MeshResult(ComparedByValue):
         in an entry of its own, `compilation`.
     diagnostics : mapping of str to float
         `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if
-        it is too small to count; `mean_distance` of the dense points from the mesh; `left_out`, the share of the
+        it is too small to count; `mean_distance` of the dense points from the mesh, of a noisy cloud that of their
+        projections onto the surface before vertices take their last step; `left_out`, the share of the
         points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small holes
         that stay open because all triangles that would close them cut others; `borders`, the number of holes and rims,
         0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
@@ -375,6 +376,7 @@ class _FirstMesh:
             turned = turned_patches(triangles[votes == 3], places, dense.normals[level], near[:, :EDGES])
             dense = dense.turned(level, turned, tree)
             triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
+            agreed = np.count_nonzero(votes > 1) / max(1, len(votes))
         normals = dense.normals[level]
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover, dense.uneven)
         fewest = STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES
@@ -505,14 +507,14 @@ class _Maker:
                     assigned = draft.flip(draft.fit(assigned))
         if self.effort:
             draft = self._exchanged(draft, assigned)
-        if self.moved and dense.noise:
-            with timer("fit"):
-                draft.explain_observed()
         with timer("mending"):
             opened = draft.mend(counts_faces)
         with timer("distances"):
             distances = draft.assigned()
             mean = float(np.sqrt(distances.squared[distances.face >= 0]).mean())
+        if self.moved and dense.noise:
+            with timer("fit"):
+                draft.explain_observed(distances)
         missing = {}
         if self.chosen is not None:
             missing["missing"] = float(len(chosen) - draft.used_and_kept())

@@ -42,7 +42,7 @@ class UnevenNoise:
         strides = _strides(n)
         if not strides:
             return None
-        some = thinned(tree, -(-n // SAMPLES))
+        some = tree.thinned(-(-n // SAMPLES))
         near, _ = some.neighbours(AROUND)
         measured = [_measured(tree, some, near, stride) for stride in strides]
         spreads, reaches = (np.array(part) for part in zip(*measured, strict=True))
@@ -61,7 +61,7 @@ class UnevenNoise:
         )
         for stride in np.unique(self.stride):
             there = np.flatnonzero(self.stride == stride)
-            some = thinned(tree, stride)
+            some = tree.thinned(stride)
             for _ in range(STEPS):
                 places, fitted = projections(some, KdTree.over(np.ascontiguousarray(feet[there].T)), FITTED)
                 feet[there], normals[there], reaches[there] = places.T, fitted.normals.T, fitted.reaches
@@ -80,14 +80,9 @@ def _strides(n: int) -> list[int]:
     return [round(widest ** (step / steps)) for step in range(steps + 1)]
 
 
-def thinned(tree: KdTree, stride: int) -> KdTree:
-    """Return a tree over points of a tree, a stride apart."""
-    return tree if stride == 1 else KdTree.over(np.ascontiguousarray(tree.points[:, ::stride]))
-
-
 def _measured(tree: KdTree, some: KdTree, near: Ints, stride: int) -> tuple[Floats, Floats]:
     """Return the noise about fits to points of a tree, a stride apart, and the reaches of these, at some points."""
-    fitted = fit_quadrics(thinned(tree, stride), some, FITTED)
+    fitted = fit_quadrics(tree.thinned(stride), some, FITTED)
     return np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN, np.median(fitted.reaches[near], axis=1)
 
 

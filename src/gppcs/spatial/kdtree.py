@@ -69,6 +69,10 @@ class KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
         return replace(self, order=np.arange(len(self.order)))
 
+    def thinned(self, step: int) -> KdTree:
+        """Return a tree over every `step`-th point in tree order, in this order; itself if that is all."""
+        return self if step == 1 else KdTree.over(np.ascontiguousarray(self.points[:, ::step]))
+
     def positions(self) -> NDArray[np.int64]:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)

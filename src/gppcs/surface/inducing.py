@@ -48,12 +48,13 @@ def inducing_points(
     kept: NDArray[np.float64], observed: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the kept places, (M, 3), after one step, given observed points, (n, 3), and their denoised places."""
+    noise = float(np.median(np.linalg.norm(observed - places, axis=1))) / MEDIAN
     surface = LocalSurface.of(kept)
     _, corners, weights = surface.find(places)
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
     moved = kept.copy()
-    moved[surface.tree.order] += joint_steps(in_tree_order, corners, weights, observed, places, spacing)
+    moved[surface.tree.order] += joint_steps(in_tree_order, corners, weights, observed, noise, spacing)
     return moved
 
 
@@ -62,21 +63,20 @@ def joint_steps(
     corners: NDArray[np.integer],
     weights: NDArray[np.float64],
     observed: NDArray[np.float64],
-    places: NDArray[np.float64],
+    noise: float,
     spacing: float,
 ) -> NDArray[np.float64]:
-    """Return the posterior mean of the steps of vertices, (M, 3), given observed points, (n, 3), and triangles of each.
+    """Return the posterior mean of the steps of vertices, (M, 3), given observed points, (n, 3), and their noise.
 
-    These are nearest to the denoised places of the points. Shapes: corners (n, 3), weights of the second and third
-    corner (n, 2), places (n, 3).
+    Each point observes the triangle nearest to its denoised place. Shapes: corners (n, 3), and the weights of the
+    second and the third in the foot of that place (n, 2).
     """
     still = np.zeros_like(vertices)
-    noise = np.median(np.linalg.norm(observed - places, axis=1)) / MEDIAN
     if noise == 0.0:
         return still
     normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     on_ranges(_observe, len(observed), vertices, corners, observed, normals, heights)
-    if not len(inside := np.flatnonzero(normals.any(axis=1))):  # the places of kept points, at least, have no triangle
+    if not len(inside := np.flatnonzero(normals.any(axis=1))):  # where corners coincide, there is no triangle
         return still
     level = np.median(np.abs(heights[inside])) / MEDIAN
     normals[np.abs(heights) > OUTLIER * level] = 0.0

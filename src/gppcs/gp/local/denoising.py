@@ -77,7 +77,7 @@ def _first_places(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64],
 
     Points that follow each other in tree order are near each other, so the plane differs little from their own.
     """
-    some = KdTree.over(np.ascontiguousarray(tree.points[:, ::step]))
+    some = tree.thinned(step)
     feet, fitted = projections(tree, some, k)
     if step == 1:
         return feet, fitted.normals
@@ -92,7 +92,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     n, k = len(tree.order), NEIGHBOURS
     if n < FEWEST:
         return n, False
-    some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-n // (SAMPLES // 4))]))
+    some = tree.thinned(-(-n // (SAMPLES // 4)))
     feet, fitted = projections(tree, some, k)
     layer = Layer.between(some.points, feet, fitted)
     wider, fitted = projections(tree, some, 2 * k)
