@@ -41,7 +41,8 @@ def test_the_step_is_the_mean_of_the_posterior():
     design = design.reshape(len(observed), -1)
     spacing = np.sqrt(inducing.surface_area(surface.tree) / len(kept))
     normal, asked = design.T @ design, design.T @ heights
-    likely = np.sqrt((asked @ asked - level**2 * np.trace(normal)) / (normal**2).sum())
+    different = design.T @ (heights - heights[design.any(axis=1)].mean())
+    likely = np.sqrt((different @ different - level**2 * np.trace(normal)) / (normal**2).sum())
     prior = min(likely, inducing.IN_SPACINGS * spacing, inducing.IN_NOISE * noise)
     assert prior < likely / 1.5  # so that the trace, which random signs tell, decides nothing here
     precision = (max(level, noise) / prior) ** 2

@@ -84,8 +84,10 @@ def joint_steps(
     begins = np.arange(0, corners.size + 1, 3)
     shape = len(observed), len(vertices)
     design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=shape), normals)
-    right_side = design.transposed(heights)
-    prior = min(_likely(design, right_side, level), IN_SPACINGS * spacing, IN_NOISE * noise)
+    right_side, told = design.transposed(heights), normals.any(axis=1)
+    # What all heights have in common is an error of the projections, and no evidence of steps that differ.
+    different = design.transposed(np.where(told, heights - heights[told].mean(), 0.0))
+    prior = min(_likely(design, different, level), IN_SPACINGS * spacing, IN_NOISE * noise)
     return _posterior_mean(design, right_side, (max(level, noise) / prior) ** 2) if prior > 0.0 else still
 
 

@@ -141,6 +141,6 @@ def feet_of(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArr
 
 def layer_of(tree: KdTree, neighbours: int) -> Layer:
     """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
-    some = tree.thinned(-(-len(tree.order) // SAMPLES))
+    some = KdTree.over(np.ascontiguousarray(tree.points[:, :: -(-len(tree.order) // SAMPLES)]))
     feet, fitted = projections(tree, some, neighbours)
     return Layer.between(some.points, feet, fitted)
