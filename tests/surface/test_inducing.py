@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-import gppcs
-from gppcs.gp.local import algorithm
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
 
@@ -80,27 +78,6 @@ def test_a_plane_that_noise_alone_explains_hardly_moves():
     smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
     moved = inducing.inducing_points(smoothed[:200], noisy(places, 0.01), smoothed)
     assert np.abs(moved - smoothed[:200]).mean() < 0.0005
-
-
-@pytest.mark.parametrize("name", ["bracket", "sphere"])
-def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypatch):
-    true = gppcs.sample(name, n_points=20_000).points
-    scan = noisy(true, 0.004 * np.linalg.norm(np.ptp(true, axis=0)))
-    distances = {}
-    for step in (True, False):
-        if not step:
-            monkeypatch.setattr(algorithm, "inducing_points", lambda kept, observed, places: kept)
-        kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
-        distances[step] = LocalSurface.of(kept).nearest_to(true)[0].mean()
-    assert distances[True] < 0.97 * distances[False]
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
-def test_few_kept_points_stay_within_the_noise(count):
-    scan = noisy(sphere(5000), 0.01)
-    kept = gppcs.simplify(scan, n_points=count, denoise=True).cloud.points
-    assert len(np.unique(kept, axis=0)) == count
-    assert np.abs(np.linalg.norm(kept, axis=1) - 1.0).max() < 0.03
 
 
 def test_observations_without_noise_leave_the_kept_points_where_they_are():

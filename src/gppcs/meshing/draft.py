@@ -20,8 +20,7 @@ from gppcs.meshing.mending import cut_out, mend
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
 from gppcs.meshing.stars import Surface
-from gppcs.surface.inducing import joint_steps
-from gppcs.surface.noise import MEDIAN
+from gppcs.surface.inducing import joint_steps, noise_between
 
 THIN_COST = 5.0  # what flips may cost at first to remove a thin triangle, in mean squared distances of its points
 THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while more than this share is, they cost
@@ -119,8 +118,8 @@ class Draft:
         Projections onto the surface are smoothed.
         """
         there, corners = self._corners_of(assigned)
-        raw, places, faces = self.dense.raw[there], self.dense.places[there], self.mesh.faces()
-        noise = float(np.median(np.linalg.norm(raw - places, axis=1))) / MEDIAN if len(there) else 0.0
+        raw, faces = self.dense.raw[there], self.mesh.faces()
+        noise = noise_between(raw, self.dense.places[there])
         spacing = float(np.sqrt(Mesh(self.vertices, faces).face_areas().sum() / self.used()))
         moved = self.vertices + joint_steps(self.vertices, corners, assigned.weights[there], raw, noise, spacing)
         while True:

@@ -364,7 +364,7 @@ class _FirstMesh:
         near, _ = tree.neighbours(min(NEIGHBOURS, len(level) - 1))
         for on_circle in ON_CIRCLE:
             triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
-            agreed = np.count_nonzero(votes > 1) / max(1, len(votes))
+            agreed = _agreed(votes)
             if agreed >= LEAST_AGREED:
                 break
         else:
@@ -376,7 +376,7 @@ class _FirstMesh:
             turned = turned_patches(triangles[votes == 3], places, dense.normals[level], near[:, :EDGES])
             dense = dense.turned(level, turned, tree)
             triangles, votes, radii = fans_of(places, dense.normals[level], near, on_circle)
-            agreed = np.count_nonzero(votes > 1) / max(1, len(votes))
+            agreed = _agreed(votes)
         normals = dense.normals[level]
         faces = assembled(triangles, votes, radii, places, normals, reaches, dense.cover, dense.uneven)
         fewest = STRAY_TRIANGLES if dense.uneven else PIECE_TRIANGLES
@@ -401,6 +401,11 @@ class _FirstMesh:
     def left_out(self) -> float:
         """The share of the points that are not on the mesh."""
         return 1.0 - self.joined / len(self.level)
+
+
+def _agreed(votes: Ints) -> float:
+    """Return the share of triangles of fans that another fan has too, given how many have each."""
+    return np.count_nonzero(votes > 1) / max(1, len(votes))
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,8 @@ def inducing_points(
     kept: NDArray[np.float64], observed: NDArray[np.float64], places: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the kept places, (M, 3), after one step, given observed points, (n, 3), and their denoised places."""
-    noise = float(np.median(np.linalg.norm(observed - places, axis=1))) / MEDIAN
+    if (noise := noise_between(observed, places)) == 0.0:
+        return kept
     surface = LocalSurface.of(kept)
     _, corners, weights = surface.find(places)
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
@@ -56,6 +57,11 @@ def inducing_points(
     moved = kept.copy()
     moved[surface.tree.order] += joint_steps(in_tree_order, corners, weights, observed, noise, spacing)
     return moved
+
+
+def noise_between(observed: NDArray[np.float64], places: NDArray[np.float64]) -> float:
+    """Return the noise that takes observed points from their places, (n, 3) both; 0 if there are none."""
+    return float(np.median(np.linalg.norm(observed - places, axis=1))) / MEDIAN if len(observed) else 0.0
 
 
 def joint_steps(
@@ -72,19 +78,19 @@ def joint_steps(
     second and the third in the foot of that place (n, 2).
     """
     still = np.zeros_like(vertices)
-    if noise == 0.0:
-        return still
     normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     on_ranges(_observe, len(observed), vertices, corners, observed, normals, heights)
-    if not len(inside := np.flatnonzero(normals.any(axis=1))):  # where corners coincide, there is no triangle
+    told = normals.any(axis=1)  # where corners coincide, there is no triangle
+    if not told.any():
         return still
-    level = np.median(np.abs(heights[inside])) / MEDIAN
-    normals[np.abs(heights) > OUTLIER * level] = 0.0
+    level = np.median(np.abs(heights[told])) / MEDIAN
+    told &= np.abs(heights) <= OUTLIER * level
+    normals[~told] = 0.0
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     begins = np.arange(0, corners.size + 1, 3)
     shape = len(observed), len(vertices)
     design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=shape), normals)
-    right_side, told = design.transposed(heights), normals.any(axis=1)
+    right_side = design.transposed(heights)
     # What all heights have in common is an error of the projections, and no evidence of steps that differ.
     different = design.transposed(np.where(told, heights - heights[told].mean(), 0.0))
     prior = min(_likely(design, different, level), IN_SPACINGS * spacing, IN_NOISE * noise)

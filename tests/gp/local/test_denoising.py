@@ -5,8 +5,10 @@ import pytest
 
 import gppcs
 from gppcs.errors import InputError, ParameterError
+from gppcs.gp.local import algorithm
 from gppcs.gp.local.denoising import MANY, neighbourhood
 from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.local_surface import LocalSurface
 
 NOISE = 0.01
 
@@ -162,3 +164,24 @@ def test_the_result_tells_how_far_points_have_moved():
         assert result.diagnostics["moved_mean"] == pytest.approx(shifts.mean(), abs=1e-9)
         assert result.diagnostics["moved_largest"] == pytest.approx(shifts.max(), abs=1e-9)
         assert (result.diagnostics["moved_largest"] > 0) == (noise > 0)
+
+
+@pytest.mark.parametrize("name", ["bracket", "sphere"])
+def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypatch):
+    true = gppcs.sample(name, n_points=20_000).points
+    scan = noisy(true, 0.004 * np.linalg.norm(np.ptp(true, axis=0)))
+    distances = {}
+    for step in (True, False):
+        if not step:
+            monkeypatch.setattr(algorithm, "inducing_points", lambda kept, observed, places: kept)
+        kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
+        distances[step] = LocalSurface.of(kept).nearest_to(true)[0].mean()
+    assert distances[True] < 0.97 * distances[False]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_few_kept_points_stay_within_the_noise(count):
+    scan = noisy(sphere(5000), 0.01)
+    kept = gppcs.simplify(scan, n_points=count, denoise=True).cloud.points
+    assert len(np.unique(kept, axis=0)) == count
+    assert np.abs(np.linalg.norm(kept, axis=1) - 1.0).max() < 0.03
