@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.cuts import cutting
+from gppcs.meshing.draft import RELAXATIONS
 from gppcs.meshing.filling import border_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import cut_out, mend
+from gppcs.meshing.mending import RELAXED, cut_out, mend, relax
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -66,6 +67,49 @@ def test_kept_vertices_stay_while_edges_flip():
     assert np.array_equal(into, np.arange(len(points)))
     assert len(np.unique(mesh.faces())) == len(points)
     assert len(cutting(mesh, points)) <= before
+
+
+def folded_strip():
+    """A strip of two rows of points, one of which lies so far ahead that its triangles cut those there."""
+    x, y = np.meshgrid(np.arange(12.0), [0.0, 1.0], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(24)])
+    row = 2 * np.arange(11)[:, None]
+    faces = (row + np.array([[0, 2, 1, 1, 2, 3]])).reshape(-1, 3)
+    points[8] = 9.0, 1.5, 0.0
+    return points, np.tile([0.0, 0.0, 1.0], (24, 1)), faces
+
+
+def test_relaxed_corners_cut_nothing_where_no_patch_does_and_the_mesh_stays_whole():
+    points, normals, faces = folded_strip()
+    mesh, kept = HalfEdges.of(faces, len(points)), no_vertex(points)
+    _, cut = mend(mesh, points, normals, kept)
+    assert topology_of(cut_out(mesh, points, normals)[0]).pieces > 1
+    for _ in range(RELAXATIONS):
+        relax(mesh, points, kept, cut)
+        _, cut = mend(mesh, points, normals, kept)
+    assert len(cut) == 0
+    assert topology_of(mesh.faces()) == topology_of(faces)
+
+
+def test_corners_go_to_the_middle_of_their_neighbours_on_a_border_of_those_on_it_and_kept_ones_stay():
+    points, _, faces = sheet(400)
+    mesh, kept = HalfEdges.of(faces, len(points)), no_vertex(points)
+    h = np.flatnonzero(mesh.opposite < 0)[0]
+    border, inner = mesh.origin[h], np.setdiff1d(faces, mesh.origin[mesh.opposite < 0])[0]
+    kept[np.setdiff1d(np.arange(len(points)), [border, inner])] = True
+    on_border = {int(v) for f in np.flatnonzero(mesh.opposite < 0) for v in _edge(mesh, f) if border in _edge(mesh, f)}
+    ring = np.setdiff1d(faces[(faces == inner).any(axis=1)], [inner])
+    moved = points.copy()
+    relax(mesh, moved, kept, np.arange(len(faces)))
+    middle = points[list(on_border - {border})].mean(axis=0)
+    assert moved[border] == pytest.approx((1.0 - RELAXED) * points[border] + RELAXED * middle)
+    expected = (1.0 - RELAXED) * points[inner] + RELAXED * moved[ring].mean(axis=0)
+    assert moved[inner] == pytest.approx(expected)
+    assert np.array_equal(moved[kept], points[kept])
+
+
+def _edge(mesh, h):
+    return mesh.origin[h], mesh.origin[h - 2 if h % 3 == 2 else h + 1]
 
 
 def test_a_mesh_without_cuts_is_not_changed():

@@ -16,7 +16,7 @@ from gppcs.meshing.exchange import exchange
 from gppcs.meshing.fit import fitted, undo_turns
 from gppcs.meshing.flips import flip, qualities
 from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
-from gppcs.meshing.mending import cut_out, mend
+from gppcs.meshing.mending import cut_out, mend, relax
 from gppcs.meshing.quadrics import add_borders, dense_quadrics, nearest_vertices
 from gppcs.meshing.refinement import split, worst_places
 from gppcs.meshing.stars import Surface
@@ -27,6 +27,7 @@ THIN, MOST_THIN = 0.2, 0.012  # triangles below this quality are thin; while mor
 DEARER = 2.0  # times as much
 FITS = 2  # of all vertices together, after an exchange
 CANDIDATES = 4  # places at which a vertex is tried, for each that is missing
+RELAXATIONS = 12  # at most, of triangles that still cut others
 MEND_TRIES = 4  # of mending; before all but the first, vertices are added
 
 
@@ -193,8 +194,12 @@ class Draft:
         """Mend triangles that cut others, so that none does; other vertices take the place of those removed."""
         vertices, triangles, holes = self.used(), len(self.mesh.faces()), 0
         for tries in reversed(range(MEND_TRIES)):
-            into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)
-            self._go(into)
+            cut = self._mended()
+            for _ in range(RELAXATIONS if self.moved else 0):
+                if not len(cut):
+                    break
+                relax(self.mesh, self.vertices, self.kept, cut)
+                cut = self._mended()
             faces = self.mesh.faces()
             if len(cut):
                 faces, opened = cut_out(self.mesh, self.vertices, self.normals)
@@ -205,6 +210,12 @@ class Draft:
                 break
             self._add(missing)
         return holes
+
+    def _mended(self) -> Ints:
+        """Join triangles that cut others anew where they then do not; return those that still do."""
+        into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)
+        self._go(into)
+        return cut
 
     def _add(self, count: int) -> None:
         """Add vertices where the dense points are farthest off, and where the new triangles cut none."""

@@ -18,6 +18,7 @@ from gppcs.meshing.halfedges import (
     around,
     following,
     leave_by,
+    neighbours,
     without_bow_ties,
 )
 from gppcs.spatial.triangles import dot, minus, row
@@ -26,6 +27,7 @@ ROUNDS = 4  # of mending all triangles that cut others
 PATCHES = 11  # patches around a triangle that are tried
 MOST_TRIANGLES = 120  # of a patch
 LONGEST_LOOP = 36  # corners of a patch
+RELAXED = 0.25  # of the way to the middle of its neighbours, how far a vertex goes
 
 
 def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds: int = ROUNDS) -> tuple[Ints, Ints]:
@@ -43,6 +45,28 @@ def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds
                 break
             cut = cutting(mesh, vertices, tree, cut)  # new triangles cut none
     return ends(into), cut
+
+
+def relax(mesh: HalfEdges, vertices: Floats, kept: Flags, faces: Ints) -> None:
+    """Move the corners of some triangles a part of the way to the middle of their neighbours.
+
+    On borders, these are the two on the border; kept vertices stay.
+    """
+    corners = np.unique(mesh.origin.reshape(-1, 3)[faces])
+    _relax_all(mesh, vertices, corners[~kept[corners]])
+
+
+@kernel
+def _relax_all(mesh, vertices, corners):
+    """Move some vertices, (m,), one after another."""
+    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    for v in corners:
+        count, _, closed = neighbours(mesh, v, halves, found)
+        if count:
+            others = found[:count] if closed else found[: count : count - 1]
+            for axis in range(3):
+                middle = vertices[others, axis].mean()
+                vertices[v, axis] += RELAXED * (middle - vertices[v, axis])
 
 
 @kernel
