@@ -9,7 +9,7 @@ import gppcs
 def test_samples_are_the_same_for_the_same_seed(printed):
     options = ("--points", 300, "--noise", 0.001, "--outliers", 0.1, "--uneven", 0.5)
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        assert printed("sample", "fan", "-o", f"{name}.ply", *options, "--seed", seed) == ""
+        assert printed("sample", "fan", "-o", f"{name}.ply", *options, "--seed", seed) == f"{name}.ply: 300 points\n"
     assert Path("a.ply").read_bytes() == Path("b.ply").read_bytes() != Path("c.ply").read_bytes()
     expected = gppcs.sample("fan", 300, noise=0.001, outliers=0.1, uneven=0.5)
     assert gppcs.read("a.ply").points.tobytes() == expected.points.tobytes()
@@ -27,4 +27,8 @@ def test_attributes_that_a_format_does_not_hold_are_named(gppcs_command, refused
     refused(("sample", "bracket", "-o", "a.obj", "--points", 10), "cannot hold: attribute nx (float32)")
     lost = [f"attribute {name} ({v.dtype})" for name, v in names.items() if name not in ("red", "green", "blue")]
     told = f"gppcs: note: a.obj: left out: {', '.join(lost)}\n"
-    assert gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10, "--lossy") == (0, "", told)
+    assert gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10, "--lossy") == (
+        0,
+        "a.obj: 10 points\n",
+        told,
+    )

@@ -33,7 +33,7 @@ def piped(monkeypatch):
 def test_a_sample_goes_to_standard_output(printed, folder):
     words = ["sample", "fan", "--points", 30]
     out = printed(*words, "-o", "-", "--to", "csv", "--json")
-    assert printed(*words, "-o", "fan.csv") == ""
+    assert printed(*words, "-o", "fan.csv") == "fan.csv: 30 points\n"
     assert out == Path("fan.csv").read_text()
     assert files() == ["fan.csv"]
 
@@ -58,7 +58,7 @@ def test_a_plot_on_standard_output_is_alone_there(scan, capfdbinary):
 
 def test_a_file_may_be_called_like_standard_output(printed, record, refused, scan, folder):
     """`./-` names it, as in other programs."""
-    assert printed("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30) == ""
+    assert printed("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30, "-q") == ""
     assert files() == ["-", "scan.ply"]
     assert record("info", "./-")["points"] == 30
     for command in (("convert", "./-", ".//-"), ("simplify", "./-", "-o", ".//-", *SMALL)):

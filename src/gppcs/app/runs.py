@@ -207,7 +207,7 @@ class Job:
         """Return a diagnostic as a row of the table, with what was asked of it."""
         if name == "noise_in_spacings":
             meaning = next(words for most, words in NOISES if value <= most)
-            meaning = "left after denoising" if self.request.denoise else meaning
+            meaning = "after --denoise" if self.request.denoise else meaning
             return "noise", f"{100 * value:.2g} % of the spacing of the kept points: {meaning}"
         amount, text = self.request.amount, number_in_words(value)
         asked = {"largest_gap": amount.max_gap}

@@ -45,8 +45,10 @@ def share_of(name: str, given: Any) -> float:
     found = number(value)
     if 0 < found <= 1:
         return found
-    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
-    if not 2 <= found <= 100:  # such as 3, meant as a percentage
+    in_percent = isinstance(given, str) and given.strip().endswith("%")
+    most, shown_ratio = ("100%", shown(given)) if in_percent else ("1", shown(value))
+    message = f"expected a ratio above 0 and at most {most}, found {shown_ratio}"
+    if in_percent or not 2 <= found <= 100:  # such as 3, meant as a percentage
         raise ParameterError(message)
     message += f"; for {found:g} percent, write "
     raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
@@ -71,6 +73,9 @@ def _digits(name: str, text: str) -> int:
     if not found or not digits or not any(map(str.isdigit, digits)):
         hint = "; a share of the points is the ratio" if text.strip().endswith("%") and name == "n_points" else ""
         raise _error(name, f"to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}")
+    if re.fullmatch(r"\d+\.\d{3}", text.strip(), re.ASCII):  # in many languages, a point parts thousands
+        whole, _, part = text.strip().partition(".")
+        raise _error(name, f"to be a whole number, found {shown(text)}; write {whole}{part} or {whole}")
     value = Fraction(digits + (found["power"] or "")) * _THOUSANDS[found["unit"].lower()]
     if value.denominator != 1 or abs(value) > _MOST:
         raise _error(name, f"to be a whole number of at most 1e18, found {shown(text)}")
@@ -100,6 +105,9 @@ class Length:
         found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
         amount = float(found["number"]) if found else number(given)
         unit = found["unit"] if found else ""
+        if found and unit.startswith(","):
+            comma = shown(given).strip("'").replace(",", ".")
+            raise _error(name, f"to have a decimal point, found {shown(given)}; write {comma}")
         if found and unit not in (*METRES, SHARE, ""):
             raise _error(
                 name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"

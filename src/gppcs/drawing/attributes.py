@@ -45,8 +45,8 @@ class Colourable:
         """Raise an error if the cloud cannot be coloured so."""
         known = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
         if colour not in known:
-            expected = "a colour that the cloud has: rgb, variation or an attribute of numbers"
-            raise ParameterError(f"expected {expected}, found {shown(colour)}{nearest_name(colour, known)}")
+            found = f"{shown(colour)}{nearest_name(colour, known)}"
+            raise ParameterError(f"expected a colour or an attribute of numbers that the cloud has, found {found}")
 
 
 def kinds_of(values: NDArray[Any], most: int = MOST_KINDS) -> NDArray[Any] | None:

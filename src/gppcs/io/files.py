@@ -189,7 +189,7 @@ def format_to_write(
         expected = "expected the format of standard output, found none; give it with "
         raise FileFormatError(f"{expected}format='ply'", command=f"{expected}--to ply")
     try:
-        chosen = _of_suffix(format or _suffix_of(inner_name(target)))
+        chosen = _of_suffix(format or _suffix_of(inner_name(target)), writable=True)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from error
     if chosen.write is None:
@@ -234,11 +234,12 @@ def check_suffix(suffix: str | None) -> None:
         raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
 
 
-def _of_suffix(suffix: str) -> Format:
+def _of_suffix(suffix: str, writable: bool = False) -> Format:
     for known in FORMATS:
         if known.has_suffix(suffix):
             return known
-    raise FileFormatError(f"expected one of the formats {_listed()}, found {suffix or 'no suffix'!r}")
+    found = repr(suffix) if suffix else "a name without a suffix"
+    raise FileFormatError(f"expected one of the formats {_listed(writable)}, found {found}")
 
 
 def _suffix_of(path: Path) -> str:

@@ -169,7 +169,8 @@ def _format_of(path: str | os.PathLike[str]) -> Format:
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
-            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {suffix or 'no suffix'!r}"
+            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found "
+            f"{repr(suffix) if suffix else 'a name without a suffix'}"
         )
     return _FORMATS[suffix]
 

@@ -10,7 +10,7 @@ import typer
 from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.outputs import check_output
-from gppcs.app.printing import note_left_out, print_json, started
+from gppcs.app.printing import note_left_out, print_json, say, started
 from gppcs.clouds.quantities import count_of
 
 EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
@@ -63,5 +63,9 @@ def sample(
     settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of("n_points", points), **settings)
     note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))
-    if as_json and not io.is_standard(output):  # there the scan goes
+    if io.is_standard(output):
+        return
+    if as_json:
         print_json({"output": str(output), "name": name, "points": len(cloud), **settings, "version": __version__})
+    elif not quiet:
+        say(f"{output}: {len(cloud):,} points")
