@@ -45,7 +45,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     light = mesh(original, n_points=100, effort=1).mesh
     evaluate_mesh(original, light)
     mesh(original, tolerance="2%")
-    mesh(sample("room", ROOM), n_points=ROOM // 10)
+    mesh(sample("room", ROOM), n_points=ROOM // 10, moved=True)
     mesh(sample("bracket", PREPARATION_POINTS), n_points=500)  # whose drilled holes are tried as small handles
     stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
     mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
@@ -53,6 +53,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
     simplify(stray, ratio=0.02, denoise=True)
+    simplify(original, ratio=0.1, detail="rgb")
     _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
