@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from gppcs import __version__
+from gppcs.clouds.quantities import METRES, SHARE
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
@@ -165,7 +166,9 @@ def tell(error: BaseException, source: Path | None = None) -> None:
     elif isinstance(error, GppcsError):
         print_error(error.command)
     elif isinstance(error, OSError) and error.filename:
-        print_error(f"{error.filename}: {error.strerror}")
+        is_unit = str(error.filename) in (*METRES, SHARE)
+        hint = f"; write a length without a space, such as 1{error.filename}" if is_unit else ""
+        print_error(f"{error.filename}: {error.strerror}{hint}")
     else:
         print_error(str(error) or "not enough memory")
 
