@@ -350,7 +350,10 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             steps = np.ldexp(selection.points - points[selection.indices], frame.exponent)
             selection = _with_shifts(selection, steps)
     elif request.denoise:
-        raise InputError("expected fewer points to denoise than there are different ones of a weight above 0")
+        raise InputError(
+            "expected more different points with a weight above 0 than the number to keep, since denoising fits the "
+            "kept points to the others; keep fewer"
+        )
     if selection.normals is not None and (own := kept.normals()) is not None:
         kept = with_normals(kept, _with_signs(selection.normals, own))
     if request.normals:

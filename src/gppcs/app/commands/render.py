@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -69,7 +70,7 @@ def render(
     if len(sources) == 2:
         original, simplified = (io.read(source, input_format, names_of(columns)) for source in sources)
         with io.whole_output(output, force) as file:
-            _draw_beside(file, original, simplified, different_names(sources)[1], viewpoint, colour)
+            _draw_beside(file, original, simplified, different_names(sources), viewpoint, colour)
         if not quiet and not io.is_standard(output):
             say(f"{output}: {len(original):,} and {len(simplified):,} points beside each other")
         return
@@ -90,7 +91,12 @@ def render(
 
 
 def _draw_beside(
-    file: BinaryIO, cloud: PointCloud, simplified: PointCloud, title: str, viewpoint: Viewpoint, colour: str | None
+    file: BinaryIO,
+    cloud: PointCloud,
+    simplified: PointCloud,
+    names: Sequence[str],
+    viewpoint: Viewpoint,
+    colour: str | None,
 ) -> None:
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
     from gppcs.drawing.paint import painted
@@ -99,7 +105,7 @@ def _draw_beside(
     original, legend = painted(cloud.take(cloud.finite_rows()), colour)
     kept = original.at(simplified.points[simplified.finite_rows()])
     share = f"{len(kept.points) / len(original.points):.1%} of the points"
-    columns = [Column("original", original, "", None), Column(title, kept, share, None)]
+    columns = [Column(names[0], original, "", None), Column(names[1], kept, share, None)]
     draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
