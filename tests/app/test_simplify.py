@@ -84,7 +84,7 @@ def test_simplify_prints_times_parameters_and_diagnostics(gppcs_command, scan):
     for expected in (
         r"points \d+ in, \d+ out \([\d.]+ %\)",
         r"method gp \(feature_weight=0.8\)",
-        r"noise [\d.e-]+ % of the spacing of the kept points: .*",
+        r"noise [\d.e-]+ % of the spacing of the kept points \(.*\)",
         r"added in gaps \d+",
         r"outliers \d+",
         r"time \d+\.\d\d s.*",

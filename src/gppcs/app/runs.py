@@ -32,9 +32,9 @@ Values = np.ndarray[Any, Any]  # of an attribute
 
 INDEX = "index"  # the attribute of the row in the input
 NOISES = (
-    (0.04, "little, points are chosen as without noise"),
-    (0.25, "some, kept points favour the surface that is fitted through it"),
-    (math.inf, "much; --denoise moves the points out of it"),
+    (0.04, "little: it does not change the choice"),
+    (0.25, "some: points near the fitted surface are preferred"),
+    (math.inf, "much: --denoise moves the points out of it"),
 )  # up to which share of the spacing of the kept points, what noise means for the result
 
 
@@ -208,7 +208,7 @@ class Job:
         if name == "noise_in_spacings":
             meaning = next(words for most, words in NOISES if value <= most)
             meaning = "after --denoise" if self.request.denoise else meaning
-            return "noise", f"{100 * value:.2g} % of the spacing of the kept points: {meaning}"
+            return "noise", f"{100 * value:.2g} % of the spacing of the kept points ({meaning})"
         amount, text = self.request.amount, number_in_words(value)
         asked = {"largest_gap": amount.max_gap}
         if amount.tolerance is not None:
