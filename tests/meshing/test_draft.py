@@ -50,6 +50,17 @@ def test_refinement_brings_the_mesh_nearer_with_as_many_vertices(draft):
     assert draft.thin() <= MOST_THIN
 
 
+def test_moved_meshes_of_thin_noisy_parts_keep_together_by_relaxing(monkeypatch):
+    cloud = gppcs.sample("fan", 10_000, noise=0.002)
+    relaxed = gppcs.mesh(cloud, n_points=1000, moved=True)
+    monkeypatch.setattr("gppcs.meshing.draft.RELAXATIONS", 0)
+    other = gppcs.mesh(cloud, n_points=1000, moved=True)
+    assert relaxed.diagnostics["pieces"] < other.diagnostics["pieces"]
+    assert len(relaxed.indices) == 1000
+    mesh = relaxed.mesh
+    assert len(cutting(HalfEdges.of(mesh.faces, 1000), mesh.vertices)) == 0
+
+
 @pytest.mark.slow
 def test_mending_puts_vertices_elsewhere_for_those_it_removes(draft):
     before = draft.used()

@@ -195,11 +195,6 @@ class Draft:
         vertices, triangles, holes = self.used(), len(self.mesh.faces()), 0
         for tries in reversed(range(MEND_TRIES)):
             cut = self._mended()
-            for _ in range(RELAXATIONS if self.moved else 0):
-                if not len(cut):
-                    break
-                relax(self.mesh, self.vertices, self.kept, cut)
-                cut = self._mended()
             faces = self.mesh.faces()
             if len(cut):
                 faces, opened = cut_out(self.mesh, self.vertices, self.normals)
@@ -212,9 +207,19 @@ class Draft:
         return holes
 
     def _mended(self) -> Ints:
-        """Join triangles that cut others anew where they then do not; return those that still do."""
-        into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)
-        self._go(into)
+        """Mend triangles that cut others, and relax what still does; return the triangles that no round has helped.
+
+        Their corners go back.
+        """
+        before = self.vertices.copy()
+        for more in reversed(range(RELAXATIONS + 1 if self.moved else 1)):
+            into, cut = mend(self.mesh, self.vertices, self.normals, self.kept)
+            self._go(into)
+            if not len(cut) or not more:
+                break
+            relax(self.mesh, self.vertices, cut)
+        corners = self.mesh.origin.reshape(-1, 3)[cut]
+        self.vertices[corners] = before[corners]
         return cut
 
     def _add(self, count: int) -> None:

@@ -47,13 +47,12 @@ def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds
     return ends(into), cut
 
 
-def relax(mesh: HalfEdges, vertices: Floats, kept: Flags, faces: Ints) -> None:
+def relax(mesh: HalfEdges, vertices: Floats, faces: Ints) -> None:
     """Move the corners of some triangles a part of the way to the middle of their neighbours.
 
-    On borders, these are the two on the border; kept vertices stay.
+    On borders, these are the two on the border.
     """
-    corners = np.unique(mesh.origin.reshape(-1, 3)[faces])
-    _relax_all(mesh, vertices, corners[~kept[corners]])
+    _relax_all(mesh, vertices, np.unique(mesh.origin.reshape(-1, 3)[faces]))
 
 
 @kernel
@@ -62,11 +61,9 @@ def _relax_all(mesh, vertices, corners):
     halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
     for v in corners:
         count, _, closed = neighbours(mesh, v, halves, found)
-        if count:
-            others = found[:count] if closed else found[: count : count - 1]
-            for axis in range(3):
-                middle = vertices[others, axis].mean()
-                vertices[v, axis] += RELAXED * (middle - vertices[v, axis])
+        others = found[:count] if closed else found[: count : count - 1]
+        for axis in range(3):
+            vertices[v, axis] += RELAXED * (vertices[others, axis].mean() - vertices[v, axis])
 
 
 @kernel
