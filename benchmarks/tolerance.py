@@ -2,8 +2,9 @@
 
 Needs the extra `evaluate`. The rival is that of `meshes.py`: screened Poisson reconstruction of depth 8 of the whole
 cloud. Quadric decimation then leaves as few triangles as keep the distance, found by halving. All distances are from
-the points to the mesh, exactly. The points that the mesh of ours leaves out do not count; for the rival, as many of its
-own farthest ones. Names of clouds may be given; by default, all of `meshes.py` are measured.
+the points to the mesh, exactly. Outliers and points off the surface do not count: those farthest from the mesh of
+ours, for the rival as many of its own farthest. Names of clouds may be given; by default, all of `meshes.py` are
+measured.
 """
 
 from __future__ import annotations

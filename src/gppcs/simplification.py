@@ -351,8 +351,8 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
             selection = _with_shifts(selection, steps)
     elif request.denoise:
         raise InputError(
-            "expected more different points with a weight above 0 than the number to keep, since denoising fits the "
-            "kept points to the others; keep fewer"
+            f"expected fewer points to keep than there are different ones with a weight above 0, found "
+            f"{len(selection.indices)}: denoising fits the kept points to the others; keep fewer"
         )
     if selection.normals is not None and (own := kept.normals()) is not None:
         kept = with_normals(kept, _with_signs(selection.normals, own))

@@ -31,7 +31,7 @@ REFUSED = {
         ("sample fan -o -", "expected the format of standard output"),
         ("sample bracket -o none/a.ply", NO_FOLDER),
         ("simplify tiles -o small/ --ratio 0.1", "gppcs: tiles: No such file or directory"),
-        ("simplify mm -o small/ --tolerance 1", "mm: No such file", "without a space, such as 1mm"),
+        ("simplify mm -o small/ --tolerance 1", "mm: No such file", "write no space before it: 1mm"),
         ("simplify missing.ply -o new/ --points 5 --method fps", "missing.ply: No such"),
         ("simplify empty.ply -o out.ply --ratio 0.1", "empty.ply: the cloud is empty"),
         ("simplify zero.ply -o out.ply --ratio 0.1", "zero.ply: expected"),

@@ -42,15 +42,19 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     assert "kernels compiled: 0," not in run("warmup").stdout
     gppcs.write(tmp_path / "room.ply", gppcs.sample("room", 50_000))
     gppcs.write(tmp_path / "scan.ply", gppcs.sample("statue", 40_000, noise=0.001, outliers=0.01, seed=3))
+    gppcs.write(tmp_path / "fan.ply", gppcs.sample("fan", 15_000, noise=0.003))
     np.save(tmp_path / "plain.npy", np.random.default_rng(0).random((5_000, 3)))
     for words in (
         "mesh room.ply -o a.ply --points 4k",
+        "mesh room.ply -o i.ply --points 2k --effort 2",
+        "mesh fan.ply -o j.ply --points 1k --moved",
         "mesh scan.ply -o b.ply --faces 2k --fill-holes 5%",
         "mesh scan.ply -o h.ply --tolerance 1%",
         "evaluate scan.ply --simplified-mesh h.ply",
         "simplify scan.ply -o c.ply --points 500 --drop outliers --max-gap 5% --add normals,scores",
         "simplify scan.ply -o d.ply --tolerance 1% --keep 'curvature > 1'",
         "simplify scan.ply -o g.ply --points 500 --denoise",
+        "simplify scan.ply -o k.ply --points 500 --detail rgb",
         "simplify plain.npy -o e.ply --ratio 5% --drop invalid",
         "simplify room.ply -o f.ply --points 900 --method qem",
     ):

@@ -121,7 +121,7 @@ def test_what_changes_is_said(tmp_path, point_format):
     ]
     if point_format in RAISED:
         raised = RAISED[point_format]
-        several.append(f"point format {point_format} (it becomes {raised}, so no value is lost)")
+        several.append(f"point format {point_format} (it becomes {raised}, without loss)")
     if point_format < 6:
         several.append("a coordinate system, which the input does not name either (no map can show the file)")
     assert losses("a.copc.laz", cloud) == several

@@ -46,6 +46,7 @@ def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
     evaluate_mesh(original, light)
     mesh(original, tolerance="2%")
     mesh(sample("room", ROOM), n_points=ROOM // 10, moved=True)
+    mesh(sample("fan", STRAY // 3, noise=0.002), n_points=STRAY // 30, moved=True)  # some triangles of which relax
     mesh(sample("bracket", PREPARATION_POINTS), n_points=500)  # whose drilled holes are tried as small handles
     stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
     mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole

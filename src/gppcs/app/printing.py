@@ -166,8 +166,8 @@ def tell(error: BaseException, source: Path | None = None) -> None:
     elif isinstance(error, GppcsError):
         print_error(error.command)
     elif isinstance(error, OSError) and error.filename:
-        is_unit = str(error.filename) in (*METRES, SHARE)
-        hint = f"; write a length without a space, such as 1{error.filename}" if is_unit else ""
+        is_unit = isinstance(error, FileNotFoundError) and str(error.filename) in (*METRES, SHARE)
+        hint = f"; if it is the unit of a length, write no space before it: 1{error.filename}" if is_unit else ""
         print_error(f"{error.filename}: {error.strerror}{hint}")
     else:
         print_error(str(error) or "not enough memory")

@@ -207,7 +207,7 @@ def _remarks(cloud: PointCloud) -> list[str]:
     ]
     if header and header.point_format in _RAISED:
         raised = _RAISED[header.point_format]
-        found.append(f"point format {header.point_format} (it becomes {raised}, so no value is lost)")
+        found.append(f"point format {header.point_format} (it becomes {raised}, without loss)")
     if header is None or header.crs is None:
         found.append("a coordinate system, which the input does not name either (no map can show the file)")
     elif all(each.kind != WKT for each in header.records):

@@ -133,7 +133,7 @@ def test_what_cannot_be_denoised_is_refused(options, told):
 
 
 def test_all_points_cannot_be_denoised():
-    with pytest.raises(InputError, match="expected more different points"):
+    with pytest.raises(InputError, match="expected fewer points to keep"):
         gppcs.simplify(plane(100), ratio=1, denoise=True)
 
 

@@ -121,11 +121,9 @@ def mesh(
     note_left_out(output, lost)
     _note_fewer(cloud, result, asked.n_points)
     _note_bound(cloud, result)
-    if result.diagnostics["noise"] and not (moved or effort or tolerance or keep_points):
-        print_error(
-            f"note: {cloud}: the points have noise of about {result.diagnostics['noise']:.2g}, and so has their mesh; "
-            "with --moved, the vertices leave the points, and it is smoother"
-        )
+    if result.diagnostics["noise"] and not (moved or effort or asked.bounds_largest):
+        noise = number_in_words(result.diagnostics["noise"])
+        print_error(f"note: {cloud}: the points have noise of about {noise}, and so has their mesh; --moved removes it")
     vertices, triangles = len(result.mesh.vertices), len(result.mesh.faces)
     record = {
         "input": str(cloud),
@@ -197,7 +195,7 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
     if (share := result.diagnostics["left_out"]) > 0.001 and "off_surface" not in result.diagnostics:
         print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
     if opened := int(result.diagnostics["opened"]):
-        print_error(f"note: {source}: the mesh has {opened:,} small holes, where triangles would cut others")
+        print_error(f"note: {source}: the mesh has small holes ({opened:,}) where triangles would cut others")
 
 
 def _note_bound(source: Path, result: MeshResult) -> None:
@@ -208,9 +206,9 @@ def _note_bound(source: Path, result: MeshResult) -> None:
     outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
     if outliers or beside:
         print_error(
-            f"note: {source}: the tolerance does not hold for {outliers:,} outliers, nor for {beside:,} of the other "
-            "points, which noise moved off the surface or no triangle reaches. gppcs evaluate IN --simplified-mesh OUT "
-            "measures all points"
+            f"note: {source}: outliers ({outliers:,}) and other places that noise moved or no triangle reaches "
+            f"({beside:,}) may be farther than the tolerance. gppcs evaluate IN --simplified-mesh OUT measures all "
+            "points"
         )
     if found["noise"] > found["tolerance"]:
         print_error(
