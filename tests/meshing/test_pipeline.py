@@ -286,6 +286,14 @@ def test_a_tolerance_gives_the_same_mesh_for_any_number_of_threads(ball, on_thre
         assert np.array_equal(mesh.vertices, one.vertices)
 
 
+def test_a_mean_tolerance_counts_the_points_of_parts_that_vertices_have_left():
+    x = 2.0 * np.random.default_rng(140).random(2000) - 1.0
+    cusp = np.column_stack([x**3, np.random.default_rng(1).random(2000), x**2])
+    for effort in (0, 1):
+        mesh = gppcs.mesh(cusp, tolerance="1%:mean", effort=effort).mesh
+        assert gppcs.evaluate_mesh(cusp, mesh).figures(relative=True)["mesh_mean"] <= 0.011
+
+
 def test_a_mean_tolerance_below_the_noise_is_an_error_that_tells_what_all_points_give():
     points = gppcs.sample("sphere", n_points=3000).points
     noisy = points + 0.4 * np.random.default_rng(0).standard_normal(points.shape)

@@ -22,7 +22,6 @@ METRES = {
 }  # fmt: skip
 SHARE = "%"  # of the diagonal of the bounding box
 _LENGTH = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?)\s*(?P<unit>\S*)", re.ASCII)
-_COMMA = re.compile(rf"(?P<whole>\d+),(?P<part>\d+)\s*(?P<unit>{'|'.join(METRES)}|%|)", re.ASCII)
 
 SHORTEST, LONGEST = 1e-100, 1e100  # Lengths in sizes of the cloud: squares of others would vanish or overflow.
 _THOUSANDS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
@@ -31,7 +30,7 @@ _COUNT = re.compile(
     r"(?P<whole>[+-]?(\d{1,3}(,\d{3})+|\d+(_\d+)*))?(?P<part>\.\d*)?(?P<power>[eE][+-]?\d{1,3})? ?(?P<unit>[kKmMgG]?)",
     re.ASCII,
 )
-_DOTTED = re.compile(r"(?P<whole>[1-9]\d{0,2})\.(?P<part>\d{3})", re.ASCII)
+_DOTTED = re.compile(r"(?P<whole>\+?[1-9]\d{0,2})(?P<parts>(\.\d{3})+)", re.ASCII)
 _PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
 _LABELS = {"n_points": "the number of points", "n_faces": "the number of triangles", "sizes": "a size"}
 
@@ -70,16 +69,15 @@ def size_of(name: str, given: Any) -> float | int:
 
 
 def _digits(name: str, text: str) -> int:
+    if dotted := _DOTTED.fullmatch(text.strip()):  # in many languages, a point parts thousands
+        or_less = f" or {dotted['whole']}" if dotted["parts"] == ".000" else ""
+        without = text.strip().replace(".", "")
+        raise _error(name, f"to be a whole number without points, found {shown(text)}; write {without}{or_less}")
     found = _COUNT.fullmatch(text.strip())
     digits = found and f"{found['whole'] or ''}{found['part'] or ''}".replace(",", "").replace("_", "")
     if not found or not digits or not any(map(str.isdigit, digits)):
         hint = "; a share of the points is the ratio" if text.strip().endswith("%") and name == "n_points" else ""
         raise _error(name, f"to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}")
-    if dotted := _DOTTED.fullmatch(text.strip()):  # in many languages, a point parts thousands
-        or_less = f" or {dotted['whole']}" if dotted["part"] == "000" else ""
-        raise _error(
-            name, f"to be a whole number, found {shown(text)}; write {dotted['whole']}{dotted['part']}{or_less}"
-        )
     value = Fraction(digits + (found["power"] or "")) * _THOUSANDS[found["unit"].lower()]
     if value.denominator != 1 or abs(value) > _MOST:
         raise _error(name, f"to be a whole number of at most 1e18, found {shown(text)}")
@@ -109,11 +107,8 @@ class Length:
         found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
         amount = float(found["number"]) if found else number(given)
         unit = found["unit"] if found else ""
-        if isinstance(given, str) and (comma := _COMMA.fullmatch(given.strip())):
-            part, end = comma["part"], comma["unit"]
-            or_thousands = f" or {comma['whole']}{part}{end}" if len(part) == 3 and comma["whole"] != "0" else ""
-            message = f"without a comma, found {shown(given)}; write {comma['whole']}.{part}{end}{or_thousands}"
-            raise _error(name, f"to be a length {message}")
+        if isinstance(given, str) and "," in given:
+            raise _error(name, f"to be a length without commas, such as 0.5mm or 1500mm, found {shown(given)}")
         if found and unit not in (*METRES, SHARE, ""):
             raise _error(
                 name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"

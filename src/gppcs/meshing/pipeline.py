@@ -25,9 +25,10 @@ from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
 from gppcs.meshing.filling import holes_filled
-from gppcs.meshing.halfedges import Floats, Ints
+from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
 from gppcs.meshing.mending import without_cuts
 from gppcs.meshing.patches import turned_patches
+from gppcs.meshing.quadrics import nearest_vertices
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
@@ -75,15 +76,15 @@ class MeshResult(ComparedByValue):
         Wall time of each stage in seconds, in the order of the run. If kernels were compiled meanwhile, that time is
         in an entry of its own, `compilation`.
     diagnostics : mapping of str to float
-        `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if
-        it is too small to count; `mean_distance` of the dense points from the mesh, of a noisy cloud that of their
-        projections onto the surface before vertices take their last step; `left_out`, the share of the
-        points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small holes
-        that stay open because all triangles that would close them cut others; `borders`, the number of holes and rims,
-        0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
+        `dense_points`, from which the mesh was made; `noise`, their root mean square distance from the surface, 0 if it
+        is too small to count; `mean_distance` from the mesh of the dense points that the first mesh reaches, of a noisy
+        cloud that of their projections onto the surface before vertices take their last step; `left_out`, the share of
+        the points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small
+        holes that stay open because all triangles that would close them cut others; `borders`, the number of holes and
+        rims, 0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
         `missing`, the number of these points that are no vertices. With a `tolerance` of the largest distance also
-        `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`,
-        the largest distance of a vertex from the local surface of the points; `outliers`, the number of places, repeats
+        `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`, the
+        largest distance of a vertex from the local surface of the points; `outliers`, the number of places, repeats
         counted once, of points left out as `gppcs.find_outliers` finds them; `off_surface`, that of places of points
         left out as the mesh of all points is farther than the tolerance from them.
 
@@ -392,6 +393,16 @@ class _FirstMesh:
             )
         return first
 
+    def reached(self, some: Ints) -> Ints:
+        """Return those of some dense points that a triangle of the mesh is near to, on their sheet."""
+        mesh, places = HalfEdges.of(self.faces, len(self.level)), self.dense.places
+        start = nearest_vertices(
+            places[some], self.dense.normals[some], places[self.level], self.dense.normals[self.level],
+            np.flatnonzero(mesh.leaving >= 0),
+        )  # fmt: skip
+        found = Assignment.of(mesh, places[self.level], places[some], self.dense.normals[some], start)
+        return some[found.face >= 0]
+
     @property
     def joined(self) -> int:
         """The number of points on the mesh."""
@@ -499,7 +510,7 @@ class _Maker:
     def _thinned(self, first: _FirstMesh, chosen: Ints, count: int, counts_faces: bool) -> _Made:
         """Return a mesh of that many vertices or triangles, and those that fill holes."""
         timer, dense = self.timer, first.dense
-        kept = np.isin(dense.rows[first.level], chosen)
+        kept, whole = np.isin(dense.rows[first.level], chosen), first
         if self.chosen is None:
             first = dataclasses.replace(first, faces=largest_pieces(first.faces, len(first.level), count, counts_faces))
         with timer("quadrics"):
@@ -516,7 +527,9 @@ class _Maker:
             opened = draft.mend(counts_faces)
         with timer("distances"):
             distances = draft.assigned()
-            mean = float(np.sqrt(distances.squared[distances.face >= 0]).mean())
+            lost = whole.reached(np.flatnonzero(distances.face < 0))
+            far = Assignment.on_any_sheet(draft.mesh, draft.vertices, dense.places[lost]).squared
+            mean = float(np.sqrt(np.append(distances.squared[distances.face >= 0], far)).mean())
         if self.moved and dense.noise:
             with timer("fit"):
                 draft.explain_observed(distances)

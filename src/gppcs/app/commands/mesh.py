@@ -119,7 +119,7 @@ def mesh(
     with timer("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
-    _note_fewer(cloud, result, asked.n_points)
+    _note_fewer(cloud, result, asked.n_points, kept)
     _note_bound(cloud, result)
     if result.diagnostics["noise"] and not (moved or effort or asked.bounds_largest):
         noise = number_in_words(result.diagnostics["noise"])
@@ -183,9 +183,14 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
     return rows[nearest[:, 0]]
 
 
-def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
-    """Print notes on what the mesh lacks: vertices that were asked for, parts of the surface."""
+def _note_fewer(source: Path, result: MeshResult, asked: int | None, kept: NDArray[Any] | None) -> None:
+    """Print notes on vertices and parts of the surface that lack, and on vertices that are no points to keep."""
     made = len(result.indices)
+    if kept is not None and (others := made - len(set(kept.tolist()) & set(result.indices.tolist()))):
+        print_error(
+            f"note: {source}: vertices that are no points to keep: {others:,}, as holes, handles and small pieces need "
+            "them"
+        )
     if asked is not None and made < asked:
         print_error(f"note: {source}: the mesh has {made:,} vertices, fewer than the {asked:,} asked for")
     if missing := int(result.diagnostics.get("missing", 0)):

@@ -11,7 +11,7 @@ from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.pages import different_names
 from gppcs.app.panels import LOOK
-from gppcs.app.printing import names_of, note_left_out, print_error, say, started
+from gppcs.app.printing import names_of, note_left_out, print_error, say, started, visible
 from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def render(
     if len(sources) == 2:
         original, simplified = (io.read(source, input_format, names_of(columns)) for source in sources)
         with io.whole_output(output, force) as file:
-            _draw_beside(file, original, simplified, different_names(sources), viewpoint, colour)
+            _draw_beside(file, original, simplified, [*map(visible, different_names(sources))], viewpoint, colour)
         if not quiet and not io.is_standard(output):
             say(f"{output}: {len(original):,} and {len(simplified):,} points beside each other")
         return
