@@ -206,6 +206,19 @@ def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(sample
     assert topology_of(result.mesh.faces) == topology_of(every.mesh.faces)
 
 
+def test_points_that_noise_moved_nearly_as_far_as_the_tolerance_do_not_hold_the_mesh(monkeypatch):
+    points = gppcs.sample("sphere", n_points=10_000, noise=0.0075).points
+    bound = 0.012 * np.linalg.norm(np.ptp(points, axis=0))
+    few = gppcs.mesh(points, tolerance=bound)
+    distances = np.sqrt(nearest_triangles(few.mesh.vertices, few.mesh.faces, points)[1])
+    left_out = few.diagnostics["outliers"] + few.diagnostics["off_surface"]
+    assert few.diagnostics["off_surface"] <= np.count_nonzero(distances > bound) <= left_out
+    assert few.diagnostics["largest_distance"] <= bound
+    monkeypatch.setattr("gppcs.meshing.pipeline.HELD", 1.0)
+    many = gppcs.mesh(points, tolerance=bound)
+    assert 2 * len(few.indices) < len(many.indices)
+
+
 @pytest.mark.parametrize("sample", ["sphere", "bracket"])
 def test_fewer_vertices_miss_a_tolerance_and_more_effort_takes_no_more(sample):
     points = gppcs.sample(sample, n_points=4000).points

@@ -55,6 +55,7 @@ FIRST_TRY = 2_000  # vertices of the first mesh of a search for a tolerance
 NEAR_ENOUGH = 0.9  # a mean distance above this share of the tolerance ends the search
 MOST_TRIES = 8  # meshes of such a search
 WITHIN = 0.999  # of a tolerance of the largest distance: coordinates are rounded when a mesh is written
+HELD = 0.7  # of a tolerance: points that noise moved farther off the surface need not stay within it
 LENGTHS = "noise", "mean_distance", "tolerance", "largest_distance", "back_distance"  # among the diagnostics
 BOUNDED = 2, 6, 32  # rounds of fitting and further collapses at most for such a tolerance, at each effort
 
@@ -85,8 +86,9 @@ class MeshResult(ComparedByValue):
         `missing`, the number of these points that are no vertices. With a `tolerance` of the largest distance also
         `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`, the
         largest distance of a vertex from the local surface of the points; `outliers`, the number of places, repeats
-        counted once, of points left out as `gppcs.find_outliers` finds them; `off_surface`, that of places of points
-        left out as the mesh of all points is farther than the tolerance from them.
+        counted once, of points left out as `gppcs.find_outliers` finds them; `off_surface`, that of places of other
+        points farther than the tolerance from the mesh: the mesh of all points does not reach them either, or noise
+        moved them nearly as far.
 
     Examples
     --------
@@ -145,9 +147,9 @@ def mesh(
     tolerance : length, optional
         Largest distance from the points to the mesh: a number in the unit of the coordinates, or a text such as
         "0.5mm" or "0.2%" of the diagonal of the bounding box. The mesh has as few vertices as can be found within it.
-        They leave the points whatever `moved` says. Outliers are left out, and points on no piece of the surface: the
-        mesh of all points is farther than the tolerance from them. A text such as "0.5mm:mean" is for the mean
-        distance. The mesh then has about as few vertices as it allows, by several tries.
+        They leave the points whatever `moved` says. Outliers are left out, and points off the surface: the mesh of all
+        points is farther from them than the tolerance, or on a noisy cloud than 0.7 of it. A text such as "0.5mm:mean"
+        is for the mean distance. The mesh then has about as few vertices as it allows, by several tries.
     unit : str, optional
         In which unit the coordinates are: "m", "mm", "ft" and so on, if the coordinate system of the cloud does not
         tell.
@@ -470,28 +472,29 @@ class _Maker:
             draft = Draft.of(dense, self.moved, first.level, np.zeros(len(first.level), dtype=np.bool_), first.faces)
         with self.timer("distances"):
             squared, usual = draft.assigned_on_any_sheet().squared, ~outliers[dense.rows]
-        counted = usual & (squared <= limit)
-        if 2 * np.count_nonzero(counted) < np.count_nonzero(usual):
+        if 2 * np.count_nonzero(usual & (squared <= limit)) < np.count_nonzero(usual):
             raise ParameterError(
                 f"the tolerance of {unit * tolerance:.3g} is below the noise: half of the points are farther than "
                 f"{unit * np.sqrt(np.median(squared)):.3g} from the mesh of all points; give a larger tolerance, or a "
                 "number of vertices"
             )
+        counted = usual & (squared <= (HELD**2 if dense.noise else 1.0) * limit)
         with self.timer("collapse"):
             draft = thinned_by_quadrics(draft, counted, limit)
         with self.timer("bounded collapse"):
             bound(draft, counted, limit, BOUNDED[self.effort])
         with self.timer("distances"):
-            distances = np.sqrt(draft.assigned_on_any_sheet().squared[counted])
+            distances = np.sqrt(draft.assigned_on_any_sheet().squared)
+            within = usual & (counted | (distances <= tolerance))
             used = draft.vertices[np.unique(draft.mesh.faces())]
             diagnostics = {
                 "tolerance": tolerance,
-                "largest_distance": float(distances.max()),
+                "largest_distance": float(distances[within].max()),
                 "back_distance": float(LocalSurface.of(dense.raw).nearest_to(used)[0].max()),
                 "outliers": float(np.count_nonzero(~usual)),
-                "off_surface": float(np.count_nonzero(usual & ~counted)),
+                "off_surface": float(np.count_nonzero(usual & ~within)),
             }
-        return self._finished(draft, float(distances.mean()), first.left_out, 0, diagnostics)
+        return self._finished(draft, float(distances[within].mean()), first.left_out, 0, diagnostics)
 
     def make(self, count: int, counts_faces: bool = False) -> _Made:
         """Return a mesh of that many vertices, or of at most so many triangles."""
