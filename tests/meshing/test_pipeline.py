@@ -327,8 +327,19 @@ def test_chosen_points_become_the_vertices(ball):
     for cloud, keep in ((ball, chosen), (np.tile(ball.points, (2, 1)), chosen + len(ball))):
         result = gppcs.mesh(cloud, keep=keep)
         assert np.array_equal(np.sort(result.indices), np.sort(chosen))
-        assert result.diagnostics["missing"] == 0
+        assert result.diagnostics["missing"] == result.diagnostics["added"] == 0
         assert is_sound(result.mesh)
+
+
+def test_vertices_that_are_no_chosen_points_are_counted():
+    rng = np.random.default_rng(1)
+    points = rng.standard_normal((500, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    points[250:, 0] += 0.7  # two balls that cross, with holes and handles between them
+    chosen = rng.choice(500, 16, replace=False)
+    result = gppcs.mesh(points, keep=chosen)
+    assert result.diagnostics["added"] == len(np.setdiff1d(result.indices, chosen)) > 0
+    assert len(chosen) - result.diagnostics["missing"] == len(np.intersect1d(result.indices, chosen))
 
 
 def test_repeats_change_nothing(ball):

@@ -46,10 +46,10 @@ def share_of(name: str, given: Any) -> float:
     found = number(value)
     if 0 < found <= 1:
         return found
-    in_percent = isinstance(given, str) and given.strip().endswith("%")
-    most, shown_ratio = ("100%", shown(given)) if in_percent else ("1", shown(value))
-    message = f"expected a ratio above 0 and at most {most}, found {shown_ratio}"
-    if in_percent or not 2 <= found <= 100:  # such as 3, meant as a percentage
+    if isinstance(given, str) and given.strip().endswith("%"):
+        raise ParameterError(f"expected a ratio above 0 and at most 100%, found {shown(given)}")
+    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
+    if not 2 <= found <= 100:  # such as 3, meant as a percentage
         raise ParameterError(message)
     message += f"; for {found:g} percent, write "
     raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
@@ -104,11 +104,11 @@ class Length:
     @classmethod
     def of(cls, name: str, given: Any) -> Length:
         """Return the length that a value means: a number, or a text such as "0.5mm", "5 cm" or "0.02%"."""
+        if isinstance(given, str) and "," in given:
+            raise _error(name, f"to be a length without commas, such as 0.5mm or 1500mm, found {shown(given)}")
         found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
         amount = float(found["number"]) if found else number(given)
         unit = found["unit"] if found else ""
-        if isinstance(given, str) and "," in given:
-            raise _error(name, f"to be a length without commas, such as 0.5mm or 1500mm, found {shown(given)}")
         if found and unit not in (*METRES, SHARE, ""):
             raise _error(
                 name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"

@@ -20,7 +20,7 @@ from gppcs.errors import FileFormatError, InputError, OutputError, ParameterErro
 from gppcs.io import arrays, arrow, colmap, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.query import Query, restricted
-from gppcs.io.streams import inner_name, whole_output
+from gppcs.io.streams import inner_name, suffix_in_words, whole_output
 from gppcs.io.whole_file import is_standard
 
 _HEAD = 1024
@@ -238,8 +238,7 @@ def _of_suffix(suffix: str, writable: bool = False) -> Format:
     for known in FORMATS:
         if known.has_suffix(suffix):
             return known
-    found = repr(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"expected one of the formats {_listed(writable)}, found {found}")
+    raise FileFormatError(f"expected one of the formats {_listed(writable)}, found {suffix_in_words(suffix)}")
 
 
 def _suffix_of(path: Path) -> str:

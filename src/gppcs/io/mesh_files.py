@@ -21,7 +21,7 @@ from gppcs.io.format import Format
 from gppcs.io.gltf import FORMAT as GLTF
 from gppcs.io.meshes import COLOURS, OBJ, OFF, STL, STL_FACET, colours_of, held
 from gppcs.io.ply import FORMAT as PLY
-from gppcs.io.streams import inner_name, plain_input, whole_output
+from gppcs.io.streams import inner_name, plain_input, suffix_in_words, whole_output
 
 STL_COMMENT = b"gppcs".ljust(80)
 
@@ -169,8 +169,7 @@ def _format_of(path: str | os.PathLike[str]) -> Format:
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
-            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found "
-            f"{repr(suffix) if suffix else 'a name without a suffix'}"
+            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {suffix_in_words(suffix)}"
         )
     return _FORMATS[suffix]
 

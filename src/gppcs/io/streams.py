@@ -26,6 +26,11 @@ def inner_name(path: Path) -> Path:
     return path.with_suffix("") if path.suffix.lower() in COMPRESSIONS else path
 
 
+def suffix_in_words(suffix: str) -> str:
+    """Return a suffix, or the lack of one, as messages show it."""
+    return repr(suffix) if suffix else "a name without a suffix"
+
+
 @contextmanager
 def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
     """Open a file, or standard input for `-`, as a plain file: what is not one is first unpacked to a temporary one."""

@@ -83,12 +83,12 @@ class MeshResult(ComparedByValue):
         the points of the first mesh that are on no piece of it that is large enough; `opened`, the number of small
         holes that stay open because all triangles that would close them cut others; `borders`, the number of holes and
         rims, 0 if the mesh is closed; `pieces`, that of connected pieces; `genus`, that of handles; with `keep` also
-        `missing`, the number of these points that are no vertices. With a `tolerance` of the largest distance also
-        `tolerance` itself; `largest_distance` of the points from the mesh, without those left out; `back_distance`, the
-        largest distance of a vertex from the local surface of the points; `outliers`, the number of places, repeats
-        counted once, of points left out as `gppcs.find_outliers` finds them; `off_surface`, that of places of other
-        points farther than the tolerance from the mesh: the mesh of all points does not reach them either, or noise
-        moved them nearly as far.
+        `missing`, the number of these points that are no vertices, and `added`, that of vertices that are none of them.
+        With a `tolerance` of the largest distance also `tolerance` itself; `largest_distance` of the points from the
+        mesh, without those left out; `back_distance`, the largest distance of a vertex from the local surface of the
+        points; `outliers`, the number of places, repeats counted once, of points left out as `gppcs.find_outliers`
+        finds them; `off_surface`, that of places of other points farther than the tolerance from the mesh: the mesh of
+        all points does not reach them either, or noise moved them nearly as far.
 
     Examples
     --------
@@ -395,7 +395,16 @@ class _FirstMesh:
             )
         return first
 
-    def reached(self, some: Ints) -> Ints:
+    def mean_distance(self, draft: Draft, found: Assignment) -> float:
+        """Return the mean distance from a later mesh of the points that this one reaches, given their triangles there.
+
+        Of those that have none, the nearest on any sheet counts.
+        """
+        lost = self._reached(np.flatnonzero(found.face < 0))
+        far = Assignment.on_any_sheet(draft.mesh, draft.vertices, self.dense.places[lost]).squared
+        return float(np.sqrt(np.append(found.squared[found.face >= 0], far)).mean())
+
+    def _reached(self, some: Ints) -> Ints:
         """Return those of some dense points that a triangle of the mesh is near to, on their sheet."""
         mesh, places = HalfEdges.of(self.faces, len(self.level)), self.dense.places
         start = nearest_vertices(
@@ -485,7 +494,7 @@ class _Maker:
             bound(draft, counted, limit, BOUNDED[self.effort])
         with self.timer("distances"):
             distances = np.sqrt(draft.assigned_on_any_sheet().squared)
-            within = usual & (counted | (distances <= tolerance))
+            within = usual & (distances <= tolerance)
             used = draft.vertices[np.unique(draft.mesh.faces())]
             diagnostics = {
                 "tolerance": tolerance,
@@ -530,16 +539,15 @@ class _Maker:
             opened = draft.mend(counts_faces)
         with timer("distances"):
             distances = draft.assigned()
-            lost = whole.reached(np.flatnonzero(distances.face < 0))
-            far = Assignment.on_any_sheet(draft.mesh, draft.vertices, dense.places[lost]).squared
-            mean = float(np.sqrt(np.append(distances.squared[distances.face >= 0], far)).mean())
+            mean = whole.mean_distance(draft, distances)
         if self.moved and dense.noise:
             with timer("fit"):
                 draft.explain_observed(distances)
-        missing = {}
+        of_chosen = {}
         if self.chosen is not None:
-            missing["missing"] = float(len(chosen) - draft.used_and_kept())
-        return self._finished(draft, mean, first.left_out, opened, missing)
+            vertices = draft.used_and_kept()
+            of_chosen = {"missing": float(len(chosen) - vertices), "added": float(draft.used() - vertices)}
+        return self._finished(draft, mean, first.left_out, opened, of_chosen)
 
     def _finished(
         self, draft: Draft, mean_distance: float, left_out: float, opened: int, more: dict[str, float]

@@ -32,6 +32,7 @@ WORDS = {
     "left_out": "share of the points on no piece of the surface",
     "opened": "small holes where triangles would cut others",
     "missing": "points to keep that are no vertices",
+    "added": "vertices that are no points to keep",
 }  # for the diagnostics
 
 if TYPE_CHECKING:
@@ -119,11 +120,9 @@ def mesh(
     with timer("writing"):
         lost = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, lost)
-    _note_fewer(cloud, result, asked.n_points, kept)
-    _note_bound(cloud, result)
-    if result.diagnostics["noise"] and not (moved or effort or asked.bounds_largest):
-        noise = number_in_words(result.diagnostics["noise"])
-        print_error(f"note: {cloud}: the points have noise of about {noise}, and so has their mesh; --moved removes it")
+    _note_fewer(cloud, result, asked.n_points)
+    _note_bound(cloud, result.diagnostics)
+    _note_noise(cloud, result.diagnostics, bool(moved or effort))
     vertices, triangles = len(result.mesh.vertices), len(result.mesh.faces)
     record = {
         "input": str(cloud),
@@ -183,19 +182,19 @@ def _rows_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]
     return rows[nearest[:, 0]]
 
 
-def _note_fewer(source: Path, result: MeshResult, asked: int | None, kept: NDArray[Any] | None) -> None:
-    """Print notes on vertices and parts of the surface that lack, and on vertices that are no points to keep."""
+def _note_fewer(source: Path, result: MeshResult, asked: int | None) -> None:
+    """Print notes on what the mesh lacks: vertices that were asked for, parts of the surface."""
     made = len(result.indices)
-    if kept is not None and (others := made - len(set(kept.tolist()) & set(result.indices.tolist()))):
-        print_error(
-            f"note: {source}: vertices that are no points to keep: {others:,}, as holes, handles and small pieces need "
-            "them"
-        )
     if asked is not None and made < asked:
         print_error(f"note: {source}: the mesh has {made:,} vertices, fewer than the {asked:,} asked for")
     if missing := int(result.diagnostics.get("missing", 0)):
         print_error(
             f"note: {source}: {missing:,} of the points to keep are on no piece of the surface, so they are left out"
+        )
+    if added := int(result.diagnostics.get("added", 0)):
+        print_error(
+            f"note: {source}: vertices that are no points to keep: {added:,}, as holes, handles and small pieces need "
+            "them"
         )
     if (share := result.diagnostics["left_out"]) > 0.001 and "off_surface" not in result.diagnostics:
         print_error(f"note: {source}: {share:.1%} of the points are on no piece of the surface that is large enough")
@@ -203,22 +202,27 @@ def _note_fewer(source: Path, result: MeshResult, asked: int | None, kept: NDArr
         print_error(f"note: {source}: the mesh has small holes ({opened:,}) where triangles would cut others")
 
 
-def _note_bound(source: Path, result: MeshResult) -> None:
-    """Print notes on what a largest distance does not hold for."""
-    found = result.diagnostics
-    if "off_surface" not in found:
-        return
-    outliers, beside = (int(found[name]) for name in ("outliers", "off_surface"))
+def _note_bound(source: Path, found: Mapping[str, float]) -> None:
+    """Print a note on what a largest distance does not hold for."""
+    outliers, beside = (int(found.get(name, 0)) for name in ("outliers", "off_surface"))
     if outliers or beside:
         print_error(
             f"note: {source}: outliers ({outliers:,}) and other places that noise moved or no triangle reaches "
             f"({beside:,}) may be farther than the tolerance. gppcs evaluate IN --simplified-mesh OUT measures all "
             "points"
         )
-    if found["noise"] > found["tolerance"]:
+
+
+def _note_noise(source: Path, found: Mapping[str, float], moved: bool) -> None:
+    """Print a note on noise that the mesh has, too."""
+    noise, tolerance = found["noise"], found.get("tolerance")
+    if tolerance is None and noise and not moved:
+        size = number_in_words(noise)
+        print_error(f"note: {source}: the points have noise of about {size}, and so has their mesh; --moved removes it")
+    if tolerance is not None and noise > tolerance:
         print_error(
-            f"note: {source}: the tolerance of {found['tolerance']:.3g} is below the noise of the points, "
-            f"{found['noise']:.3g}: the mesh follows the noise; give a larger tolerance, or --points M with --moved"
+            f"note: {source}: the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}: the mesh "
+            "follows the noise; give a larger tolerance, or --points M with --moved"
         )
 
 
