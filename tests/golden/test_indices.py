@@ -1,7 +1,7 @@
 """Golden indices: what each method chooses of clouds that stay the same.
 
-A change of numerics changes hashes. `python tests/golden/test_indices.py` prints the table anew; look at the tables of
-quality before you commit it as indices.json.
+A change of numerics changes hashes. `python tests/golden/test_indices.py` writes the table anew; look at the tables of
+quality before you commit it.
 """
 
 import hashlib
@@ -90,4 +90,4 @@ if __name__ == "__main__":
         table.setdefault(name, {})[method] = in_memory(name, method)
     for name in BEYOND_MEMORY:
         table[name]["gp beyond memory"] = beyond_memory(name)
-    print(json.dumps(table, indent=2))
+    TABLE.write_text(json.dumps(table, indent=2) + "\n")
