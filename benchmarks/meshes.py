@@ -16,7 +16,7 @@ from pathlib import Path
 import gppcs
 import report
 from gppcs.engine.timer import Timer
-from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted
+from gppcs.evaluation.mesh_ways import MESH_WAYS, MeshTask
 
 CLOUDS = {  # file: the number or share of vertices, and the file of the original mesh, if there is one
     "dragon": (0.03, "dragon"),
@@ -61,7 +61,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
     for way, called in WAYS.items():
         first, start = name if not rows else "", time.process_time()
         try:
-            mesh = MESH_WAYS[way](Wanted(cloud, n_vertices, Timer()))
+            mesh = MESH_WAYS[way](MeshTask(cloud, n_vertices, Timer()))
         except gppcs.NoSurfaceError:
             rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", called, "no surface found", *[""] * 11))
             continue

@@ -28,11 +28,11 @@ GROUPS = {"the rules were found on these clouds": FOUND_ON, "held-out clouds": H
 class PlacedFarthestPoint(gppcs.FarthestPoint):
     """Farthest points, placed as `gp` does."""
 
-    def __call__(self, wanted: gppcs.Wanted) -> gppcs.Selection:
+    def __call__(self, task: gppcs.Task) -> gppcs.Selection:
         """Choose, then place."""
-        found = super().__call__(wanted)
-        area, noise, _, _ = survey(wanted.points, wanted.n_points, gppcs.LocalGP().candidates, wanted.timer)
-        return replace(found, indices=placed(wanted.points, found.indices, 0, area, noise))
+        found = super().__call__(task)
+        area, noise, _, _ = survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)
+        return replace(found, indices=placed(task.points, found.indices, 0, area, noise))
 
 
 METHODS: Mapping[str, tuple[gppcs.Method, bool]] = {  # and whether it is placed

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.methods.parameters import parameters_of
 from meshes import hull_mesh
 
 OURS = (gppcs.ParameterError, gppcs.InputError, gppcs.FileFormatError)
@@ -28,7 +29,7 @@ def fields_of_type(kind):
         pytest.param(method, name, id=f"{method.name} {name}")
         for method in gppcs.METHODS.values()
         for name, hint in typing.get_type_hints(method).items()
-        if name in method.parameters() and kind in (typing.get_args(hint) or (hint,))
+        if name in parameters_of(method) and kind in (typing.get_args(hint) or (hint,))
     ]
 
 
@@ -79,7 +80,7 @@ def test_a_float_without_a_declared_range_must_be_finite_and_not_denormal():
 
         name = "own"
         free: float = gppcs.parameter(0.0, "Anything.")
-        above: float = gppcs.parameter(1.0, "Not below 1.", least=1)
+        above: float = gppcs.parameter(1.0, "Not below 1.", minimum=1)
 
     assert Own(free=-1e308, above=1e308).free == -1e308
     for settings, message in (
@@ -133,7 +134,7 @@ def test_every_public_function_and_class_is_tried():
     """
     kinds = {name for name in gppcs.__all__ if callable(value := getattr(gppcs, name))
              and not (isinstance(value, type) and issubclass(value, Exception | gppcs.Method))}  # fmt: skip
-    others = {"Header", "Listener", "ProgressBar", "Simplifier", "Wanted"}
+    others = {"Header", "Listener", "ProgressBar", "Simplifier", "Task"}
     assert kinds - PLAIN - others == {name.split()[0] for name in CALLS}
 
 

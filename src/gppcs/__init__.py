@@ -83,7 +83,7 @@ Write a method, follow a run
     Method                   the base class of all methods
     Parameter                type, default and meaning of one parameter of a method
     parameter                declare a parameter of a method of your own
-    Wanted                   what is wanted of a method
+    Task                   what is wanted of a method
     Selection                what a method returns
     Timer                   the stages of a run and the time that each took
     ProgressBar              draws a progress bar, in a terminal or a notebook
@@ -169,9 +169,9 @@ if TYPE_CHECKING:
     from gppcs.methods import SampleElimination as SampleElimination
     from gppcs.methods import Selection as Selection
     from gppcs.methods import SpectralGP as SpectralGP
+    from gppcs.methods import Task as Task
     from gppcs.methods import TopVariation as TopVariation
     from gppcs.methods import Voxel as Voxel
-    from gppcs.methods import Wanted as Wanted
     from gppcs.methods.parameters import Parameter as Parameter
     from gppcs.methods.parameters import parameter as parameter
     from gppcs.scans import sample as sample
@@ -234,7 +234,7 @@ _HOMES = {  # the module that defines each public name
         "SpectralGP",
         "TopVariation",
         "Voxel",
-        "Wanted",
+        "Task",
     ),
     "methods.parameters": ("Parameter", "parameter"),
     "streaming.files": ("simplify_files",),

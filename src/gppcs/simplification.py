@@ -20,7 +20,8 @@ from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError, one_of
-from gppcs.methods import DEFAULT, Method, Selection
+from gppcs.methods import DEFAULT, Feature, Method, Selection
+from gppcs.methods.method import SCORES
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +140,7 @@ class Result(ComparedByValue):
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""
-        require(self.method, "ranking")
+        require(self.method, Feature.RANKING)
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
@@ -308,7 +309,7 @@ def result_of(
     selection: Selection, kept: PointCloud, method: Method, timer: Timer, outliers: NDArray[np.int64] | None
 ) -> Result:
     """Return the result of a run that kept some points, and left out outliers if some were looked for."""
-    ranked = "ranking" in method.supports and selection.ranked
+    ranked = Feature.RANKING in method.supports and selection.ranked
     told = {} if outliers is None else {"outliers": float(len(outliers))}
     figures = {**selection.diagnostics, **told}
     return Result(selection.indices, kept, method, timer.seconds, figures, outliers, ranked)
@@ -322,7 +323,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
     with timer("preparation"):
         cloud = PointCloud.of(cloud)
         if request.scores:
-            check_scores(method, cloud)
+            check_scores(cloud)
         points = cloud.points
         low, high = bounds(points)
         rows = None if np.isfinite([low, high]).all() else _finite_rows(cloud, request.invalid)
@@ -360,7 +361,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
     if request.scores:
-        kept = with_scores(kept, method, selection)
+        kept = with_scores(kept, selection)
     if rows is not None:
         selection = replace(selection, indices=rows[selection.indices])
     return result_of(selection, kept, method, timer, outliers)
@@ -387,17 +388,17 @@ def _with_signs(normals: NDArray[np.float64], others: NDArray[np.float64]) -> ND
     return np.where(np.einsum("ij,ij->i", normals, others)[:, None] < 0.0, -normals, normals)
 
 
-def with_scores(kept: PointCloud, method: Method, selection: Selection) -> PointCloud:
+def with_scores(kept: PointCloud, selection: Selection) -> PointCloud:
     """Return the kept points with the method's attributes."""
-    carried = {name: np.zeros(len(kept), dtype=np.float32) for name in method.attributes}
+    carried = {name: np.zeros(len(kept), dtype=np.float32) for name in SCORES}
     for name, values in selection.attributes.items():
         carried[name][:] = values
     return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
 
 
-def check_scores(method: Method, cloud: PointCloud) -> None:
+def check_scores(cloud: PointCloud) -> None:
     """Check that scores can be added to a cloud."""
-    if taken := sorted(set(method.attributes) & set(cloud.attributes)):
+    if taken := sorted(set(SCORES) & set(cloud.attributes)):
         raise InputError(
             f"the cloud already has an attribute {taken[0]!r}, which the scores would replace: "
             "rename it, or ask for no scores"

@@ -115,7 +115,7 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
     for wanted in (1, 2, 37, 1000, 1500, 2900):
         sizes.clear()
         selection, found = fewest_points(
-            points, 1.0 / wanted, "p95", lambda m: method(gppcs.Wanted(points, min(m, 2999))), True, 1, Timer()
+            points, 1.0 / wanted, "p95", lambda m: method(gppcs.Task(points, min(m, 2999))), True, 1, Timer()
         )  # fmt: skip
         assert wanted <= len(selection.indices) <= max(wanted + 1, 1.02 * wanted)
         assert found.by_measure["p95"] <= 1.0 / wanted

@@ -6,6 +6,7 @@ import json
 import pytest
 
 import gppcs
+from gppcs.methods.parameters import parameters_of
 
 
 def test_methods_lists_parameters_with_their_defaults(gppcs_command, printed):
@@ -30,8 +31,8 @@ def test_methods_explains_one_and_each_of_its_parameters(gppcs_command, printed,
     assert text.startswith(f"{name}: {method.summary}")
     assert method.source in text
     assert "----" not in text
-    for key, parameter in method.parameters().items():
+    for key, parameter in parameters_of(method).items():
         assert f"{key} ({parameter.kind}, default {parameter.default}) {parameter.meaning}" in text
-    assert ("no parameters" in text) == (not method.parameters())
+    assert ("no parameters" in text) == (not parameters_of(method))
     _, out, _ = gppcs_command("methods", name, "--json")
-    assert json.loads(out)["meanings"] == {key: each.meaning for key, each in method.parameters().items()}
+    assert json.loads(out)["meanings"] == {key: each.meaning for key, each in parameters_of(method).items()}

@@ -46,7 +46,7 @@ def public_objects(seed):
         "cloud": gppcs.PointCloud(points),
         "mesh": triangle,
         "features": gppcs.estimate_features(points),
-        "selection": method(gppcs.Wanted(points, 5)),
+        "selection": method(gppcs.Task(points, 5)),
         "result": dataclasses.replace(gppcs.simplify(points, n_points=5, method=method), seconds={}),
         "report": gppcs.evaluate(points, points),
         "summary": gppcs.info(points),

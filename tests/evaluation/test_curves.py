@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.methods import Feature
 
 CLOUD = gppcs.sample("bracket", n_points=3000)
 
@@ -16,7 +17,7 @@ def test_errors_are_those_of_evaluate_for_ranking_methods_and_others():
         assert curve.diagonal == pytest.approx(gppcs.info(CLOUD).diagonal)
         whole = gppcs.simplify(CLOUD, n_points=300, method=curve.method).cloud
         smaller = gppcs.simplify(CLOUD, n_points=150, method=curve.method).cloud
-        first = whole[:150] if "ranking" in curve.method.supports else smaller
+        first = whole[:150] if Feature.RANKING in curve.method.supports else smaller
         for place, cloud in enumerate((first, whole)):
             report = gppcs.evaluate(CLOUD, cloud)
             for name, values in curve.errors.items():
@@ -76,7 +77,8 @@ def test_sizes_that_take_all_points_but_repeats_change_no_other():
 
 
 @pytest.mark.parametrize(
-    "method", [name for name, method in gppcs.METHODS.items() if "ranking" in method.supports and name != "gp"]
+    "method",
+    [name for name, method in gppcs.METHODS.items() if Feature.RANKING in method.supports and name != "gp"],
 )
 def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_spread(method):
     long, short = (gppcs.simplify(CLOUD, n_points=n, method=method).indices for n in (200, 100))

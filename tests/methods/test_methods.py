@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.amounts.request import method_of
 from gppcs.methods.method import largest
-from gppcs.methods.parameters import with_settings
+from gppcs.methods.parameters import parameters_of, with_settings
 
 CLOUD = gppcs.sample("bracket", 600).points
 
@@ -20,8 +20,8 @@ def test_each_method_says_what_it_is_and_can_be_called_alone(method):
     assert gppcs.METHODS[method.name] is method
     assert method.summary
     assert method.description.endswith(".")
-    assert all(each.meaning.endswith(".") for each in method.parameters().values())
-    selection = method()(gppcs.Wanted(CLOUD, 60))
+    assert all(each.meaning.endswith(".") for each in parameters_of(method).values())
+    selection = method()(gppcs.Task(CLOUD, 60))
     assert selection.indices.dtype == np.int64
     assert len(set(selection.indices.tolist())) == len(selection.indices) == 60
 
@@ -31,7 +31,7 @@ def beyond(method):
     for name, field in method.__dataclass_fields__.items():
         for limit, aside in zip(field.metadata.get("range", ()), (-1, 1), strict=False):
             if limit is not None and math.isfinite(limit):
-                whole = method.parameters()[name].kind.startswith("int")
+                whole = parameters_of(method)[name].kind.startswith("int")
                 yield name, limit + aside if whole else limit + aside * 1e-6 * max(limit, 1e-6)
 
 
@@ -51,7 +51,7 @@ def test_a_parameter_out_of_range_is_named(method):
 @pytest.mark.parametrize("method", gppcs.METHODS.values())
 def test_a_parameter_of_another_type_is_named(method):
     wrong = {int: ("x", 1.0, True, [1]), float: ("x", False), bool: ("x", 1, None), str: ("x", 1, None)}
-    for name, parameter in method.parameters().items():
+    for name, parameter in parameters_of(method).items():
         kind = int if parameter.default is None else type(parameter.default)
         for value in wrong[kind]:
             with pytest.raises(gppcs.ParameterError, match=f"method '{method.name}': expected {name} to be .*, found"):
@@ -70,8 +70,8 @@ def test_numbers_of_numpy_become_pythons():
 def test_the_docstring_holds_description_source_and_parameters(method):
     text = " ".join(method.__doc__.split())
     assert f"{method.description} Source: {method.source}." in text
-    assert ("Parameters ----------" in text) == bool(method.parameters())
-    for name, parameter in method.parameters().items():
+    assert ("Parameters ----------" in text) == bool(parameters_of(method))
+    for name, parameter in parameters_of(method).items():
         default = "" if parameter.default is None else f", default {parameter.default!r}"
         assert f" {name} : {parameter.kind}{default} {parameter.meaning}" in text
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -29,12 +29,12 @@ class EveryNth(Method):
 
     start: float = parameter(0.0, "Where to start, in steps.")
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
-        steps = np.arange(wanted.n_points) + self.start
-        return Selection((steps * len(wanted.points) / wanted.n_points).astype(np.int64))
+        steps = np.arange(task.n_points) + self.start
+        return Selection((steps * len(task.points) / task.n_points).astype(np.int64))
 '''
 LINE = "from gppcs.methods.every_nth import EveryNth as EveryNth\n"
 LAST = "# isort: on\n"  # the line after the list of methods

@@ -53,7 +53,7 @@ def test_the_edge_gives_hardly_more_cells_than_asked_for(sphere, n_points):
 def test_each_point_lies_in_a_cell_of_its_own(bracket, keep):
     points = bracket - bracket.min(axis=0)
     edge = edge_for(points, 1_000)
-    selection = gppcs.Voxel(keep=keep)(gppcs.Wanted(points, 1_000))
+    selection = gppcs.Voxel(keep=keep)(gppcs.Task(points, 1_000))
     assert set(selection.indices) <= set(representatives(points, edge)[0])
     assert (np.diff(selection.indices) > 0).all()
     kept = points[selection.indices] if selection.points is None else selection.points

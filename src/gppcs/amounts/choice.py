@@ -17,7 +17,7 @@ from gppcs.amounts.quotas import Parts
 from gppcs.clouds.quantities import Amount, Scale
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.methods import Method, Selection, Wanted
+from gppcs.methods import Feature, Method, Selection, Task
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree, surface_area
@@ -45,7 +45,7 @@ def choose_amount(
     if amount.tolerance is not None:
         selection, errors = fewest_points(
             among.points, scale.inside(amount.tolerance.length), amount.tolerance.measure, chosen,
-            "ranking" in method.supports, max(among.fixed, 1), timer,
+            Feature.RANKING in method.supports, max(among.fixed, 1), timer,
         )  # fmt: skip
         selection = _with_errors(selection, errors, scale)
     elif amount.spacing is not None:
@@ -141,7 +141,7 @@ class _Places:
         """Let a method choose a number of the places, or at most so many with a spacing; all of them in their order."""
         if wanted >= len(self.points) and spacing is None:
             return Selection(np.arange(len(self.points)), ranked=False)
-        return method(Wanted(self.points, wanted, spacing, self.fixed, self.weights, self.detail, self.values, timer))
+        return method(Task(self.points, wanted, spacing, self.fixed, self.weights, self.detail, self.values, timer))
 
     def fewest_without_gaps(self, gap: float) -> int:
         """Return how many points an even cover needs so that no point is farther from it than a length."""

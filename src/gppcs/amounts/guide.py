@@ -39,7 +39,7 @@ class Guide:
     @classmethod
     def of(cls, cloud: PointCloud, rows: NDArray[np.int64] | None, request: Request) -> Guide:
         """Look up what is asked of all or some rows of a cloud. Shapes: rows (N,)."""
-        keep, weight, values_of = request.keep, request.weight, getattr(request.method, "attribute", None)
+        keep, weight, values_of = request.keep, request.weight, request.method.reads_attribute
         mask = np.zeros(len(cloud), dtype=np.bool_) if keep is None else _mask(cloud, keep)
         weights = None if weight is None else weights_of(cloud, weight)
         if rows is not None:
@@ -149,7 +149,7 @@ class ChunkGuide:
         """Return what is asked by attributes; arrays need all points at once."""
         keep, weight = (given if isinstance(given, str) else None for given in (request.keep, request.weight))
         known = None if keep is None else Expression.of(keep)
-        values_of = getattr(request.method, "attribute", None)
+        values_of = request.method.reads_attribute
         return cls(known, weight, tuple(request.detail), values_of, request.quotas, request.group)
 
     def of_chunk(self, cloud: PointCloud) -> Guided:

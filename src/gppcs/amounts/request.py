@@ -11,16 +11,17 @@ from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import Amount, metres_of, option
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.errors import ParameterError, flag, nearest_name, one_of, shown, whole_number
-from gppcs.methods import DEFAULT, METHODS, Method
-from gppcs.methods.parameters import with_settings
+from gppcs.methods import DEFAULT, METHODS, Feature, Method
+from gppcs.methods.parameters import parameters_of, with_settings
 
 FEATURES = {
-    "spacing": "takes a spacing",
-    "keep": "keeps given points",
-    "weight": "weighs points",
-    "detail": "looks at attributes",
-    "ranking": "ranks its points",
-    "denoise": "can denoise its points",
+    Feature.SPACING: "takes a spacing",
+    Feature.KEEP: "keeps given points",
+    Feature.WEIGHT: "weighs points",
+    Feature.DETAIL: "looks at attributes",
+    Feature.RANKING: "ranks its points",
+    Feature.DENOISE: "can denoise its points",
+    Feature.SCORES: "scores its points",
 }  # of a method, in words
 
 
@@ -70,24 +71,23 @@ class Request:
         amount = Amount.of(ratio, n_points, tolerance, spacing, max_gap)
         chosen = method_of(method, seed)
         if flag("denoise", denoise):
-            require(chosen, "denoise")
+            require(chosen, Feature.DENOISE)
             chosen = with_settings(chosen, {"denoise": True})
         counted = {} if detail is None else weights_of_detail(detail)
         quotas = () if quota is None else quotas_of(quota)
         if group is not None and not isinstance(group, str):
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(group)}")
         _check_supported(chosen, amount, keep, weight, counted, quotas, group)
-        denoise = getattr(chosen, "denoise", False)
+        denoise = Feature.DENOISE in chosen.supports and chosen.moves_points
         if denoise:
             _check_denoised(amount, keep, quotas, group)
         if unit is not None:
             metres_of(unit, None)
         if isinstance(keep, str):
             Expression.of(keep)
-        by_name = counted or quotas or group or getattr(chosen, "attribute", None)
-        if flag("scores", scores) and not chosen.attributes:
-            scored = " or ".join(repr(name) for name, known in METHODS.items() if known.attributes)
-            raise ParameterError(f"expected a method that scores its points, found {chosen.name!r}; use {scored}")
+        by_name = counted or quotas or group or chosen.reads_attribute
+        if flag("scores", scores):
+            require(chosen, Feature.SCORES)
         return cls(
             chosen, amount, unit, keep, weight, counted, quotas, group,
             one_of("invalid", invalid, ("error", "drop")),
@@ -109,7 +109,7 @@ class Request:
         return next((name for name, given in reasons.items() if given), None)
 
 
-def require(method: Method, feature: str) -> None:
+def require(method: Method, feature: Feature) -> None:
     """Check that a method can do what one of `FEATURES` says."""
     if feature not in method.supports:
         others = " or ".join(repr(name) for name, known in METHODS.items() if feature in known.supports)
@@ -138,11 +138,11 @@ def _check_supported(
 ) -> None:
     """Check that a method can do what is asked for."""
     asked = {
-        "spacing": amount.spacing is not None,
-        "keep": keep is not None,
-        "weight": weight is not None,
-        "detail": detail,
-        "ranking": quotas or group is not None,
+        Feature.SPACING: amount.spacing is not None,
+        Feature.KEEP: keep is not None,
+        Feature.WEIGHT: weight is not None,
+        Feature.DETAIL: detail,
+        Feature.RANKING: quotas or group is not None,
     }
     for feature, given in asked.items():
         if given:
@@ -169,7 +169,7 @@ def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] 
         raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
     if settings:
         method = with_settings(method, settings)
-    if seed is not None and "seed" in method.parameters():
+    if seed is not None and "seed" in parameters_of(method):
         return replace(method, seed=seed)
     if seed is not None:
         whole_number("the seed", seed, 0)

@@ -10,7 +10,7 @@ import typer
 
 from gppcs.app.panels import CHOICE, INPUT, LARGE, LOOK, METHOD, SIZE
 from gppcs.errors import ParameterError, file_path, shown
-from gppcs.methods import METHODS
+from gppcs.methods import METHODS, Feature
 
 if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
@@ -59,7 +59,9 @@ SPACING = option(
     "LENGTH",
     "Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. "
     + " ".join(
-        f"{name}: {known.supports['spacing']}" for name, known in METHODS.items() if "spacing" in known.supports
+        f"{name}: {known.supports[Feature.SPACING]}"
+        for name, known in METHODS.items()
+        if Feature.SPACING in known.supports
     ),
     SIZE,
 )

@@ -23,6 +23,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.query import Query
+from gppcs.methods.method import SCORES
 from gppcs.simplification import Result
 from gppcs.streaming.beyond_memory import Run
 from gppcs.streaming.files import Work, run
@@ -111,7 +112,7 @@ class Job:
             cloud = cloud.take(cloud.finite_rows())  # only these are kept
         zeros = np.zeros(len(cloud), np.float32)
         names: tuple[str, ...] = NORMALS if self.request.normals else ()
-        names += self.request.method.attributes if self.request.scores else ()
+        names += SCORES if self.request.scores else ()
         cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, zeros)})
         small = zeros.astype(np.uint8)
         cloud = self._with_attributes(cloud, output, zeros.astype(np.int64), small, small)

@@ -17,7 +17,7 @@ from gppcs.engine.timer import COMPILATION, Timer, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
-from gppcs.methods import METHODS, Method
+from gppcs.methods import METHODS, Feature, Method
 from gppcs.simplification import Result, simplify
 
 PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
@@ -121,7 +121,7 @@ def compare(
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
         run = Timer(timer.listener)
-        of_method = counted if "detail" in method.supports else None
+        of_method = counted if Feature.DETAIL in method.supports else None
         result = simplify(
             cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run
         )

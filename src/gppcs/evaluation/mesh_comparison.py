@@ -15,7 +15,7 @@ from gppcs.engine.extras import require_all, require_pymeshlab
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
-from gppcs.evaluation.mesh_ways import MESH_WAYS, Wanted, installed_ways, require_way
+from gppcs.evaluation.mesh_ways import MESH_WAYS, MeshTask, installed_ways, require_way
 from gppcs.evaluation.report import MeshReport
 from gppcs.meshing.pipeline import FEWEST_VERTICES
 from gppcs.meshing.pipeline import mesh as meshed
@@ -130,7 +130,7 @@ def compare_meshes(
             f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
-    return [_entry(way, Wanted(original, count, Timer(timer.listener)), mesh) for way in chosen]
+    return [_entry(way, MeshTask(original, count, Timer(timer.listener)), mesh) for way in chosen]
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points: int | str | None) -> list[str]:
@@ -150,18 +150,18 @@ def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points
     return chosen
 
 
-def _entry(way: str, wanted: Wanted, mesh: Mesh | None) -> MeshEntry:
+def _entry(way: str, task: MeshTask, mesh: Mesh | None) -> MeshEntry:
     """Return what one way gives."""
     made, report, failure = None, None, None
     timer = Timer()
     try:
         with timer(way):
-            made = MESH_WAYS[way](wanted)
+            made = MESH_WAYS[way](task)
     except NoSurfaceError as error:
         failure = str(error)
     if made is not None:
         try:
-            report = evaluate_mesh(wanted.cloud, made, mesh, wanted.timer)
+            report = evaluate_mesh(task.cloud, made, mesh, task.timer)
         except InputError as error:  # of this mesh, as cloud and surface have been checked
             failure = str(error)
     return MeshEntry(way, made, report, timer.seconds[way], failure)

@@ -23,8 +23,8 @@ from gppcs.surface.normals import estimate_normals
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """The mesh that is wanted."""
+class MeshTask:
+    """The mesh that a pipeline is to make."""
 
     cloud: PointCloud
     n_vertices: int
@@ -40,41 +40,41 @@ class Wanted:
             return without_membranes(reconstruct(points, normals), points)
 
 
-def _ours(wanted: Wanted, moved: bool, effort: int = 0) -> Mesh:
-    return meshed(wanted.cloud, n_points=wanted.n_vertices, moved=moved, effort=effort, timer=wanted.timer).mesh
+def _ours(task: MeshTask, moved: bool, effort: int = 0) -> Mesh:
+    return meshed(task.cloud, n_points=task.n_vertices, moved=moved, effort=effort, timer=task.timer).mesh
 
 
 def _with_normals(
-    wanted: Wanted, kept: bool, join: Callable[[Wanted, NDArray[np.float64], NDArray[np.float64]], Mesh]
+    task: MeshTask, kept: bool, join: Callable[[MeshTask, NDArray[np.float64], NDArray[np.float64]], Mesh]
 ) -> Mesh:
     """Join points, those that `gp` keeps or all, with normals of the surface of all."""
-    points, corner, exponent = normalised(wanted.cloud.points)
-    places = points[wanted.kept()] if kept else points
-    with wanted.timer("normals"):
+    points, corner, exponent = normalised(task.cloud.points)
+    places = points[task.kept()] if kept else points
+    with task.timer("normals"):
         normals = estimate_normals(points, places if kept else None)
-    made = join(wanted, places, normals)
+    made = join(task, places, normals)
     return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
 
 
-def _decimated(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    rebuilt = wanted.poisson(points, normals)
-    with wanted.timer("decimation"):
-        return decimated(rebuilt, 2 * wanted.n_vertices)
+def _decimated(task: MeshTask, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+    rebuilt = task.poisson(points, normals)
+    with task.timer("decimation"):
+        return decimated(rebuilt, 2 * task.n_vertices)
 
 
-def _pivoted(wanted: Wanted, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    with wanted.timer("ball pivoting"):
+def _pivoted(task: MeshTask, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+    with task.timer("ball pivoting"):
         return ball_pivoted(points, normals)
 
 
-def _advancing_front(wanted: Wanted) -> Mesh:
+def _advancing_front(task: MeshTask) -> Mesh:
     """Join the kept points by CGAL's advancing front (Cohen-Steiner and Da 2004)."""
     point, point_set = require_cgal("Kernel").Point_3, require_cgal("Point_set_3").Point_set_3
     front = require_cgal("Advancing_front_surface_reconstruction")
-    kept = wanted.cloud.points[wanted.kept()]
+    kept = task.cloud.points[task.kept()]
     places, _, _ = normalised(kept)
     corners: list[int] = []
-    with wanted.timer("advancing front"):
+    with task.timer("advancing front"):
         given = point_set()
         for place in places.tolist():
             given.insert(point(*place))
@@ -85,11 +85,11 @@ def _advancing_front(wanted: Wanted) -> Mesh:
         return Mesh(kept, mesh.faces)
 
 
-MESH_WAYS: Mapping[str, Callable[[Wanted], Mesh]] = {
+MESH_WAYS: Mapping[str, Callable[[MeshTask], Mesh]] = {
     "mesh": partial(_ours, moved=False),
     "mesh-moved": partial(_ours, moved=True),
     "mesh-effort": partial(_ours, moved=True, effort=2),
-    "poisson-kept": partial(_with_normals, kept=True, join=Wanted.poisson),
+    "poisson-kept": partial(_with_normals, kept=True, join=MeshTask.poisson),
     "poisson-decimated": partial(_with_normals, kept=False, join=_decimated),
     "ball-pivoting": partial(_with_normals, kept=True, join=_pivoted),
     "advancing-front": _advancing_front,

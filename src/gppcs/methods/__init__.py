@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from gppcs.methods.method import Feature as Feature
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection
-from gppcs.methods.method import Wanted as Wanted
+from gppcs.methods.method import Task as Task
 from gppcs.methods.parameters import parameter as parameter
 
 # One line for each method, in the order in which lists show them. "X as X" makes X public for type checkers.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import InputError
-from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task, largest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,10 +39,10 @@ class APES(Method):
         "of points."
     )
     source = "Wu, Zheng, Pfrommer and Beyerer 2023"
-    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING}
+    supports: ClassVar[Mapping[Feature, str]] = {Feature.RANKING: RANKING}
     _bytes_per_point: ClassVar[int] = 1300
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -51,12 +51,12 @@ class APES(Method):
         from gppcs.methods.learned.layers import attended
         from gppcs.methods.learned.weights import part
 
-        weights, tree, index, _, features = Embedded.of(self.name, wanted.points, wanted.timer)
-        with wanted.timer("attention"), one_blas_thread():
+        weights, tree, index, _, features = Embedded.of(self.name, task.points, task.timer)
+        with task.timer("attention"), one_blas_thread():
             features = attended(part(weights, "attentions.0"), features, index)
             scores = np.empty(len(features), dtype=np.float64)
             scores[tree.order] = self._scores(part(weights, "downsamplings.0"), features, index)
-        return Selection(largest(scores, wanted.n_points))
+        return Selection(largest(scores, task.n_points))
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""
@@ -85,20 +85,21 @@ class APESGlobal(APES):
         "the authors': trained on 1,008 procedural shapes of twelve kinds."
     )
 
-    def _bytes(self, n: int, n_points: int) -> int:
-        return super()._bytes(n, n_points) + 4 * n * n
+    def memory(self, n: int, n_points: int) -> int:
+        """Return the bytes of a call with the attention between all pairs; see `Method.memory`."""
+        return super().memory(n, n_points) + 4 * n * n
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; raise an error if the attention between all pairs does not fit into memory."""
-        n = len(wanted.points)
-        free, needed = available_memory(), self._bytes(n, n)
+        n = len(task.points)
+        free, needed = available_memory(), self.memory(n, n)
         if free is not None and needed > free:
             raise InputError(
                 f"method 'apes-global' holds the attention between all pairs of points: {n:,} points need "
                 f"{size_of(needed)}, found {size_of(free)} of free memory: thin the cloud first, or use "
                 "apes, which attends to neighbours only"
             )
-        return super().__call__(wanted)
+        return super().__call__(task)
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import RANKING, Method, Selection, Wanted
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
 
 @dataclass(frozen=True)
@@ -28,22 +28,22 @@ class FarthestPoint(Method):
         "it; this is exact. A smaller selection is the start of a larger one."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
-    supports: ClassVar[Mapping[str, str]] = {
-        "ranking": RANKING,
-        "spacing": "No two kept points are nearer to each other. Every original point has a kept one within it.",
-        "files": "Other points than in memory, as far from each other.",
+    supports: ClassVar[Mapping[Feature, str]] = {
+        Feature.RANKING: RANKING,
+        Feature.SPACING: "No two kept points are nearer to each other. Every original point has a kept one within it.",
+        Feature.FILES: "Other points than in memory, as far from each other.",
     }
     _bytes_per_point: ClassVar[int] = 150
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.spatial.farthest_in_parts import farthest_in_parts
         from gppcs.spatial.farthest_points import farthest_points
 
-        if wanted.stored is not None:
-            least = wanted.spacing or 0.0
-            return Selection(farthest_in_parts(wanted.stored, wanted.n_points, wanted.timer, wanted.each, least))
-        total = wanted.n_points if wanted.spacing is None else None
-        with wanted.timer("farthest points", total) as advanced:
-            indices, _ = farthest_points(wanted.points, wanted.n_points, advanced=advanced, least=wanted.spacing or 0.0)
+        if task.stored is not None:
+            least = task.spacing or 0.0
+            return Selection(farthest_in_parts(task.stored, task.n_points, task.timer, task.map_parts, least))
+        total = task.n_points if task.spacing is None else None
+        with task.timer("farthest points", total) as advanced:
+            indices, _ = farthest_points(task.points, task.n_points, advanced=advanced, least=task.spacing or 0.0)
         return Selection(indices)

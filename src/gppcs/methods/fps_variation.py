@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted, largest, random_candidates
+from gppcs.methods.method import Method, Selection, Task, largest, random_candidates
 from gppcs.methods.parameters import parameter
 
 
@@ -31,25 +31,25 @@ class FarthestPointVariation(Method):
     _bytes_per_point: ClassVar[int] = 200
 
     k_init: int | None = parameter(
-        None, "Number of farthest points; by default, a third of the points asked for.", least=1
+        None, "Number of farthest points; by default, a third of the points asked for.", minimum=1
     )
-    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", minimum=3)
     candidates: int | None = parameter(
         None,
         "Choose among this many random points, as the paper does on large clouds; by default, among all. The surface "
         "variation is always measured in the whole cloud.",
-        least=1,
+        minimum=1,
     )
-    seed: int = parameter(0, "Seed of the random candidates.", least=0)
+    seed: int = parameter(0, "Seed of the random candidates.", minimum=0)
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.surface.surface_variation import estimate_features
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.methods.method import RANKING, Method, Selection, Wanted
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
@@ -53,31 +53,34 @@ class LocalGP(Method):
         "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see research/local-field.md"
-    attributes = ("score", "deviation")
-    supports: ClassVar[Mapping[str, str]] = {
-        "ranking": RANKING,
-        "spacing": "The mean spacing: the number of points is the area of the surface, divided by its square.",
-        "keep": "The others are chosen where the points to keep are not.",
-        "weight": "The density of the kept points is multiplied by the weight.",
-        "detail": "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
-        "files": "Other points than in memory, chosen equally well.",
-        "denoise": "Points are chosen where the surface lies most probably, and moved there.",
+    supports: ClassVar[Mapping[Feature, str]] = {
+        Feature.RANKING: RANKING,
+        Feature.SPACING: "The mean spacing: the number of points is the area of the surface, divided by its square.",
+        Feature.KEEP: "The others are chosen where the points to keep are not.",
+        Feature.WEIGHT: "The density of the kept points is multiplied by the weight.",
+        Feature.DETAIL: "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
+        Feature.FILES: "Other points than in memory, chosen equally well.",
+        Feature.DENOISE: "Points are chosen where the surface lies most probably, and moved there.",
+        Feature.SCORES: "The score, and the standard deviation relative to the prior, when the point was chosen.",
     }
 
     feature_weight: float = parameter(
         0.5,
         "How much denser points are where the surface is rough, from 0, an even cover, to 1.",
-        least=0,
-        most=1,
+        minimum=0,
+        maximum=1,
     )
     lengthscale: float = parameter(
-        1.5, "Lengthscale of the Matérn kernel, in desired spacings (research/local-field.md).", least=0.1, most=100
+        1.5,
+        "Lengthscale of the Matérn kernel, in desired spacings (research/local-field.md).",
+        minimum=0.1,
+        maximum=100,
     )
     neighbours: int = parameter(
-        4, "Number of chosen points on which the field at a point is conditioned.", least=1, most=64
+        4, "Number of chosen points on which the field at a point is conditioned.", minimum=1, maximum=64
     )
     candidates: float = parameter(
-        8.0, "Number of cells of the candidates' grid per squared target spacing.", least=3, most=1000
+        8.0, "Number of cells of the candidates' grid per squared target spacing.", minimum=3, maximum=1000
     )
     denoise: bool = parameter(
         False, "Move the points onto the surface that all points observe with noise, with their attributes."
@@ -96,40 +99,46 @@ class LocalGP(Method):
             neighbours=self.neighbours,
         )
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    @property
+    def moves_points(self) -> bool:
+        """Whether points are moved onto the surface."""
+        return self.denoise
+
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.gp.local.algorithm import choose, choose_denoised
         from gppcs.gp.local.beyond_memory import choose_stored
 
-        timer, stored, count = wanted.timer, wanted.stored, wanted.n_points
-        if wanted.spacing is not None:
+        timer, stored, count = task.timer, task.stored, task.n_points
+        if task.spacing is not None:
             with timer("tree"):
-                count = _number_at(wanted.points if stored is None else stored.sample, wanted)
+                count = _number_at(task.points if stored is None else stored.sample, task)
         if stored is not None:
-            rows = np.empty(0, dtype=np.int64) if wanted.rows is None else wanted.rows
+            rows = np.empty(0, dtype=np.int64) if task.indices is None else task.indices
             ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, timer, wanted.each, rows, wanted.points
+                stored, count, self.criterion, self.candidates, timer, task.map_parts, rows, task.points
             )
-        elif count < len(wanted.points) and self.denoise:
+        elif count < len(task.points) and self.denoise:
             ranking = choose_denoised(
-                wanted.points, count, self.criterion, self.candidates, timer, wanted.weights, wanted.detail
+                task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
             )
-        elif count < len(wanted.points):
+        elif count < len(task.points):
             ranking = choose(
-                wanted.points, count, self.criterion, self.candidates, timer, wanted.fixed, wanted.weights,
-                wanted.detail,
+                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights,
+                task.detail,
             )  # fmt: skip
         else:
-            return Selection(np.arange(len(wanted.points)), ranked=False)
+            return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         places, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
         return Selection(
             ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, places, attributes, normals=normals
         )
 
-    def _bytes(self, n: int, n_points: int) -> int:
+    def memory(self, n: int, n_points: int) -> int:
+        """Return the bytes that a call takes at most; see `Method.memory`."""
         from gppcs.gp.local.candidates import sample_size
         from gppcs.gp.local.placement import MOST
 
@@ -139,12 +148,12 @@ class LocalGP(Method):
         return HASHED * n + max(chosen, PLACED * min(n, MOST * n_points))
 
 
-def _number_at(points: NDArray[np.float64], wanted: Wanted) -> int:
+def _number_at(points: NDArray[np.float64], task: Task) -> int:
     """Return how many points have a spacing on the surface, of which a sample, (n, 3), tells the area."""
     from gppcs.gp.local.candidates import sample
     from gppcs.spatial.kdtree import KdTree, surface_area
 
-    assert wanted.spacing is not None
+    assert task.spacing is not None
     rows = sample(points, 1)
     area = surface_area(KdTree.build(points if len(rows) == len(points) else points[rows]))
-    return max(1, round(min(area / wanted.spacing / wanted.spacing, wanted.n_points)))
+    return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

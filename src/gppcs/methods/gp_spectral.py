@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted, random_candidates
+from gppcs.methods.method import Method, Selection, Task, random_candidates
 from gppcs.methods.parameters import parameter, require
 
 if TYPE_CHECKING:
@@ -45,30 +45,30 @@ class SpectralGP(Method):
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
     _bytes_per_point: ClassVar[int] = 1000
 
-    neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", least=3)
+    neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", minimum=3)
     eigenfunctions: int = parameter(
-        20, "L: the number of eigenfunctions to which the kernel of Eq. 6 is truncated.", least=1
+        20, "L: the number of eigenfunctions to which the kernel of Eq. 6 is truncated.", minimum=1
     )
     nu: float = parameter(
-        2.5, "Smoothness of the Matérn kernel; inf means the heat kernel.", least=0.001, most=math.inf
+        2.5, "Smoothness of the Matérn kernel; inf means the heat kernel.", minimum=0.001, maximum=math.inf
     )
     fit_nu: bool = parameter(False, "Fit nu as well; the fit starts from the given nu.")
-    k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.", least=1)
+    k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.", minimum=1)
     iterations: int = parameter(
         200,
         "Most iterations of the optimiser from each of its starts; it rarely needs more than 30.",
-        least=1,
+        minimum=1,
     )
     k_init: int | None = parameter(
         None,
         "Number of farthest points to start from; by default, a third of the points asked for.",
-        least=1,
+        minimum=1,
     )
     k_add: int | None = parameter(
         None,
         "Points added between two updates of the posterior. By default, as many as lead to 200 updates. This bounds "
         "the time for any cloud, and chooses nearly the same points as one at a time.",
-        least=1,
+        minimum=1,
     )
     landmarks: int = parameter(
         4000, "Number of farthest points on which the eigenproblem is solved; all points in clouds that have no more."
@@ -77,16 +77,16 @@ class SpectralGP(Method):
         None,
         "Choose among this many random points, as the paper's experiments do; by default, among all. Surface variation "
         "and process are always those of the whole cloud.",
-        least=1,
+        minimum=1,
     )
-    seed: int = parameter(0, "Seed of the random k_opt points and candidates.", least=0)
+    seed: int = parameter(0, "Seed of the random k_opt points and candidates.", minimum=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require(self, not self.fit_nu or math.isfinite(self.nu), "nu", "finite where it is to be fitted")
         require(self, self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -95,7 +95,7 @@ class SpectralGP(Method):
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):
             tree = KdTree.build(points)
         phi, y, theta = self._fitted_field(points, tree, timer)

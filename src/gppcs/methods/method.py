@@ -7,11 +7,12 @@ import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer
-from gppcs.methods.parameters import WIDTH, Parameter, check_parameter, completed, described
+from gppcs.methods.parameters import WIDTH, check_parameter, completed, described
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,42 +24,58 @@ if TYPE_CHECKING:
 RANKING = "The first k kept points are a simplification to k points, for any k."
 
 
+class Feature(StrEnum):
+    """What a method may be able to do beyond choosing a number of points."""
+
+    RANKING = "ranking"  # the first k of the chosen points are a simplification to k points
+    SPACING = "spacing"  # it chooses as many points as have a spacing
+    KEEP = "keep"  # it keeps given points
+    WEIGHT = "weight"  # it weighs points
+    DETAIL = "detail"  # it looks at attributes beside the shape
+    FILES = "files"  # it takes points on disk
+    DENOISE = "denoise"  # it moves points onto the surface below their noise, by its parameter `denoise`
+    SCORES = "scores"  # it reports the attributes `SCORES` of each chosen point
+
+
+SCORES = ("score", "deviation")
+
+
 @dataclass(frozen=True, eq=False)
-class Wanted:
-    """What is wanted of a method: of which points, how many, and what else is known.
+class Task:
+    """What a method is to do: of which points to choose, how many, and what else counts.
 
     Attributes
     ----------
     points : (N, 3) array, float64
         Finite and without repeats, about of unit size. If the points are `stored`, only those to keep, (fixed, 3).
     n_points : int
-        M, from 1 to N - 1; N if a `spacing` is wanted instead.
+        M, from 1 to N - 1; N if there is a `spacing` instead.
     spacing : float, optional
-        A spacing in place of a number, for methods whose `supports` has "spacing".
+        A spacing in place of a number, for methods that support `Feature.SPACING`.
     fixed : int
-        The first so many points, at most M, are chosen first, for methods whose `supports` has "keep".
+        The first so many points, at most M, are chosen first, for methods that support `Feature.KEEP`.
     weights : (N,) array, float64, optional
-        Multiplies the density of the chosen points, for methods whose `supports` has "weight". Above 0.
+        Multiplies the density of the chosen points, for methods that support `Feature.WEIGHT`. Above 0.
     detail : (N, k) array, float32, optional
-        Attributes that count beside the shape, for methods whose `supports` has "detail". A change by 1 counts as much
+        Attributes that count beside the shape, for methods that support `Feature.DETAIL`. A change by 1 counts as much
         as a sharp edge.
     values : (N,) array, float64, optional
-        Of the attribute that the method's parameter `attribute` names, if it has one.
+        Of the attribute that `Method.reads_attribute` names, if any.
     timer : Timer
         Measures the time of each stage, and reports progress.
     stored : StoredPoints, optional
-        Points on disk, where they do not fit into memory, for methods whose `supports` has "files". They may repeat
+        Points on disk, where they do not fit into memory, for methods that support `Feature.FILES`. They may repeat
         each other; the method chooses all different places if there are no more than M.
-    rows : (fixed,) array, int64, optional
-        Rows of the points to keep, if the points are stored.
-    each : callable
+    indices : (fixed,) array, int64, optional
+        Indices of the points to keep, if the points are stored.
+    map_parts : callable
         Applies a function to each part of stored points, like `map`: in threads, processes or on a cluster.
 
     Examples
     --------
     >>> import gppcs
     >>> points = gppcs.sample("sphere", n_points=1000).points
-    >>> gppcs.Random(seed=3)(gppcs.Wanted(points, 10)).indices.shape
+    >>> gppcs.Random(seed=3)(gppcs.Task(points, 10)).indices.shape
     (10,)
     """
 
@@ -71,8 +88,8 @@ class Wanted:
     values: NDArray[np.float64] | None = None
     timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
-    rows: NDArray[np.int64] | None = None
-    each: Each = map
+    indices: NDArray[np.int64] | None = None
+    map_parts: Each = map
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +105,7 @@ class Selection(ComparedByValue):
     points : (M, 3) array, float64, optional
         The new positions of the chosen points, if the method moves them.
     attributes : mapping of str to (M,) array
-        Values that the method reports about each chosen point, such as scores.
+        Those of `SCORES`, if the method supports `Feature.SCORES`.
     ranked : bool
         Whether the first points are a choice of fewer, if the method ranks its points. They are not where all points
         but repeats are chosen, in the order of the cloud.
@@ -99,7 +116,7 @@ class Selection(ComparedByValue):
     --------
     >>> import gppcs
     >>> points = gppcs.sample("sphere", n_points=1000).points
-    >>> selection = gppcs.FarthestPoint()(gppcs.Wanted(points, 10))
+    >>> selection = gppcs.FarthestPoint()(gppcs.Task(points, 10))
     >>> isinstance(selection, gppcs.Selection), len(selection.indices)
     (True, 10)
     """
@@ -130,13 +147,8 @@ class Method(ABC):
         What the method does, in a paragraph.
     source : str
         The publication.
-    attributes : tuple of str
-        Names of the `Selection.attributes` that the method reports, if any.
-    supports : mapping of str to str
-        What else the method can do, and what that means for it. "ranking": the first k of the chosen points are a
-        simplification to k points. "spacing": it chooses as many points as have a spacing. "keep", "weight",
-        "detail": it keeps given points, weighs points, and looks at attributes. "files": it takes points on disk.
-        "denoise": it moves points onto the surface below their noise, by its parameter `denoise`.
+    supports : mapping of Feature to str
+        What else the method can do, and what that means for it.
 
     Examples
     --------
@@ -147,8 +159,8 @@ class Method(ABC):
     ... class EveryNth(gppcs.Method):
     ...     name, summary, source = "every-nth", "points at equal steps", "an example"
     ...     description = "Points at equal steps in the order of the input."
-    ...     def __call__(self, wanted):
-    ...         return gppcs.Selection(np.arange(wanted.n_points) * len(wanted.points) // wanted.n_points)
+    ...     def __call__(self, task):
+    ...         return gppcs.Selection(np.arange(task.n_points) * len(task.points) // task.n_points)
     >>> gppcs.simplify(np.random.default_rng(0).random((100, 3)), n_points=4, method=EveryNth()).indices
     array([ 0, 25, 50, 75])
     """
@@ -157,8 +169,7 @@ class Method(ABC):
     summary: ClassVar[str]
     description: ClassVar[str] = ""
     source: ClassVar[str]
-    attributes: ClassVar[tuple[str, ...]] = ()
-    supports: ClassVar[Mapping[str, str]] = {}
+    supports: ClassVar[Mapping[Feature, str]] = {}
     _bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
@@ -177,13 +188,23 @@ class Method(ABC):
             if getattr(self, each.name) is not each.default:
                 check_parameter(self, each)
 
+    @property
+    def moves_points(self) -> bool:
+        """Whether the kept points get new positions."""
+        return False
+
+    @property
+    def reads_attribute(self) -> str | None:
+        """The attribute of the cloud whose values `Task.values` has to hold, if any."""
+        return None
+
     @abstractmethod
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose points of a cloud.
 
         Parameters
         ----------
-        wanted : Wanted
+        task : Task
 
         Returns
         -------
@@ -214,21 +235,7 @@ class Method(ABC):
         int
             Bytes.
         """
-        return self._bytes(n, n_points)
-
-    def _bytes(self, n: int, n_points: int) -> int:
         return self._bytes_per_point * n
-
-    @classmethod
-    def parameters(cls) -> dict[str, Parameter]:
-        """Return the descriptions of all parameters.
-
-        Returns
-        -------
-        dict of str to Parameter
-            By name, in the order of the fields. The texts are those given to `parameter`.
-        """
-        return described(cls, {each.name: each for each in dataclasses.fields(cls)})
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:

@@ -23,7 +23,7 @@ Value = TypeVar("Value")
 
 WIDTH = 100  # characters per line of the docstrings that are completed here
 _MEANING = "meaning"  # the key of a field's metadata that holds the help of the parameter
-_RANGE = "range"  # the key that holds its least and its greatest value
+_RANGE = "range"  # the key that holds its minimum and its maximum
 _INVALID = object()  # stands for a value that a parameter cannot have
 
 
@@ -42,7 +42,8 @@ class Parameter:
     Examples
     --------
     >>> import gppcs
-    >>> gppcs.Random.parameters()["seed"] == gppcs.Parameter("int", 0, "Seed of the permutation.")
+    >>> from gppcs.methods.parameters import parameters_of
+    >>> parameters_of(gppcs.Random)["seed"] == gppcs.Parameter("int", 0, "Seed of the permutation.")
     True
     """
 
@@ -51,7 +52,7 @@ class Parameter:
     meaning: str
 
 
-def parameter(default: Value, meaning: str, least: float | None = None, most: float | None = None) -> Value:
+def parameter(default: Value, meaning: str, minimum: float | None = None, maximum: float | None = None) -> Value:
     """Declare a parameter of a method, as a field of its dataclass.
 
     Parameters
@@ -59,8 +60,8 @@ def parameter(default: Value, meaning: str, least: float | None = None, most: fl
     default : int, float, bool, str or None
     meaning : str
         What the parameter does, in one or more sentences. The help of the command and the docstring show it.
-    least, most : float, optional
-        The range of a number; both ends belong to it. A float must also be finite, unless `most` is infinite.
+    minimum, maximum : float, optional
+        The range of a number; both ends belong to it. A float must also be finite, unless `maximum` is infinite.
 
     Returns
     -------
@@ -77,23 +78,24 @@ def parameter(default: Value, meaning: str, least: float | None = None, most: fl
     >>> from dataclasses import dataclass
     >>> import numpy as np
     >>> import gppcs
+    >>> from gppcs.methods.parameters import parameters_of
     >>> @dataclass(frozen=True)
     ... class FirstRows(gppcs.Method):
     ...     name, summary, source = "first-rows", "the first rows", "an example"
     ...     step: int = gppcs.parameter(1, "Distance between the rows that are taken.")
-    ...     def __call__(self, wanted):
-    ...         return gppcs.Selection(np.arange(wanted.n_points) * self.step)
-    >>> FirstRows.parameters()["step"].meaning
+    ...     def __call__(self, task):
+    ...         return gppcs.Selection(np.arange(task.n_points) * self.step)
+    >>> parameters_of(FirstRows)["step"].meaning
     'Distance between the rows that are taken.'
     """
     if not isinstance(default, numbers.Real | str | None):
         raise ParameterError(f"expected a number, a text, a truth value or None as default, found {shown(default)}")
     if not isinstance(meaning, str):
         raise ParameterError(f"expected the meaning of the parameter as text, found {shown(meaning)}")
-    for end in (least, most):
+    for end in (minimum, maximum):
         if end is not None and math.isnan(number(end)):
             raise ParameterError(f"expected a number as end of the range of the parameter, found {shown(end)}")
-    declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (least, most)})
+    declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (minimum, maximum)})
     return declared
 
 
@@ -105,8 +107,8 @@ def check_parameter(method: Method, each: dataclasses.Field[Any]) -> None:
     require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
     object.__setattr__(method, each.name, value)
     if isinstance(value, int | float):
-        least, most = each.metadata.get(_RANGE, (None, None))
-        require(method, _lies_within(value, least, most), each.name, _range(value, least, most))
+        minimum, maximum = each.metadata.get(_RANGE, (None, None))
+        require(method, _lies_within(value, minimum, maximum), each.name, _range(value, minimum, maximum))
 
 
 def require(method: Method, condition: bool, parameter: str, expected: str) -> None:
@@ -141,19 +143,19 @@ def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
     return _INVALID
 
 
-def _lies_within(value: float, least: float | None, most: float | None) -> bool:
+def _lies_within(value: float, minimum: float | None, maximum: float | None) -> bool:
     """Return whether a number is in a range, whose ends may be open; a float must be finite and not denormal."""
-    if value != value or _is_denormal(value) or (abs(value) == math.inf and value != most):
+    if value != value or _is_denormal(value) or (abs(value) == math.inf and value != maximum):
         return False
-    return (least is None or value >= least) and (most is None or value <= most)
+    return (minimum is None or value >= minimum) and (maximum is None or value <= maximum)
 
 
-def _range(value: float, least: float | None, most: float | None) -> str:
+def _range(value: float, minimum: float | None, maximum: float | None) -> str:
     """Return the range outside of which a number lies, as messages show it."""
-    if least is not None and most is not None:
-        words = f"from {least:g} to {most:g}"
+    if minimum is not None and maximum is not None:
+        words = f"from {minimum:g} to {maximum:g}"
     else:
-        ends = [f"at {side} {end:g}" for side, end in (("least", least), ("most", most)) if end is not None]
+        ends = [f"at {side} {end:g}" for side, end in (("least", minimum), ("most", maximum)) if end is not None]
         words = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
     return f"{words}, and not denormal" if _is_denormal(value) else words
 
@@ -185,6 +187,13 @@ def _read(value: Any, expected: Any) -> Any:
             except ValueError:
                 continue
     return value
+
+
+def parameters_of(method: Method | type[Method]) -> dict[str, Parameter]:
+    """Return the descriptions of all parameters of a method, by name."""
+    return described(
+        method if isinstance(method, type) else type(method), {each.name: each for each in dataclasses.fields(method)}
+    )
 
 
 def described(cls: type[Method], fields: Mapping[str, dataclasses.Field[Any]]) -> dict[str, Parameter]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -38,7 +38,12 @@ class Potamias(Method):
         "points, with the attributes of these points.",
     )
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    @property
+    def moves_points(self) -> bool:
+        """Whether the moved points themselves are kept."""
+        return not self.snap
+
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -47,10 +52,10 @@ class Potamias(Method):
         from gppcs.methods.learned.embedded import Embedded
         from gppcs.spatial.nearest_unused import nearest_unused
 
-        timer = wanted.timer
-        weights, tree, index, places, features = Embedded.of(self.name, wanted.points, timer)
+        timer = task.timer
+        weights, tree, index, places, features = Embedded.of(self.name, task.points, timer)
         with timer("farthest points"), one_blas_thread():
-            kept = latent.farthest(latent.coordinates(weights, places, features), wanted.n_points)
+            kept = latent.farthest(latent.coordinates(weights, places, features), task.n_points)
         with timer("attention"), one_blas_thread():
             moved = latent.moved(weights, tree.points.T, features, index, kept)
         with timer("nearest points"):

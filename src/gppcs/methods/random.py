@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.methods.method import RANKING, Method, Selection, Wanted
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
@@ -36,43 +36,46 @@ class Random(Method):
         "density comes from exponential random numbers divided by areas (Efraimidis and Spirakis 2006)."
     )
     source = "baseline"
-    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING, "files": "Other points than in memory, as random."}
+    supports: ClassVar[Mapping[Feature, str]] = {
+        Feature.RANKING: RANKING,
+        Feature.FILES: "Other points than in memory, as random.",
+    }
     _bytes_per_point: ClassVar[int] = 60
 
-    seed: int = parameter(0, "Seed of the permutation.", least=0)
+    seed: int = parameter(0, "Seed of the permutation.", minimum=0)
     even: bool = parameter(
         False,
         "Whether points are likely in proportion to the area that each stands for, so that the kept points lie equally "
         "densely. A stray point stands for a large area: drop outliers first.",
     )
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.nearest import squared_reaches
 
-        with wanted.timer("permutation"):
-            if wanted.stored is not None:
-                return Selection(self._of_stored(wanted))
-            rng, points = np.random.default_rng(self.seed), wanted.points
+        with task.timer("permutation"):
+            if task.stored is not None:
+                return Selection(self._of_stored(task))
+            rng, points = np.random.default_rng(self.seed), task.points
             if self.even:
                 areas = squared_reaches(KdTree.build(points))
-                return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: wanted.n_points])
-            return Selection(rng.permutation(len(points))[: wanted.n_points])
+                return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: task.n_points])
+            return Selection(rng.permutation(len(points))[: task.n_points])
 
-    def _of_stored(self, wanted: Wanted) -> NDArray[np.int64]:
+    def _of_stored(self, task: Task) -> NDArray[np.int64]:
         """Return the rows of the different places with the smallest random numbers."""
         import numpy as np
 
         from gppcs.spatial.row_sample import smallest_numbers
 
-        assert wanted.stored is not None
+        assert task.stored is not None
         numbers, rows = np.empty(0), np.empty(0, dtype=np.int64)
-        choose = partial(smallest_numbers, wanted.stored, wanted.n_points, self.seed, self.even)
-        for of_part in wanted.each(choose, wanted.stored.parts(PART)):
+        choose = partial(smallest_numbers, task.stored, task.n_points, self.seed, self.even)
+        for of_part in task.map_parts(choose, task.stored.parts(PART)):
             numbers, rows = np.concatenate([numbers, of_part[0]]), np.concatenate([rows, of_part[1]])
-            order = np.argsort(numbers, kind="stable")[: wanted.n_points]
+            order = np.argsort(numbers, kind="stable")[: task.n_points]
             numbers, rows = numbers[order], rows[order]
         return rows

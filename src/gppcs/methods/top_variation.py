@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import RANKING, Method, Selection, Wanted, largest
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task, largest
 from gppcs.methods.parameters import parameter
 
 
@@ -26,16 +26,16 @@ class TopVariation(Method):
     summary = "the points of largest surface variation, and no others"
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
-    supports: ClassVar[Mapping[str, str]] = {"ranking": RANKING}
+    supports: ClassVar[Mapping[Feature, str]] = {Feature.RANKING: RANKING}
     _bytes_per_point: ClassVar[int] = 150
 
-    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", least=3)
+    neighbours: int = parameter(25, "About how many points a neighbourhood holds.", minimum=3)
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("surface variation"):
             variation = estimate_features(points, self.neighbours).surface_variation
         return Selection(largest(variation, n_points))

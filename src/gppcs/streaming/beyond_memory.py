@@ -18,7 +18,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.methods import Selection, Wanted
+from gppcs.methods import Selection, Task
 from gppcs.simplification import Result, check_scores, check_usable, result_of, with_scores
 from gppcs.spatial.boxes import Each
 from gppcs.spatial.cells import first_occurrences
@@ -42,7 +42,7 @@ class Run(NamedTuple):
 def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, timer: Timer) -> Run:
     """Simplify the cloud in some files, with temporary files in a folder."""
     if request.scores:
-        check_scores(request.method, files.head().cloud)
+        check_scores(files.head().cloud)
     sources = files.each(plan.part)
     seen = read_all(sources, folder, plan.rows, plan.points, ChunkGuide.of(request), each, timer)
     _check_seen(seen, request)
@@ -58,7 +58,7 @@ def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Pat
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
     if request.scores:
-        kept = with_scores(kept, request.method, selection)
+        kept = with_scores(kept, selection)
     return Run(result_of(selection, kept, request.method, timer, outliers), len(stored))
 
 
@@ -96,7 +96,7 @@ def _chosen(
     check_count(count, len(keep), len(stored))
     first = first_occurrences(places)
     fixed, again = keep[first], keep[~first]
-    asked = Wanted(places[first], count, spacing, len(fixed), timer=timer, stored=stored, rows=fixed, each=each)
+    asked = Task(places[first], count, spacing, len(fixed), timer=timer, stored=stored, indices=fixed, map_parts=each)
 
     def chosen(wanted: int) -> Selection:
         if wanted >= len(stored) and spacing is None:

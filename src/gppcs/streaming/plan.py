@@ -17,6 +17,7 @@ from gppcs.engine.memory import available_memory, size_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles, Head
+from gppcs.methods import Feature
 from gppcs.spatial.stored import RECORD
 
 READINGS = 2  # Of the files, if the points go to disk: one stores the points, the other takes the kept ones.
@@ -138,4 +139,6 @@ def _reason(head: Head, request: Request, whole: str | None) -> str | None:
         return f"{head.whole} files are read as a whole"
     if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(head, request).values()):
         return "detail that is not a number for each point takes all points at once"
-    return None if "files" in request.method.supports else f"method {request.method.name!r} takes all points at once"
+    return (
+        None if Feature.FILES in request.method.supports else f"method {request.method.name!r} takes all points at once"
+    )

@@ -43,7 +43,7 @@ class Columns:
         """Return what is asked for; the ranges of attributes are those of the sample."""
         details = Details.of(sample, request.detail) if request.detail else None
         raw = raw_kind(weights.n > 0, sample.attributes)
-        return cls(raw, weights if weights.n else None, details, getattr(request.method, "attribute", None))
+        return cls(raw, weights if weights.n else None, details, request.method.reads_attribute)
 
     @property
     def kind(self) -> np.dtype[Any]:

@@ -10,6 +10,7 @@ import typer
 from gppcs.app import options
 from gppcs.app.printing import print_json, say
 from gppcs.methods import METHODS, Method
+from gppcs.methods.parameters import parameters_of
 
 EPILOG = "gppcs methods\n\ngppcs methods wlop"
 
@@ -46,7 +47,7 @@ def _record(method: type[Method]) -> dict[str, Any]:
         "source": method.source,
         "supports": dict(method.supports),
         "parameters": dataclasses.asdict(method()),
-        "meanings": {key: parameter.meaning for key, parameter in method.parameters().items()},
+        "meanings": {key: parameter.meaning for key, parameter in parameters_of(method).items()},
     }
 
 
@@ -56,7 +57,7 @@ def _list(chosen: list[type[Method]]) -> None:
 
     for method in chosen:
         rows = {"source": method.source}
-        if parameters := method.parameters():
+        if parameters := parameters_of(method):
             rows["parameters"] = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
         print_table(f"{method.name}: {method.summary}", rows)
     say("\ngppcs methods NAME explains a method and its parameters.")
@@ -69,8 +70,8 @@ def _explain(method: type[Method]) -> None:
     text = "\n\n".join(filter(None, [method.description, f"Source: {method.source}"]))
     paragraphs = [(f"{method.name}: {method.summary}", text)]
     paragraphs += [(f"supports {feature}", meaning) for feature, meaning in method.supports.items()]
-    for key, parameter in method.parameters().items():
+    for key, parameter in parameters_of(method).items():
         paragraphs.append((f"{key} ({parameter.kind}, default {parameter.default})", parameter.meaning))
-    if not method.parameters():
+    if not parameters_of(method):
         paragraphs.append(("no parameters", ""))
     print_paragraphs(paragraphs)

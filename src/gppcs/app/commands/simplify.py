@@ -12,7 +12,7 @@ from gppcs.app.panels import ATTRIBUTES, CHOICE, METHOD
 from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
 from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
-from gppcs.methods import DEFAULT, METHODS, Method
+from gppcs.methods import DEFAULT, METHODS, Feature, Method
 
 if TYPE_CHECKING:
     from gppcs.app.runs import Told
@@ -144,9 +144,9 @@ def simplify(
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
-    if mark is not None and (request.denoise or not getattr(chosen, "snap", True)):
+    if mark is not None and request.method.moves_points:
         raise ParameterError(
-            "expected --add kept without --denoise and --set snap=false, as it writes the points where they were"
+            "expected --add kept with a method that moves no points, as it writes them where they were"
         )
     limit, (query, files) = None if memory is None else bytes_of(memory), options.query_of(inside, only)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
@@ -193,7 +193,7 @@ def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Leve
     given = [option(name) for name, value in excluded.items() if value is not None]
     if given:
         raise ParameterError(f"expected --levels without {given[0]}")
-    require(method, "ranking")
+    require(method, Feature.RANKING)
     return Levels.of(text)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class AIVS(Method):
     source = "Lv, Lin and Zhao 2021, the isotropic form"
     _bytes_per_point: ClassVar[int] = 170
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("voxels", CLASSES) as advanced:
             return Selection(points_of_voxels(points, n_points, advanced))

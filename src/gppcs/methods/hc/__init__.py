@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class HierarchicalClustering(Method):
     source = "Pauly, Gross and Kobbelt 2002"
     _bytes_per_point: ClassVar[int] = 110
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("clusters"):
             return Selection(clusters_by_variation(points, n_points))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted, largest
+from gppcs.methods.method import Method, Selection, Task, largest
 from gppcs.methods.parameters import parameter
 
 
@@ -36,7 +36,7 @@ class PCSimp(Method):
     neighbours: int = parameter(
         15,
         "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more.",
-        least=1,
+        minimum=1,
     )
     uniformity: float = parameter(
         0.1,
@@ -44,22 +44,22 @@ class PCSimp(Method):
         "unit of length. Here feature strengths are divided by the squared spacing: the median over all points of the "
         "mean squared distance to their neighbours. With values above about 10, 1000 iterations may not be enough; "
         'check "gap".',
-        least=1e-12,
-        most=1e6,
+        minimum=1e-12,
+        maximum=1e6,
     )
     tolerance: float = parameter(
-        1e-4, "The relative duality gap at which the programme counts as solved.", least=1e-16, most=1
+        1e-4, "The relative duality gap at which the programme counts as solved.", minimum=1e-16, maximum=1
     )
-    iterations: int = parameter(1000, "Most iterations.", least=1)
+    iterations: int = parameter(1000, "Most iterations.", minimum=1)
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve
         from gppcs.spatial.kdtree import KdTree
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         neighbours = min(self.neighbours, len(points) - 1)
         with timer("neighbour graph"):
             tree = KdTree.build(points)

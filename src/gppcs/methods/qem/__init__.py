@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -34,13 +34,13 @@ class QEM(Method):
     neighbours: int = parameter(
         8,
         "Number of neighbours of a point, used for its normal and as partners of contractions.",
-        least=1,
+        minimum=1,
     )
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("contraction", len(points) - 1) as advanced:
             return Selection(contraction_order(points, self.neighbours, advanced=advanced)[:n_points])

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from gppcs.methods.method import RANKING, Method, Selection, Wanted
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,21 +35,21 @@ class SampleElimination(Method):
         "progressive: the first half of the kept points is evenly spread too, so is the first quarter, and so on."
     )
     source = "Yuksel 2015"
-    supports: ClassVar[Mapping[str, str]] = {
-        "ranking": RANKING,
-        "spacing": "No two kept points are nearer than it: the longest start of the progressive order with that.",
+    supports: ClassVar[Mapping[Feature, str]] = {
+        Feature.RANKING: RANKING,
+        Feature.SPACING: "No two kept points are nearer than it: the longest start of the progressive order with that.",
     }
     _bytes_per_point: ClassVar[int] = 150
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.sample_elimination.elimination import eliminate, far_apart
 
-        points = wanted.points
-        count = wanted.n_points if wanted.spacing is None else _most_at_spacing(points, wanted.spacing)
-        with wanted.timer("elimination", len(points) - count) as advanced:
+        points = task.points
+        count = task.n_points if task.spacing is None else _most_at_spacing(points, task.spacing)
+        with task.timer("elimination", len(points) - count) as advanced:
             order = eliminate(points, count, advanced)
-        return Selection(order if wanted.spacing is None else order[: far_apart(points[order], wanted.spacing)])
+        return Selection(order if task.spacing is None else order[: far_apart(points[order], task.spacing)])
 
 
 def _most_at_spacing(points: NDArray[np.float64], spacing: float) -> int:

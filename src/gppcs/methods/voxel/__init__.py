@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Literal
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter, require
 
 LEAST_EDGE = 1e-12  # Of cells, in sizes of the cloud: a finer grid has more cells than whole numbers can count.
@@ -33,9 +33,9 @@ class Voxel(Method):
         "the surplus points. The kept points are in the order of the input."
     )
     source = "baseline; the edge length of the cells is found by bisection"
-    supports: ClassVar[Mapping[str, str]] = {
-        "spacing": "The edge length of the cells; each occupied cell keeps one point.",
-        "files": "The same points as in memory, but for the size of the cells.",
+    supports: ClassVar[Mapping[Feature, str]] = {
+        Feature.SPACING: "The edge length of the cells; each occupied cell keeps one point.",
+        Feature.FILES: "The same points as in memory, but for the size of the cells.",
     }
     _bytes_per_point: ClassVar[int] = 170
 
@@ -56,7 +56,17 @@ class Voxel(Method):
         )
         require(self, (self.attribute is not None) == (self.keep in ("most", "least")), "attribute", named)
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    @property
+    def moves_points(self) -> bool:
+        """Whether the means of the cells are kept."""
+        return self.keep == "mean"
+
+    @property
+    def reads_attribute(self) -> str | None:
+        """The attribute of which each cell keeps the largest or smallest value, if any."""
+        return self.attribute
+
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -65,11 +75,11 @@ class Voxel(Method):
         from gppcs.methods.voxel.parts import representatives_in_parts
         from gppcs.spatial.cells import first_occurrences
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
-        edge = None if wanted.spacing is None else max(wanted.spacing, LEAST_EDGE)
-        if wanted.stored is not None:
-            stored = wanted.stored
-            indices, places, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, wanted.each)
+        points, n_points, timer = task.points, task.n_points, task.timer
+        edge = None if task.spacing is None else max(task.spacing, LEAST_EDGE)
+        if task.stored is not None:
+            stored = task.stored
+            indices, places, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, task.map_parts)
         else:
             corner = points.min(axis=0)
             points = points - corner
@@ -80,11 +90,11 @@ class Voxel(Method):
                 with timer("size of cells"):
                     edge = cell_edge(float(placed.max()), n_points, partial(occupied, placed))
             with timer("representatives"):
-                indices, means = representatives(placed, edge, worth(points, self.keep, wanted.values))
+                indices, means = representatives(placed, edge, worth(points, self.keep, task.values))
                 means += corner
             places = points[indices]
         kept = np.arange(len(indices))
-        if wanted.spacing is None and len(indices) > n_points:
+        if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
                 kept, _ = thin(places, n_points)
         return Selection(indices[kept], {}, means[kept] if self.keep == "mean" else None)

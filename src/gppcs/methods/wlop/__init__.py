@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gppcs.methods.method import Method, Selection, Wanted
+from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -35,11 +35,11 @@ class WLOP(Method):
         "Radius within which points attract and samples repel each other, in average spacings of the input; 8 as in "
         "CGAL. Larger values smooth more: with four spacings of the output, which are 21 to 26 of the input at ratios "
         "of 3 to 5 %, the mean distance to a kept point grows by a third.",
-        least=0.001,
-        most=1e6,
+        minimum=0.001,
+        maximum=1e6,
     )
-    iterations: int = parameter(35, "Number of iterations.", least=1)
-    mu: float = parameter(0.45, "Weight of the repulsion, from 0 to 0.5.", least=0, most=0.5)
+    iterations: int = parameter(35, "Number of iterations.", minimum=1)
+    mu: float = parameter(0.45, "Weight of the repulsion, from 0 to 0.5.", minimum=0, maximum=0.5)
     require_uniform: bool = parameter(
         False, "Weight the points so that dense parts of the input attract no more than others."
     )
@@ -48,9 +48,14 @@ class WLOP(Method):
         "Replace each sample by the nearest original point that no earlier sample took. Otherwise keep the samples, "
         "with the attributes of these points.",
     )
-    seed: int = parameter(0, "Seed of the random points.", least=0)
+    seed: int = parameter(0, "Seed of the random points.", minimum=0)
 
-    def __call__(self, wanted: Wanted) -> Selection:
+    @property
+    def moves_points(self) -> bool:
+        """Whether the samples themselves are kept."""
+        return not self.snap
+
+    def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         import numpy as np
 
@@ -58,7 +63,7 @@ class WLOP(Method):
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.nearest_unused import nearest_unused
 
-        points, n_points, timer = wanted.points, wanted.n_points, wanted.timer
+        points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):
             tree = KdTree.build(points)
             radius = self.radius * projection.average_spacing(tree)
