@@ -99,7 +99,6 @@ CALLS = {  # a public function, and arguments with which it works
     "simplify spacing": {"cloud": CLOUD, "spacing": 20.0, "method": "fps"},
     "simplify_files": {"paths": "there.ply", "n_points": 9},
     "compare": {"cloud": CLOUD, "methods": ["random"], "n_points": 9},
-    "curve": {"cloud": CLOUD, "methods": ["random"], "sizes": [9]},
     "find_outliers": {"cloud": CLOUD},
     "compare_meshes": {"cloud": BALL, "ways": ["mesh"], "n_points": 9},
     "evaluate": {"original": CLOUD, "simplified": CLOUD},
@@ -122,7 +121,7 @@ CALLS = {  # a public function, and arguments with which it works
     "set_threads": {"count": None},
 }
 PLAIN = {
-    "Curve", "DetailErrors", "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter",
+    "DetailErrors", "Entry", "Features", "Figure", "MeshEntry", "MeshReport", "MeshResult", "Parameter",
     "Rebuilt", "Report", "Result", "Selection", "Summary",
 }  # fmt: skip
 

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
+from gppcs.methods import Feature
 from shapes import odd_clouds
 
 METHODS = list(gppcs.METHODS)
@@ -201,3 +202,34 @@ def test_a_result_does_not_hold_the_original():
     gc.collect()
     assert original() is None
     assert len(result.cloud) == 50
+
+
+def test_what_is_no_ranking_has_no_prefixes():
+    cloud = gppcs.sample("bracket", n_points=3000)
+    with pytest.raises(gppcs.ParameterError, match="a method that ranks its points, found 'voxel'; use 'gp' or "):
+        gppcs.simplify(cloud, n_points=50, method="voxel").prefix(10)
+    points = cloud.points[:200]
+    for cloud_or_points, options in (
+        (points, {"ratio": 1}),
+        (np.concatenate([points, points]), {"n_points": 300}),
+        (np.concatenate([points, [[np.nan] * 3]]), {"n_points": 200, "invalid": "drop"}),
+        (points, {"n_points": 100, "weight": np.arange(200) >= 100}),
+    ):
+        with pytest.raises(gppcs.ParameterError, match="all points were kept"):
+            gppcs.simplify(cloud_or_points, **options).prefix(10)
+    with pytest.raises(gppcs.ParameterError, match="at most 50 points, as the result has, found 51"):
+        gppcs.simplify(cloud, n_points=50, method="fps").prefix(51)
+
+
+@pytest.mark.parametrize(
+    "method", [name for name, method in gppcs.METHODS.items() if Feature.RANKING in method.supports and name != "gp"]
+)
+def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_spread(method):
+    cloud = gppcs.sample("bracket", n_points=3000)
+    long, short = (gppcs.simplify(cloud, n_points=n, method=method) for n in (200, 100))
+    assert (long.prefix(100).indices == long.indices[:100]).all()
+    if method == "sample-elimination":  # which orders the points by removing half of them again and again
+        radii = [gppcs.evaluate(cloud, result.cloud).covering_radius for result in (long.prefix(100), short)]
+        assert radii[0] < 1.2 * radii[1]
+    else:
+        assert (long.indices[:100] == short.indices).all()

@@ -54,8 +54,6 @@ Judge a simplification
     figures_of               unit and definition of each figure of a report
     Figure                   unit and definition of one figure
     compare                  run several methods on one cloud and evaluate each result
-    curve                    the error of methods over the number of points
-    Curve                    what `curve` returns for one method
     Entry                    what `compare` returns for one method
     compare_meshes           make a light mesh in several ways and evaluate each
     MeshEntry                what `compare_meshes` returns for one way
@@ -113,7 +111,6 @@ from typing import TYPE_CHECKING, Any
 from gppcs.clouds import above
 
 if TYPE_CHECKING:
-    from gppcs.amounts.curve import Curve as Curve
     from gppcs.clouds.cloud import PointCloud as PointCloud
     from gppcs.clouds.depth_camera import from_depth as from_depth
     from gppcs.clouds.header import Header as Header
@@ -135,7 +132,6 @@ if TYPE_CHECKING:
     from gppcs.estimator import Simplifier as Simplifier
     from gppcs.evaluation.comparison import Entry as Entry
     from gppcs.evaluation.comparison import compare as compare
-    from gppcs.evaluation.curves import curve as curve
     from gppcs.evaluation.judge import evaluate as evaluate
     from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
     from gppcs.evaluation.mesh_comparison import MeshEntry as MeshEntry
@@ -186,7 +182,6 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {  # the module that defines each public name
-    "amounts.curve": ("Curve",),
     "clouds.cloud": ("PointCloud",),
     "clouds.header": ("Header",),
     "clouds.depth_camera": ("from_depth",),
@@ -207,7 +202,6 @@ _HOMES = {  # the module that defines each public name
     ),
     "estimator": ("Simplifier",),
     "evaluation.comparison": ("Entry", "compare"),
-    "evaluation.curves": ("curve",),
     "evaluation.judge": ("evaluate", "evaluate_mesh"),
     "evaluation.mesh_comparison": ("MeshEntry", "compare_meshes"),
     "evaluation.report": ("DetailErrors", "Figure", "MeshReport", "Rebuilt", "Report", "figures_of"),

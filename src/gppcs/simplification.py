@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gppcs.amounts.choice import choose_amount
-from gppcs.amounts.curve import Curve, checked_sizes, halves, measured_curve
 from gppcs.amounts.guide import Guide
 from gppcs.amounts.request import Request, require
 from gppcs.clouds import above
@@ -100,43 +99,6 @@ class Result(ComparedByValue):
             raise ParameterError(f"expected at most {len(self.indices):,} points, as the result has, found {count:,}")
         self._require_ranking()
         return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
-
-    def curve(self, original: CloudLike, *, sizes: Sequence[float] | None = None) -> Curve:
-        """Return the errors of the first points of the result, over their number.
-
-        Parameters
-        ----------
-        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
-            The cloud that was simplified.
-        sizes : sequence of int or float, optional
-            Numbers of points, or shares of the result below 1. By default all of its points, half of them, and so on.
-
-        Returns
-        -------
-        Curve
-
-        Raises
-        ------
-        InputError
-            If the original has no finite point.
-        ParameterError
-            If the method does not rank its points, or a size is none.
-
-        Examples
-        --------
-        >>> cloud = gppcs.sample("bracket", n_points=2000)
-        >>> gppcs.simplify(cloud, n_points=400, method="fps").curve(cloud).sizes
-        array([ 12,  25,  50, 100, 200, 400])
-        """
-        self._require_ranking()
-        whole = PointCloud.of(original)
-        count = len(self.indices)
-        wanted = halves(count) if sizes is None else checked_sizes(sizes, count)
-        rows = _finite_rows(whole, "drop")
-        if self.outliers is not None:
-            rows = np.setdiff1d(rows, self.outliers, assume_unique=True)
-        kept = whole.take(rows)
-        return measured_curve(kept, self.method, wanted, lambda m: self.cloud.take(np.arange(m)), Timer())
 
     def _require_ranking(self) -> None:
         """Raise an error if the first points are no simplification."""

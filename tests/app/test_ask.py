@@ -1,7 +1,6 @@
-"""The options that ask for an accuracy, a spacing, points to keep or leave out, and several sizes; `gppcs curve`."""
+"""The options that ask for an accuracy, a spacing, points to keep or leave out, and several sizes."""
 
 import errno
-import json
 import math
 import re
 from itertools import pairwise
@@ -133,27 +132,6 @@ def test_a_full_disk_leaves_no_level(refused, scan, monkeypatch):
     monkeypatch.setattr(io, "store", on_full_disk)
     words = ("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,60", *FAST)
     refused(words, "scan_2.ply: No space left on device")
-
-
-def test_curve_prints_a_table_and_draws_a_plot(gppcs_command, scan):
-    pytest.importorskip("matplotlib")
-    words = ["curve", "scan.ply", "--methods", "fps,random", "--sizes", ".05,0.05k,100"]
-    code, out, _ = gppcs_command(*words, "--plot", "curve.png")
-    assert code == 0
-    fps = gppcs.curve(scan, ["fps"], sizes=[20, 50, 100])[0]
-    assert f"{fps.errors['p95'][1]:.4g}" in out
-    assert f"knee of fps: {fps.knee()} points" in out
-    assert Path("curve.png").read_bytes().startswith(b"\x89PNG")
-    records = [json.loads(line) for line in gppcs_command(*words, "--json", "-q")[1].splitlines()]
-    assert [record["method"] for record in records] == ["fps", "random"]
-    assert records[0]["points"] == [20, 50, 100]
-    assert records[0]["errors"]["p95"] == fps.errors["p95"].tolist()
-
-
-def test_two_sizes_have_no_knee(gppcs_command, record, scan):
-    words = ["curve", "scan.ply", "--methods", "random", "--sizes", "50,100"]
-    assert "knee" not in gppcs_command(*words)[1]
-    assert record(*words)["knee"] is None
 
 
 def test_detail_that_counts_for_nothing_is_told(gppcs_command):

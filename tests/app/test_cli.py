@@ -40,7 +40,7 @@ def options_of(command):
 
 
 def test_commands_have_the_same_options_where_these_mean_something():
-    read = {"simplify", "mesh", "evaluate", "compare", "curve", "report", "view", "render", "info", "convert"}
+    read = {"simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert"}
     for command in read:
         assert "--from" in options_of(command), command
     for command in read - {"info"} | {"sample", "warmup"}:
@@ -52,7 +52,6 @@ def test_commands_have_the_same_options_where_these_mean_something():
     [
         (["evaluate", "table.dat", "small.ply"], None),
         (["compare", "table.dat", "--points", 30, "--methods", "fps", "--no-picture", "-o", "side"], "side"),
-        (["curve", "table.dat", "--methods", "fps", "--sizes", "10%"], None),
         (["report", "table.dat", "small.ply", "-o", "r.html"], "r.html"),
         (["view", "small.ply", "table.dat", "-o", "v.html", "--no-open"], "v.html"),
         (["render", "table.dat", "-o", "p.png", "--size", "100x80"], "p.png"),

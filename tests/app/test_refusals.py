@@ -133,18 +133,6 @@ REFUSED = {
             "scan.ply: expected a text table, whose columns can be named, found PLY",
         ),
     ],
-    "curve scan.ply": [
-        ("--sizes 5,many", "expected --sizes to be a whole number", "found 'many'"),
-        ("--sizes 0", "a size to be a whole number from 1 on, found 0"),
-        ("--sizes 1.5", "--sizes to be a whole number"),
-        ("--sizes x%", "--sizes to be a share"),
-        ("--only 'z > 999'", "scan.ply: expected points with z > 999, found none; gppcs info shows"),
-        ("--methods fsp", "did you mean 'fps'"),
-        ("--plot a.jpg", "a.jpg: expected a name that ends in .png"),
-        ("--plot none/a.png", NO_FOLDER),
-        ("--plot there.png", THERE),
-        ("--inside 900,900,901,901", "scan.ply: expected points in the box, found none"),
-    ],
     "render": [
         ("scan.ply -o a.jpg", "a.jpg: expected a name that ends in .png"),
         ("scan.ply -o there.png", f"there.png: {THERE}"),

@@ -11,7 +11,6 @@ import pytest
 
 import gppcs
 from command_line import SIMPLIFY, files
-from gppcs.app import program
 from web_page import WebPage
 
 SMALL = ("--points", 60, "--method", "random")
@@ -45,15 +44,6 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
     code, out, err = gppcs_command(*words, "-o", "-")
     assert (code, err, files()) == (0, "", ["scan.ply"])
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
-
-
-def test_a_plot_on_standard_output_is_alone_there(scan, capfdbinary):
-    pytest.importorskip("matplotlib")
-    words = ["curve", "scan.ply", "--methods", "fps", "--sizes", "50", "--plot", "-"]
-    for more in ([], ["--json"]):
-        assert program.run([*words, *more]) == 0
-        out, _ = capfdbinary.readouterr()
-        assert (out[:4], out[-8:-4]) == (b"\x89PNG", b"IEND")
 
 
 def test_a_file_may_be_called_like_standard_output(printed, record, refused, scan, folder):

@@ -9,10 +9,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from gppcs.amounts.curve import Curve
-from gppcs.app.printing import say, visible
+from gppcs.app.printing import visible
 from gppcs.app.tables import Row, as_text, columns_of, units_of
-from gppcs.clouds.quantities import Measure
 
 
 def print_comparison(rows: Sequence[Row]) -> None:
@@ -49,22 +47,6 @@ def print_table(title: str, rows: Mapping[str, str]) -> None:
     width = max(len(visible(name)) for name in rows)
     for name, value in rows.items():
         console.print(f"{visible(name):<{width}}  {visible(value)}".rstrip())
-
-
-def print_curves(title: str, curves: Sequence[Curve], measure: Measure, n: int) -> None:
-    """Print the errors of methods over their numbers of points, and the knee of each that has one."""
-    table, titles = _table(), ["points", "share", *(str(each.method) for each in curves)]
-    for name in titles:
-        table.add_column(name, justify="right", min_width=len(name))
-    for row, size in enumerate(curves[0].sizes.tolist()):
-        errors = [float(each.errors[measure][row]) for each in curves]
-        cells = [f"{error:.4g} ({error / each.diagonal or 0:.3%})" for error, each in zip(errors, curves, strict=True)]
-        table.add_row(f"{size:,}", f"{size / n:.2%}", *cells)
-    say(title)
-    units = f"{measure} error in the unit of the coordinates, and as a share of the diagonal"
-    _print_wide(table, 24 * len(titles), units)
-    for each in filter(lambda curve: curve.has_knee, curves):
-        say(f"knee of {each.method!s}: {each.knee(measure):,} points")
 
 
 def _table() -> Table:

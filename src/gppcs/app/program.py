@@ -19,7 +19,7 @@ from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, say, tell
 
 NAME = "gppcs"  # also if it runs as `python -m gppcs`
 COMMANDS = (
-    "simplify", "mesh", "evaluate", "compare", "curve", "report", "view", "render", "info", "convert", "sample",
+    "simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert", "sample",
     "methods", "warmup",
 )  # fmt: skip
 

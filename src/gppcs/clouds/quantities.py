@@ -32,7 +32,7 @@ _COUNT = re.compile(
 )
 _DOTTED = re.compile(r"(?P<whole>\+?[1-9]\d{0,2})(?P<parts>(\.\d{3})+)", re.ASCII)
 _PERCENT = re.compile(r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?) ?%", re.ASCII)
-_LABELS = {"n_points": "the number of points", "n_faces": "the number of triangles", "sizes": "a size"}
+_LABELS = {"n_points": "the number of points", "n_faces": "the number of triangles"}
 
 
 def count_of(name: str, given: Any, least: int = 1) -> int:
