@@ -16,12 +16,7 @@ MOST_SHOWN = 80  # characters of a wrong value that a message shows
 class GppcsError(Exception):
     """Base class of all errors that gppcs raises on purpose.
 
-    Parameters
-    ----------
-    *args : object
-        The message, which speaks to users of the library.
-    command : str, optional
-        The message for users of the command, if it names an option. By default they see the same.
+    Messages name the argument of the library that is to change; the command has options of the same names.
 
     Examples
     --------
@@ -32,10 +27,6 @@ class GppcsError(Exception):
     ...     print(error)
     expected a ratio above 0 and at most 1, found 2; for 2 percent, write 0.02
     """
-
-    def __init__(self, *args: object, command: str | None = None) -> None:
-        super().__init__(*args)
-        self.command = str(self) if command is None else command
 
 
 class InputError(GppcsError, ValueError):

@@ -381,6 +381,6 @@ def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
         raise InputError("the cloud is empty: expected at least one point")
     if bad and invalid == "error":
         found = f"{bad} of {n} points have coordinates that are NaN or infinite, the first at index {first}"
-        raise InputError(f"{found}; drop them with invalid='drop'", command=f"{found}; drop them with --drop invalid")
+        raise InputError(f"{found}; drop them with invalid='drop'")
     if bad == n:
         raise InputError(f"none of the {n} points has finite coordinates")

@@ -61,7 +61,7 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"quota": QUOTA, "group": "nx"}, "either quotas or a group"),
 ]
 INPUTS = [
-    ({"tolerance": "0.5mm"}, r"does not say in which unit.*how much 0\.5mm is; give unit="),
+    ({"tolerance": "0.5mm"}, r"does not say in which unit.*how much 0\.5mm is; give unit"),
     ({"keep": range(6)}, "6 points are to be kept .* only 5 points are asked for"),
     ({"keep": "nzz > 0"}, "at character 1 .* no attribute 'nzz'; did you mean 'nz'?"),
     ({"keep": "nz > 9"}, "expected points with nz > 9 to keep, found none; .* omit keep"),

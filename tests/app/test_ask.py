@@ -59,7 +59,7 @@ def test_a_unit_that_is_not_that_of_the_file_is_told(gppcs_command, folder):
 def test_a_file_with_only_the_code_of_its_system_takes_a_unit(printed, refused, folder):
     las_in(b"", (3072, 0, 1, 25832))
     words = ["simplify", "a.las", "-o", "out.las", "--max-gap", "500cm", "-q", *FAST]
-    refused(words, "does not say in which unit its coordinates are", "--unit m")
+    refused(words, "does not say in which unit its coordinates are", "give unit")
     assert printed(*words, "--unit", "m") == ""
 
 

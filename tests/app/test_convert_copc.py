@@ -91,7 +91,7 @@ def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused
     points[7] = np.nan
     np.save(folder / "scan.npy", points)
     command = ("convert", "scan.npy", "scan.copc.laz", "--memory", "1GB", "--quiet")
-    refused(command, "--drop invalid")
+    refused(command, "invalid")
     code, _, err = gppcs_command(*command, "--drop", "invalid")
     assert code == 0
     assert "points with NaN or infinite coordinates (1)" in err
@@ -168,7 +168,7 @@ def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeyp
 def test_coordinates_that_would_move_far_are_refused(gppcs_command, refused, folder):
     np.save("scan.npy", np.full((5000, 3), 1 / 3))  # which no scale of a power of ten has
     command = ("convert", "scan.npy", "scan.copc.laz", "--memory", "1GB", "--quiet")
-    refused(command, "which move by at most", "--lossy")
+    refused(command, "which move by at most", "lossy")
     code, _, err = gppcs_command(*command, "--lossy")
     assert (code, len(gppcs.read("scan.copc.laz"))) == (0, 5000)
     assert "the last digits of coordinates" in err

@@ -148,7 +148,7 @@ def test_scraps_are_told(gppcs_command, folder):
 
 def test_what_the_format_cannot_hold_is_refused_before_the_work(refused, ball, monkeypatch):
     monkeypatch.setattr("gppcs.meshing.pipeline.mesh", None)
-    parts = ("small.obj: expected a format that holds all", "OBJ cannot hold: attribute curvature", "with --lossy")
+    parts = ("small.obj: expected a format that holds all", "OBJ cannot hold: attribute curvature", "with lossy")
     refused(("mesh", "ball.ply", "-o", "small.obj", "--points", 100), *parts)
 
 

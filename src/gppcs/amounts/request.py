@@ -8,7 +8,7 @@ from typing import Any
 
 from gppcs.amounts.quotas import Quota, quotas_of
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Amount, metres_of, option
+from gppcs.clouds.quantities import Amount, metres_of
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.errors import ParameterError, flag, nearest_name, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
@@ -127,10 +127,7 @@ def _check_denoised(amount: Amount, keep: object, quotas: object, group: str | N
     }
     for name, given in asked.items():
         if given:
-            raise ParameterError(
-                f"expected denoise= without {name}=, found both",
-                command=f"expected --denoise without {option(name)}, found both",
-            )
+            raise ParameterError(f"expected denoise without {name}, found both")
 
 
 def _check_supported(

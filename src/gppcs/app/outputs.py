@@ -91,7 +91,7 @@ def _is_other_text(path: Path) -> bool:
         with CloudFiles([path]) as files:
             files.head()
     except FileFormatError as error:
-        print_error(f"note: {error.command}; this file is passed over")
+        print_error(f"note: {error}; this file is passed over")
         return True
     return False
 

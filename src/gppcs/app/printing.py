@@ -162,9 +162,9 @@ def _verdict(report: Report | MeshReport, unit: str) -> str:
 def tell(error: BaseException, source: Path | None = None) -> None:
     """Print an error as one line on stderr."""
     if isinstance(error, InputError) and source:
-        print_error(f"{source}: {error.command}")
+        print_error(f"{source}: {error}")
     elif isinstance(error, GppcsError):
-        print_error(error.command)
+        print_error(str(error))
     elif isinstance(error, OSError) and error.filename:
         is_unit = isinstance(error, FileNotFoundError) and str(error.filename) in (*METRES, SHARE)
         hint = f"; if it is the unit of a length, write no space before it: 1{error.filename}" if is_unit else ""

@@ -17,7 +17,7 @@ from gppcs.app.levels import Levels
 from gppcs.app.outputs import Output
 from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.quantities import metres_of, name_of_unit, option, unit_of
+from gppcs.clouds.quantities import metres_of, name_of_unit, unit_of
 from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
@@ -80,7 +80,7 @@ class Job:
         output.check(self.force)
         work = replace(self.work, timer=Timer(self.work.timer.listener))
         with CloudFiles(sources, self.input_format, query=self.query) as files:
-            planned = work.planned(files, self.request, self._whole())
+            planned = work.planned(files, self.request, None if self.mark is None else "add kept")
             if self.dry_run:
                 return told_of_plan(output, planned)
             head = files.head().cloud
@@ -99,12 +99,6 @@ class Job:
             )
         unit = unit_of(head.header, self.request.unit)
         return self._told(output, list(map(len, clouds)), done, planned.readings, unit)
-
-    def _whole(self) -> str | None:
-        """Return the option that takes all points at once, if any."""
-        if self.request.whole:
-            return option(self.request.whole)
-        return None if self.mark is None else "--add kept"
 
     def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""

@@ -48,11 +48,8 @@ def share_of(name: str, given: Any) -> float:
         return found
     if isinstance(given, str) and given.strip().endswith("%"):
         raise ParameterError(f"expected a ratio above 0 and at most 100%, found {shown(given)}")
-    message = f"expected a ratio above 0 and at most 1, found {shown(value)}"
-    if not 2 <= found <= 100:  # such as 3, meant as a percentage
-        raise ParameterError(message)
-    message += f"; for {found:g} percent, write "
-    raise ParameterError(f"{message}{found / 100:g}", command=f"{message}{found:g}%")
+    percentage = f"; for {found:g} percent, write {found / 100:g}" if 2 <= found <= 100 else ""
+    raise ParameterError(f"expected a ratio above 0 and at most 1, found {shown(value)}{percentage}")
 
 
 def size_of(name: str, given: Any) -> float | int:
@@ -72,15 +69,19 @@ def _digits(name: str, text: str) -> int:
     if dotted := _DOTTED.fullmatch(text.strip()):  # in many languages, a point parts thousands
         or_less = f" or {dotted['whole']}" if dotted["parts"] == ".000" else ""
         without = text.strip().replace(".", "")
-        raise _error(name, f"to be a whole number without points, found {shown(text)}; write {without}{or_less}")
+        raise ParameterError(
+            f"expected {name} to be a whole number without points, found {shown(text)}; write {without}{or_less}"
+        )
     found = _COUNT.fullmatch(text.strip())
     digits = found and f"{found['whole'] or ''}{found['part'] or ''}".replace(",", "").replace("_", "")
     if not found or not digits or not any(map(str.isdigit, digits)):
         hint = "; a share of the points is the ratio" if text.strip().endswith("%") and name == "n_points" else ""
-        raise _error(name, f"to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}")
+        raise ParameterError(
+            f"expected {name} to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}{hint}"
+        )
     value = Fraction(digits + (found["power"] or "")) * _THOUSANDS[found["unit"].lower()]
     if value.denominator != 1 or abs(value) > _MOST:
-        raise _error(name, f"to be a whole number of at most 1e18, found {shown(text)}")
+        raise ParameterError(f"expected {name} to be a whole number of at most 1e18, found {shown(text)}")
     return value.numerator
 
 
@@ -89,7 +90,7 @@ def _percentage(name: str, text: str) -> float:
     try:
         return float(Fraction(percent["number"]) / 100) if percent else float(text)
     except (ValueError, OverflowError):
-        raise _error(name, f"to be a share, such as 0.03 or 3%, found {shown(text)}") from None
+        raise ParameterError(f"expected {name} to be a share, such as 0.03 or 3%, found {shown(text)}") from None
 
 
 @dataclass(frozen=True)
@@ -105,19 +106,22 @@ class Length:
     def of(cls, name: str, given: Any) -> Length:
         """Return the length that a value means: a number, or a text such as "0.5mm", "5 cm" or "0.02%"."""
         if isinstance(given, str) and "," in given:
-            raise _error(name, f"to be a length without commas, such as 0.5mm or 1500mm, found {shown(given)}")
+            raise ParameterError(
+                f"expected {name} to be a length without commas, such as 0.5mm or 1500mm, found {shown(given)}"
+            )
         found = _LENGTH.fullmatch(given.strip()) if isinstance(given, str) else None
         amount = float(found["number"]) if found else number(given)
         unit = found["unit"] if found else ""
         if found and unit not in (*METRES, SHARE, ""):
-            raise _error(
-                name, f"to have a unit, found {shown(unit)} in {shown(given)}{nearest_name(unit, [*METRES, SHARE])}"
+            raise ParameterError(
+                f"expected {name} to have a unit, found {shown(unit)} in {shown(given)}"
+                f"{nearest_name(unit, [*METRES, SHARE])}"
             )
         if math.isnan(amount):
-            raise _error(name, f"to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(given)}")
+            raise ParameterError(f"expected {name} to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(given)}")
         if not 0.0 < amount < math.inf:
             all_points = "; to keep every point, give a ratio of 1" if name == "tolerance" and amount == 0.0 else ""
-            raise _error(name, f"to be a length above 0, found {shown(given)}{all_points}")
+            raise ParameterError(f"expected {name} to be a length above 0, found {shown(given)}{all_points}")
         return cls(name, given, amount, unit)
 
     def in_cloud(self, diagonal: float, metres: float | None) -> float:
@@ -127,13 +131,9 @@ class Length:
         if not self.unit:
             return self.amount
         if metres is None:
-            found = (
-                f"the cloud does not say in which unit its coordinates are, so it is not known how much {self.given} is"
-            )
             raise InputError(
-                f"{found}; give unit=, such as unit='m', or {self.name} as a number in the unit of the coordinates",
-                command=f"{found}; give --unit, such as --unit m, or {option(self.name)} without a unit, in that of "
-                "the coordinates",
+                f"the cloud does not say in which unit its coordinates are, so it is not known how much {self.given} "
+                f"is; give unit, such as 'm', or {self.name} without a unit, in that of the coordinates"
             )
         return self.amount * METRES[self.unit] / metres
 
@@ -154,7 +154,7 @@ class Tolerance:
         measure = next((each for each in MEASURES if each == word.strip()), None)
         if measure is None:
             known = " or ".join(f":{each}" for each in MEASURES)
-            raise _error("tolerance", f"to end in {known}, found {shown(given)}")
+            raise ParameterError(f"expected tolerance to end in {known}, found {shown(given)}")
         return cls(Length.of("tolerance", length), measure)
 
 
@@ -208,11 +208,7 @@ def _not_one(names: list[str]) -> ParameterError:
         found = "both" if names else "neither"
         more = "" if names else "; or give a tolerance, a spacing or a largest gap"
         return ParameterError(f"expected either a ratio or a number of points, found {found}{more}")
-    expected = "expected one of"
-    return ParameterError(
-        f"{expected} ratio, n_points, tolerance and spacing, found {' and '.join(names)}",
-        command=f"{expected} --ratio, --points, --tolerance and --spacing, found {' and '.join(map(option, names))}",
-    )
+    return ParameterError(f"expected one of ratio, n_points, tolerance and spacing, found {' and '.join(names)}")
 
 
 class Scale(NamedTuple):
@@ -251,12 +247,3 @@ def name_of_unit(metres: float) -> str:
 def unit_of(header: Header | None, unit: str | None = None) -> str | None:
     """Return the name of the unit of the coordinates: the one that is given, or that of the header, if it tells it."""
     return unit or (name_of_unit(header.metres) if header and header.metres else None)
-
-
-def option(name: str) -> str:
-    """Return the option of the command that stands for an argument of the library."""
-    return f"--{name.removeprefix('n_').replace('_', '-')}"
-
-
-def _error(name: str, rest: str) -> ParameterError:
-    return ParameterError(f"expected {name} {rest}", command=f"expected {option(name)} {rest}")

@@ -54,7 +54,7 @@ def naming(path: Path) -> Iterator[None]:
         yield
     except (FileFormatError, InputError) as error:
         name = "standard input" if is_standard(path) else path
-        raise FileFormatError(f"{name}: {error}", command=f"{name}: {error.command}") from error
+        raise FileFormatError(f"{name}: {error}") from error
 
 
 def checked_columns(columns: Sequence[str]) -> list[str]:
@@ -92,9 +92,10 @@ def check_storable(path: Path, cloud: PointCloud, format: str | None, lossy: boo
 def refuse_losses(path: str | os.PathLike[str], name: str, lost: list[str]) -> None:
     """Raise an error if a format of a name cannot hold some values, given in words."""
     if lost:
-        found = f"{name} cannot hold: {', '.join(lost)}"
-        hint = f"{path}: expected a format that holds all of the cloud, but {found}; choose another format, or leave "
-        raise OutputError(f"{hint}this out with lossy=True", command=f"{hint}this out with --lossy")
+        raise OutputError(
+            f"{path}: expected a format that holds all of the cloud, but {name} cannot hold: {', '.join(lost)}; choose "
+            "another format, or leave this out with lossy"
+        )
 
 
 def write(
@@ -186,8 +187,7 @@ def format_to_write(
     check_suffix(format)
     target = file_path(path)
     if is_standard(target) and not format:
-        expected = "expected the format of standard output, found none; give it with "
-        raise FileFormatError(f"{expected}format='ply'", command=f"{expected}--to ply")
+        raise FileFormatError("expected the format of standard output, found none; give it, such as ply")
     try:
         chosen = _of_suffix(format or _suffix_of(inner_name(target)), writable=True)
     except FileFormatError as error:
@@ -198,18 +198,17 @@ def format_to_write(
             f"{_listed(writable=True)}"
         )
     choices = (
-        ("levels_by", chosen.has_levels, "a name that ends in .copc.laz, as only COPC has levels", "--levels-by"),
-        ("ascii", chosen.has_text, "PLY or PCD with a choice between text and binary data", "--ascii and --binary"),
+        ("levels_by", chosen.has_levels, "a name that ends in .copc.laz, as only COPC has levels"),
+        ("ascii", chosen.has_text, "PLY or PCD with a choice between text and binary data"),
     )
     given: dict[str, Any] = {}
     if levels_by is not None:
         given["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
     if ascii is not None:
         given["ascii"] = flag("ascii", ascii)
-    for name, has_choice, expected, option in choices:
+    for name, has_choice, expected in choices:
         if name in given and not has_choice:
-            found = f"{path}: expected {expected}, found {chosen.name}; leave out "
-            raise FileFormatError(f"{found}{name}=", command=f"{found}{option}")
+            raise FileFormatError(f"{path}: expected {expected}, found {chosen.name}; leave out {name}")
     return replace(chosen, write=partial(chosen.write, **given)) if given else chosen
 
 

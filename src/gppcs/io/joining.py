@@ -53,12 +53,10 @@ class JointColumns:
                 )
         crs = [each.header.crs if each.header else None for each in (first, cloud)]
         if None not in crs and crs[0] != crs[1]:
-            found = (
-                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; "
-                "bring them to one first"
+            raise FileFormatError(
+                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; bring them to "
+                "one first, or take them for the same with assume_same_crs"
             )
-            same = f"{found}, or take them for the same with "
-            raise FileFormatError(f"{same}assume_same_crs=True", command=f"{same}--assume-same-crs of gppcs convert")
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             if values.shape[1:] != first.attributes[name].shape[1:]:

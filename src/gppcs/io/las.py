@@ -422,13 +422,9 @@ def fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
 
 def _check_coordinates(cloud: PointCloud) -> None:
     if len(bad := cloud.non_finite()):
-        found = (
-            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
-            f"ones, the first at index {bad[0]}: drop them first"
-        )
         raise OutputError(
-            f"{found}, as with cloud[cloud.finite_rows()], or write PLY",
-            command=f"{found} with gppcs convert --drop invalid, or write PLY",
+            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
+            f"ones, the first at index {bad[0]}; drop invalid points first, or write PLY"
         )
     if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
         raise OutputError(

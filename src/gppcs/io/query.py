@@ -78,8 +78,7 @@ class Query:
 
     def nothing_found(self) -> InputError:
         """Return the error for a cloud without such points."""
-        found = f"expected points {self.wanted}, found none; "
-        return InputError(f"{found}gppcs.info shows where they lie", command=f"{found}gppcs info shows where they lie")
+        return InputError(f"expected points {self.wanted}, found none; gppcs info shows where they lie")
 
     def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (N, 3) are in the box and in the polygons; those on the border of the box are."""
@@ -132,5 +131,6 @@ def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
 
 def without_levels(name: str) -> FileFormatError:
     """Return the error for a file that cannot be read to a resolution."""
-    found = f"expected a COPC file, which alone has levels of resolution, found {name}; leave out "
-    return FileFormatError(f"{found}resolution=", command=f"{found}--resolution")
+    return FileFormatError(
+        f"expected a COPC file, which alone has levels of resolution, found {name}; leave out resolution"
+    )

@@ -108,5 +108,4 @@ def _rename_to_new(temporary: Path, target: Path) -> None:
 
 
 def _exists(target: Path) -> OutputError:
-    found = f"{target}: expected a new file, found one; choose another name, or overwrite"
-    return OutputError(f"{found} it with force=True", command=f"{found} it with --force")
+    return OutputError(f"{target}: expected a new file, found one; choose another name, or overwrite it with force")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, option, share_of
+from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, share_of
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
@@ -253,12 +253,7 @@ class Size:
         given = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
         names = [name for name, value in given.items() if value is not None]
         if len(names) != 1:
-            options = {name: option(name) for name in given} | {"keep": "--keep-points"}
-            raise ParameterError(
-                f"expected exactly one of {', '.join(given)}, found {' and '.join(names) or 'none'}",
-                command=f"expected exactly one of {', '.join(options.values())}, found "
-                f"{' and '.join(options[name] for name in names) or 'none'}",
-            )
+            raise ParameterError(f"expected exactly one of {', '.join(given)}, found {' and '.join(names) or 'none'}")
         metres_of(unit, None)
         return cls(
             None if n_points is None else count_of("n_points", n_points, FEWEST_VERTICES),
@@ -289,8 +284,7 @@ def _tolerance_of(given: Any) -> Tolerance:
     tolerance = Tolerance.of(given)
     if tolerance.measure not in (None, "mean"):
         raise ParameterError(
-            f"expected tolerance to be a largest distance, such as '1mm', or to end in :mean, found {shown(given)}",
-            command=f"expected --tolerance to be a largest distance, such as 1mm, or to end in :mean, found {given}",
+            f"expected tolerance to be a largest distance, such as '1mm', or to end in :mean, found {shown(given)}"
         )
     return tolerance
 
@@ -303,9 +297,7 @@ def _effort_of(effort: Any, keep: Any | None) -> int:
     if found and keep is not None:
         raise ParameterError(
             f"expected an effort of 0 where points are to become vertices, found {found}: more effort moves vertices "
-            "away; leave out keep or effort",
-            command=f"expected --effort 0 with --keep-points, found {found}: more effort moves vertices away from the "
-            "points; leave out one of the two",
+            "away; leave out keep or effort"
         )
     return found
 

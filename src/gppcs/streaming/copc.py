@@ -173,9 +173,10 @@ def _stored(
 def _joined(known: Summary, new: Summary) -> Summary:
     """Return what is said of points and of others that follow them, which have to be stored in the same way."""
     if new.layout.record != known.layout.record or new.header.block != known.header.block:
-        found = "expected the same attributes in all files, of types that hold all their values, found others; "
-        hint = "or convert the files to LAZ of one point format first"
-        raise InputError(f"{found}raise memory=, {hint}", command=f"{found}raise --memory, {hint}")
+        raise InputError(
+            "expected the same attributes in all files, of types that hold all their values, found others; raise "
+            "memory, or convert the files to LAZ of one point format first"
+        )
     if not (known.counts["count"] and new.counts["count"]):
         return new if new.counts["count"] else known
     counts = {name: known.counts[name] + new.counts[name] for name in ("count", "returns")}

@@ -103,8 +103,7 @@ def _columns(head: Head, request: Request) -> dict[str, NDArray[Any]]:
 
 
 def _too_little(expected: str, limit: int, instead: str = "do without") -> InputError:
-    found = f"expected at least {expected}, found {size_of(limit)}"
-    return InputError(f"{found}; raise memory=, or {instead}", command=f"{found}; raise --memory, or {instead}")
+    return InputError(f"expected at least {expected}, found {size_of(limit)}; raise memory, or {instead}")
 
 
 def _check_read_whole(files: CloudFiles, limit: int | None) -> None:

@@ -38,7 +38,4 @@ def scratch_folder(parent: Path | None, size: int) -> Iterator[Path]:
 def _too_little(parent: Path, expected: str, free: str) -> OutputError:
     """Return the error for a disk that is too full."""
     found = f"{parent}: {expected} for temporary files, found {free}"
-    return OutputError(
-        f"{found}; name a folder with more by scratch=, or raise memory=",
-        command=f"{found}; name a folder with more by TMPDIR, or raise --memory",
-    )
+    return OutputError(f"{found}; name a folder with more by scratch or TMPDIR, or raise memory")

@@ -10,7 +10,6 @@ from gppcs.app.levels import Levels
 from gppcs.app.outputs import outputs_of
 from gppcs.app.panels import ATTRIBUTES, CHOICE, METHOD
 from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
-from gppcs.clouds.quantities import option
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
 
@@ -190,9 +189,9 @@ def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Leve
     """Return the levels, after checking that they fit the other options."""
     from gppcs.amounts.request import require
 
-    given = [option(name) for name, value in excluded.items() if value is not None]
-    if given:
-        raise ParameterError(f"expected --levels without {given[0]}")
+    for name, value in excluded.items():
+        if value is not None:
+            raise ParameterError(f"expected levels without {name}, found both")
     require(method, Feature.RANKING)
     return Levels.of(text)
 
