@@ -100,6 +100,7 @@ coverage: $(VENV)/.compiled  ## Run all tests, show which lines none of them run
 	$(BIN)/python -m pytest $(PARALLEL) --cov
 
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
+	$(PIP) --editable benchmarks/learned
 	$(BIN)/python benchmarks/run_all.py
 
 docs: $(VENV)/.installed  ## Build the documentation as a web site into site/

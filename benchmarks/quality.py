@@ -1,6 +1,6 @@
 """The method `gp` beside all rivals, judged alike, on scans, noisy clouds, shapes with edges and scenes of LiDAR.
 
-Needs the extra `evaluate`. WLOP by CGAL takes part if the extra `cgal` is installed.
+Needs the extra `evaluate`, and `pip install benchmarks/learned`. WLOP by CGAL needs the extra `cgal`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 import conditions
 import gppcs
+import gppcs_learned
 import report
 from conditions import (
     COLUMNS,
@@ -46,9 +47,9 @@ RIVALS = {
     "pc-simp": gppcs.PCSimp(),
     "aivs": gppcs.AIVS(),
     "qem": gppcs.QEM(),
-    "apes": gppcs.APES(),
-    "potamias": gppcs.Potamias(),
-    "potamias, moved": gppcs.Potamias(snap=False),
+    "apes": gppcs_learned.APES(),
+    "potamias": gppcs_learned.Potamias(),
+    "potamias, moved": gppcs_learned.Potamias(snap=False),
     "fps-variation": gppcs.FarthestPointVariation(),
     "gp-spectral": gppcs.SpectralGP(),
 }

@@ -51,7 +51,7 @@ class Script:
 
 
 SCRIPTS = (
-    Script("quality.py", "quality", ("pymeshlab",), ("--jobs", "2")),
+    Script("quality.py", "quality", ("pymeshlab", "gppcs_learned"), ("--jobs", "2")),
     Script("scenes.py", "scenes", options=("--jobs", "2")),
     Script("main_job.py", "main_job", ("jakteristics",)),
     Script("speed.py", "speed", ("matplotlib",)),

@@ -14,7 +14,6 @@ from gppcs.methods import Feature
 from shapes import odd_clouds
 
 METHODS = list(gppcs.METHODS)
-OF_ANY_CLOUD = [name for name in METHODS if name not in ("apes", "apes-global", "potamias")]  # these need 17 points
 FAR = np.array([500_000, 5_400_000, 0])  # as in UTM
 
 
@@ -31,7 +30,7 @@ def assert_exactly(indices, count, n):
     assert set(indices.tolist()) <= set(range(n))
 
 
-@pytest.mark.parametrize("method", OF_ANY_CLOUD)
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("points", SMALL.values(), ids=SMALL)
 def test_exact_counts_of_odd_clouds(points, method):
     n = len(points)
@@ -39,7 +38,7 @@ def test_exact_counts_of_odd_clouds(points, method):
         assert_exactly(chosen(points, count, method), count, n)
 
 
-@given(data=st.data(), method=st.sampled_from(OF_ANY_CLOUD), seed=st.integers(0, 2**32))
+@given(data=st.data(), method=st.sampled_from(METHODS), seed=st.integers(0, 2**32))
 def test_exact_counts_of_any_cloud(data, method, seed):
     coordinate = st.one_of(st.integers(-3, 3), st.floats(-1e6, 1e6))
     points = np.array(data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=40)))
@@ -62,7 +61,7 @@ def test_kept_points_keep_every_bit(scan, method):
         assert result.cloud.attributes[name].tobytes() == values[result.indices].tobytes()
 
 
-@pytest.mark.parametrize("method", OF_ANY_CLOUD)
+@pytest.mark.parametrize("method", METHODS)
 def test_as_many_points_as_there_are_come_back_in_order(method):
     points = SMALL["mostly repeats"]
     assert len(chosen(points, None, method, ratio=1e-9)) == 1
@@ -72,7 +71,7 @@ def test_as_many_points_as_there_are_come_back_in_order(method):
     assert gppcs.simplify(points, ratio=1, method=method).indices.tolist() == list(range(len(points)))
 
 
-@pytest.mark.parametrize("method", OF_ANY_CLOUD)
+@pytest.mark.parametrize("method", METHODS)
 def test_repeats_are_chosen_last(method):
     rng = np.random.default_rng(1)
     points = rng.permutation(np.repeat(rng.random((15, 3)), 3, axis=0))

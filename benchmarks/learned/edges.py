@@ -15,12 +15,14 @@ from scipy.spatial import cKDTree
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import training_set
-
 import gppcs
 import report
+import training_set
+from gppcs_learned import APES, APESGlobal, Potamias
 
-METHODS = ("random", "apes", "apes-global", "potamias", "gp", "fps", "top-variation")
+METHODS: tuple[str | gppcs.Method, ...] = (
+    "random", APES(), APESGlobal(), Potamias(), "gp", "fps", "top-variation"
+)  # fmt: skip
 RATIOS = (0.5, 0.25)
 ANGLE, REACH = 40.0, 2.0  # degrees between the two sides of a sharp edge; spacings within which a point is near it
 POINTS, DENSE = 2048, 200_000  # of a cloud; of a procedural shape, to find its edges
@@ -79,7 +81,9 @@ def rows_of(cloud: gppcs.PointCloud, edges: Array) -> list[list[str]]:
     nearest_first = cloud.points[np.argsort(tree.query(cloud.points)[0], kind="stable")]
     shares = {"oracle": [share(nearest_first[: round(ratio * len(cloud))]) for ratio in RATIOS]}
     for method in METHODS:
-        shares[method] = [share(gppcs.simplify(cloud, ratio=ratio, method=method).cloud.points) for ratio in RATIOS]
+        shares[str(method)] = [
+            share(gppcs.simplify(cloud, ratio=ratio, method=method).cloud.points) for ratio in RATIOS
+        ]
     rows = [[name, *(f"{value:.3f} ({value / of_all:.2f})" for value in values)] for name, values in shares.items()]
     return [["all points", *[f"{of_all:.3f}"] * len(RATIOS)], *rows]
 

@@ -16,11 +16,11 @@ from scipy.spatial import cKDTree
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import edges
-import training_set
-
 import gppcs
 import report
-from gppcs.methods.learned.weights import NEIGHBOURS
+import training_set
+from gppcs_learned import APES, Potamias
+from gppcs_learned.weights import NEIGHBOURS
 
 SIZES = (1024, 2048, 10_000, 100_000)  # points of a cloud; training has the first
 CHAMFER, SHARE = 0.05, 0.25  # ratios of the two measures
@@ -53,13 +53,13 @@ def figures_of(kind: int, size: int) -> tuple[float, float, float]:
     saliency = np.linalg.norm(normals[near] - normals[:, np.newaxis], axis=2).mean(axis=1)
     potamias, fps, random = (
         chamfer(points, saliency, gppcs.simplify(cloud, ratio=CHAMFER, method=method).cloud.points)
-        for method in ("potamias", "fps", "random")
+        for method in (Potamias(), "fps", "random")
     )
     sharp = sharp_places(kind)
     if len(sharp) < size / 100:
         return potamias / fps, potamias / random, np.nan
     at_edge = cKDTree(sharp).query(points)[0] <= edges.REACH * gppcs.info(cloud).spacing
-    kept = gppcs.simplify(cloud, ratio=SHARE, method="apes").indices
+    kept = gppcs.simplify(cloud, ratio=SHARE, method=APES()).indices
     return potamias / fps, potamias / random, float(at_edge[kept].mean() / at_edge.mean())
 
 

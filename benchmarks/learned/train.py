@@ -1,9 +1,9 @@
-"""Train the networks of `apes`, `apes-global` and `potamias` on the shapes of training_set.py: needs the extra train.
+"""Train the networks of `apes`, `apes-global` and `potamias` on the shapes of training_set.py: needs PyTorch.
 
     python benchmarks/learned/train.py apes|apes-global|potamias [epochs]
 
-Writes the weights to src/gppcs/methods/learned, prints their digest, which `weights.py` holds there, and writes the
-curve of the loss to benchmarks/results. A GPU is used if there is one. Seeds are fixed.
+Writes the weights to gppcs_learned, prints their digest, and writes the curve of the loss to benchmarks/results. A GPU
+is used if there is one. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ try:
     import torch
     from torch import Tensor, nn
 except ImportError as error:
-    raise SystemExit("training needs PyTorch, which is not installed (the extra train): pip install torch") from error
+    raise SystemExit("training needs PyTorch, which is not installed: pip install torch") from error
 
 import training_set
-
-from gppcs.methods.learned.weights import FOLDER, LATENT, NEIGHBOURS
+from gppcs_learned.weights import FOLDER, LATENT, NEIGHBOURS
 
 ROOT = Path(__file__).parents[2]
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"

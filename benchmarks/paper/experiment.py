@@ -101,7 +101,7 @@ def paper_settings(n: int) -> dict[str, gppcs.Method]:
     """Return methods with the settings of the paper, where these are not our defaults, for a cloud of n points."""
     settings: dict[str, gppcs.Method] = {
         "wlop, moved": gppcs.WLOP(snap=False),
-        "potamias, moved": gppcs.Potamias(snap=False),
+        "potamias, moved": method_of("potamias", settings={"snap": False}),
     }
     if n > CANDIDATES:
         settings[f"gp-spectral, {CANDIDATES:,} candidates"] = gppcs.SpectralGP(candidates=CANDIDATES)

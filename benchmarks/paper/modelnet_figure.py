@@ -19,14 +19,14 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "learned"))
 
-import training_set
-
 import gppcs
+import training_set
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.viewpoint import Viewpoint
+from gppcs_learned import APES, APESGlobal, Potamias
 
-METHODS = ("gp", "gp-spectral", "apes", "apes-global", "potamias")
+METHODS: tuple[str | gppcs.Method, ...] = ("gp", "gp-spectral", APES(), APESGlobal(), Potamias())
 SHAPES = {  # kind of the training set, and from where it is seen
     "airplane": ("aircraft", Viewpoint("z", (35.0, 40.0))),
     "glass": ("glasses", Viewpoint("z", (0.0, 15.0))),
@@ -57,7 +57,7 @@ def draw(path: Path, ratios: Sequence[float]) -> None:
     lefts, bottom = [LEFT + column * (WIDE + GAP) for column in range(len(METHODS))], height - ABOVE
     for method, left in zip(METHODS, lefts, strict=True):
         figure.text(
-            (left + WIDE / 2) / width, (bottom + 0.5 * ABOVE) / height, method, ha="center", va="center", size=15
+            (left + WIDE / 2) / width, (bottom + 0.5 * ABOVE) / height, str(method), ha="center", va="center", size=15
         )
     for row in rows:
         bottom -= len(row.images[0]) + GAP
@@ -82,7 +82,7 @@ def rows_of(shape: str, ratios: Sequence[float]) -> list[Row]:
     ]
 
 
-def panel(view: View, cloud: NDArray[np.float64], ratio: float, method: str) -> NDArray[np.float64]:
+def panel(view: View, cloud: NDArray[np.float64], ratio: float, method: str | gppcs.Method) -> NDArray[np.float64]:
     """Return the picture of the points that a method keeps, on the visible side of the surface."""
     kept = gppcs.simplify(cloud, ratio=ratio, method=method).cloud.points
     return view.points(ColouredCloud(kept, np.zeros(len(kept))), np.full(kept.shape, GREY), MAX_POINT_RADIUS)

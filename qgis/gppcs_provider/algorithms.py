@@ -19,7 +19,7 @@ CLOUDS = "Point clouds (*.las *.laz *.ply *.e57 *.pcd *.xyz *.txt *.csv *.ptx *.
 SIZE_HELP = "a number such as 5000 or 5k, or a share such as 5%"
 METHODS = [
     "gp", "gp-spectral", "fps-variation", "top-variation", "fps", "random", "hc", "wlop", "sample-elimination", "voxel",
-    "aivs", "pc-simp", "qem", "apes", "apes-global", "potamias",
+    "aivs", "pc-simp", "qem",
 ]  # fmt: skip
 FIGURES = ("surface_mean", "surface_p95", "surface_max", "feature_error", "covering_radius", "covering_p999")
 

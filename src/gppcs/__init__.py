@@ -73,9 +73,6 @@ Methods of simplification
     AIVS                     "aivs": farthest points in each voxel
     PCSimp                   "pc-simp": a graph filter
     QEM                      "qem": quadric error metrics
-    APES                     "apes": learned, uneven attention to neighbours
-    APESGlobal               "apes-global": the same with attention to all points
-    Potamias                 "potamias": learned, farthest points of a latent space, moved
 
 Write a method, follow a run
     Method                   the base class of all methods
@@ -149,18 +146,15 @@ if TYPE_CHECKING:
     from gppcs.meshing.pipeline import MeshResult as MeshResult
     from gppcs.meshing.pipeline import mesh as mesh
     from gppcs.methods import AIVS as AIVS
-    from gppcs.methods import APES as APES
     from gppcs.methods import METHODS as METHODS
     from gppcs.methods import QEM as QEM
     from gppcs.methods import WLOP as WLOP
-    from gppcs.methods import APESGlobal as APESGlobal
     from gppcs.methods import FarthestPoint as FarthestPoint
     from gppcs.methods import FarthestPointVariation as FarthestPointVariation
     from gppcs.methods import HierarchicalClustering as HierarchicalClustering
     from gppcs.methods import LocalGP as LocalGP
     from gppcs.methods import Method as Method
     from gppcs.methods import PCSimp as PCSimp
-    from gppcs.methods import Potamias as Potamias
     from gppcs.methods import Random as Random
     from gppcs.methods import SampleElimination as SampleElimination
     from gppcs.methods import Selection as Selection
@@ -210,18 +204,15 @@ _HOMES = {  # the module that defines each public name
     "meshing.pipeline": ("MeshResult", "mesh"),
     "methods": (
         "AIVS",
-        "APES",
         "METHODS",
         "QEM",
         "WLOP",
-        "APESGlobal",
         "FarthestPoint",
         "FarthestPointVariation",
         "HierarchicalClustering",
         "LocalGP",
         "Method",
         "PCSimp",
-        "Potamias",
         "Random",
         "SampleElimination",
         "Selection",

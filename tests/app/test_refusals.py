@@ -89,7 +89,6 @@ REFUSED = {
         ("--denoise --add kept", "--add kept with a method that moves no points"),
         ("--set denoise=true --add kept", "--add kept with a method that moves no points"),
         ("--method wlop --set snap=false --add kept", "--add kept with a method that moves no points"),
-        ("--method potamias --set snap=false --add kept", "--add kept with a method that moves no points"),
         ("-o none/out.ply", f"none/out.ply: {NO_FOLDER}"),
         ("-o scan.ply", f"scan.ply: {SAME} scan.ply, found the same"),
         ("-o out.foo", "out.foo: expected one of the formats .ply", "found '.foo'"),

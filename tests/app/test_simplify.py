@@ -23,7 +23,7 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(printed, scan,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [name for name in gppcs.METHODS if name != "apes-global"])  # too many pairs
+@pytest.mark.parametrize("method", gppcs.METHODS)
 def test_the_dragon_is_thinned_to_its_own_vertices(gppcs_command, shared_data, method):
     source = shared_data / "dragon.ply"
     code, _, err = gppcs_command("simplify", source, "-o", "out.ply", "--ratio", 0.03, "--method", method)

@@ -1,25 +1,24 @@
-"""Adding a method is one file, and one line in `gppcs.methods`."""
+"""A method that an installed package offers in the entry point group gppcs.methods is as good as our own."""
 
-import shutil
+import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 import gppcs
 
 METHOD = '''
-from __future__ import annotations
-
+import sys
 from dataclasses import dataclass
 
-from gppcs.methods.method import Method, Selection, Task
-from gppcs.methods.parameters import parameter
+import gppcs
+
+print("the plugin is imported", file=sys.stderr)
 
 
 @dataclass(frozen=True)
-class EveryNth(Method):
+class EveryNth(gppcs.Method):
     """Points at equal steps."""
 
     name = "every-nth"
@@ -27,42 +26,69 @@ class EveryNth(Method):
     description = "Chooses points at equal steps in the order of the file."
     source = "an example"
 
-    start: float = parameter(0.0, "Where to start, in steps.")
+    start: float = gppcs.parameter(0.0, "Where to start, in steps.")
 
-    def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
+    def __call__(self, task):
         import numpy as np
 
         steps = np.arange(task.n_points) + self.start
-        return Selection((steps * len(task.points) / task.n_points).astype(np.int64))
+        return gppcs.Selection((steps * len(task.points) / task.n_points).astype(np.int64))
 '''
-LINE = "from gppcs.methods.every_nth import EveryNth as EveryNth\n"
-LAST = "# isort: on\n"  # the line after the list of methods
+ENTRIES = """
+[gppcs.methods]
+every-nth = plugin:EveryNth
+broken = plugin:NoSuchClass
+gp = plugin:EveryNth
+"""
 
 
-@pytest.mark.slow
-def test_a_new_method_is_listed_and_simplifies(tmp_path):
-    """In a copy of the package with one more file and line."""
-    gppcs.write(tmp_path / "cloud.ply", cloud := gppcs.sample("sphere", n_points=600))
-    gppcs.compare(cloud, ["random"], n_points=60)  # compiles the kernels, unless their cache is there to be copied
-    package = tmp_path / "source" / "gppcs"
-    shutil.copytree(Path(gppcs.__file__).parent, package)
-    (package / "methods" / "every_nth.py").write_text(METHOD)
-    registry = package / "methods" / "__init__.py"
-    text = registry.read_text()
-    assert text.count(LAST) == 1
-    registry.write_text(text.replace(LAST, LINE + LAST))
+@pytest.fixture
+def run(tmp_path):
+    """Run the command, or some code, in a process where a package with methods is installed."""
+    folder = tmp_path / "site"
+    about = folder / "some_plugin-1.0.dist-info"
+    about.mkdir(parents=True)
+    (folder / "plugin.py").write_text(METHOD)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: some-plugin\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(ENTRIES)
+    path = os.pathsep.join([str(folder), *sys.path])
 
-    def run(*arguments):
-        code = f"import sys; sys.path.insert(0, {str(package.parent)!r}); from gppcs.app.cli import main; main()"
+    def run(*arguments, code=0):
+        start = ("-m", "gppcs") if arguments[0] != "-c" else ()
         done = subprocess.run(
-            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False, cwd=tmp_path
-        )
-        assert done.returncode == 0, done.stderr
-        return " ".join(done.stdout.split())
+            [sys.executable, *start, *arguments],
+            capture_output=True, text=True, check=False, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path},
+        )  # fmt: skip
+        assert done.returncode == code, done.stderr
+        return " ".join(done.stdout.split()), " ".join(done.stderr.split())
 
-    assert "every-nth: points at equal steps in the order of the file" in run("methods")
-    assert "start (float, default 0.0) Where to start, in steps." in run("methods", "every-nth")
-    assert "every-nth" in run("simplify", "--help")
+    return run
+
+
+def test_an_installed_method_simplifies_and_is_compared(run, tmp_path):
+    gppcs.write(tmp_path / "cloud.ply", cloud := gppcs.sample("sphere", n_points=600))
     run("simplify", "cloud.ply", "-o", "few.ply", "--points", "60", "--method", "every-nth", "--set", "start=.5")
     assert gppcs.read(tmp_path / "few.ply").points.tolist() == cloud.points[5::10].tolist()
+    code = (
+        "import gppcs; c = gppcs.read('cloud.ply'); print(gppcs.compare(c, ['every-nth'], n_points=9)[0].result.method)"
+    )
+    assert run("-c", code)[0] == "every-nth"
+
+
+def test_installed_methods_are_listed_and_broken_ones_noted(run):
+    listed, notes = run("methods")
+    assert "every-nth: points at equal steps in the order of the file" in listed
+    assert "the method 'broken' of the package 'some-plugin' cannot be used: AttributeError" in notes
+    assert "gp: a local Gaussian process" in listed  # not that of the package
+    assert "start (float, default 0.0) Where to start, in steps." in run("methods", "every-nth")[0]
+
+
+def test_a_broken_method_is_an_error_where_it_is_named_only(run, tmp_path):
+    gppcs.write(tmp_path / "cloud.ply", gppcs.sample("sphere", n_points=600))
+    simplify = ("simplify", "cloud.ply", "-o", "few.ply", "--points", "60", "--method")
+    assert "the method 'broken' of the package 'some-plugin' cannot be used" in run(*simplify, "broken", code=2)[1]
+    assert run(*simplify, "random")[1] == ""
+
+
+def test_the_help_imports_no_package_with_methods(run):
+    assert run("--help")[1] == ""

@@ -60,7 +60,7 @@ SPACING = option(
     "Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. "
     + " ".join(
         f"{name}: {known.supports[Feature.SPACING]}"
-        for name, known in METHODS.items()
+        for name, known in METHODS.built_in.items()
         if Feature.SPACING in known.supports
     ),
     SIZE,

@@ -1,18 +1,18 @@
 """The simplification methods by name. To add one, write its file or folder here and import its class below.
 
 The class is a `Method`, see `methods/method.py`. Its name, parameters and help then appear everywhere: in
-`gppcs.METHODS`, `gppcs.simplify`, `gppcs.compare` and the commands.
+`gppcs.METHODS`, `gppcs.simplify`, `gppcs.compare` and the commands. Installed packages add methods by entry points of
+the group `gppcs.methods`.
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 from gppcs.methods.method import Feature as Feature
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection
 from gppcs.methods.method import Task as Task
 from gppcs.methods.parameters import parameter as parameter
+from gppcs.methods.registry import Registry
 
 # One line for each method, in the order in which lists show them. "X as X" makes X public for type checkers.
 # isort: off
@@ -29,15 +29,14 @@ from gppcs.methods.voxel import Voxel as Voxel
 from gppcs.methods.aivs import AIVS as AIVS
 from gppcs.methods.pc_simp import PCSimp as PCSimp
 from gppcs.methods.qem import QEM as QEM
-from gppcs.methods.apes import APES as APES
-from gppcs.methods.apes import APESGlobal as APESGlobal
-from gppcs.methods.potamias import Potamias as Potamias
 # isort: on
 
 # All methods by name, such as METHODS["fps"].
-METHODS: Mapping[str, type[Method]] = {
-    value.name: value
-    for value in list(globals().values())
-    if isinstance(value, type) and issubclass(value, Method) and value is not Method
-}
+METHODS = Registry(
+    {
+        value.name: value
+        for value in list(globals().values())
+        if isinstance(value, type) and issubclass(value, Method) and value is not Method
+    }
+)
 DEFAULT = LocalGP()

@@ -39,7 +39,8 @@ EPILOG = (
     "are one cloud, input is a list. With --dry-run, the plan stands in place of the result.\n\n"
     "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
     + "\n\n".join(
-        f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]" for method in METHODS.values()
+        f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]"
+        for method in METHODS.built_in.values()
     )
 )
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.methods.learned.layers import Features, Index, softmax
-from gppcs.methods.learned.weights import LATENT, Weights
+from gppcs_learned.layers import Features, Index, softmax
+from gppcs_learned.weights import LATENT, Weights
 
 PART = 2048  # points of a part at most, if each part is asked for enough; about as many as in training
 SHARE = 64  # points that a part is asked for at least, on average

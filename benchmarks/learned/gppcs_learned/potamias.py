@@ -48,9 +48,9 @@ class Potamias(Method):
         import numpy as np
 
         from gppcs.engine.blas import one_blas_thread
-        from gppcs.methods.learned import latent
-        from gppcs.methods.learned.embedded import Embedded
         from gppcs.spatial.nearest_unused import nearest_unused
+        from gppcs_learned import latent
+        from gppcs_learned.embedded import Embedded
 
         timer = task.timer
         weights, tree, index, places, features = Embedded.of(self.name, task.points, timer)

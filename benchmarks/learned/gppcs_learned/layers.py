@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.threads import on_ranges
-from gppcs.methods.learned.weights import Weights, part
+from gppcs_learned.weights import Weights, part
 
 BLOCK = 1024  # points of a block: their neighbours' features fit into the CPU cache
 HEADS = 4  # of the attention to neighbours

@@ -1,6 +1,5 @@
 """The learned methods: the training set, the networks in NumPy beside PyTorch, the choice, and what is refused."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +7,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 import gppcs
-from gppcs.methods import apes
-from gppcs.methods.learned import latent, layers, weights
-from gppcs.methods.learned.weights import NEIGHBOURS, part
 from gppcs.spatial.kdtree import KdTree
+from gppcs_learned import APES, APESGlobal, Potamias, apes, latent, layers
+from gppcs_learned.weights import NEIGHBOURS, part
 
-LEARNED = ["apes", "apes-global", "potamias"]
+LEARNED = [APES(), APESGlobal(), Potamias()]
 CLOUD = gppcs.sample("bracket", 1500).points
 
 
@@ -27,17 +25,10 @@ def training_set(monkeypatch):
 
 @pytest.fixture
 def train(training_set):
-    pytest.importorskip("torch", reason="PyTorch (the extra train) is not installed")
+    pytest.importorskip("torch", reason="PyTorch is not installed")
     import train
 
     return train
-
-
-def test_training_without_pytorch_names_the_extra(training_set, monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "train", raising=False)
-    with pytest.raises(SystemExit, match=r"needs PyTorch, .* \(the extra train\)"):
-        import train  # noqa: F401
 
 
 def test_shapes_are_the_same_again_and_differ_from_each_other(training_set):
@@ -84,24 +75,25 @@ def test_a_stretched_part_is_sampled_uniformly(training_set):
 
 
 @pytest.mark.oracle
-@pytest.mark.parametrize("name", LEARNED)
-def test_numpy_equals_pytorch(name, train):
+@pytest.mark.parametrize("method", LEARNED, ids=str)
+def test_numpy_equals_pytorch(method, train):
     torch = train.torch
     torch.manual_seed(1)
     points = layers.in_unit_ball(CLOUD[:600]).astype(np.float32).astype(float)
     cloud = torch.tensor(points[None], dtype=torch.float32)
-    network = train.NETWORKS[name][0]()
+    network = train.NETWORKS[method.name][0]()
     with torch.no_grad():
         for _ in range(3):  # so that the normalisations have seen something
             network(
-                cloud.repeat(2, 1, 1), *(() if name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60))
+                cloud.repeat(2, 1, 1),
+                *(() if method.name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60)),
             )
         index, ours = train.neighbours(cloud), train.arrays_of(network.eval())
         rows = index[0].numpy()
         theirs = network.embedding(cloud, index)
         features = layers.embedding(part(ours, "embedding"), points, rows)
         np.testing.assert_allclose(features, theirs[0], atol=1e-5)
-        if name == "potamias":
+        if method.name == "potamias":
             kept = train.farthest(torch.cat([cloud, train.LATENT * torch.tanh(network.latent(theirs))], 2), 60)
             assert latent.farthest(latent.coordinates(ours, points, features), 60).tolist() == kept[0].tolist()
             expected = network(cloud, index, 60)[0]
@@ -113,22 +105,22 @@ def test_numpy_equals_pytorch(name, train):
         features = layers.attended(part(ours, "attentions.0"), features, rows)
         np.testing.assert_allclose(features, theirs[0], atol=1e-5)
         expected = network.downsamplings[0](theirs, index)[0][0]
-        found = gppcs.METHODS[name]()._scores(part(ours, "downsamplings.0"), features, rows)
+        found = method._scores(part(ours, "downsamplings.0"), features, rows)
         np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", LEARNED)
-def test_any_number_of_points_is_kept(name):
+@pytest.mark.parametrize("method", LEARNED, ids=str)
+def test_any_number_of_points_is_kept(method):
     for count in (1, 17, 200, 900, 1499):
-        kept = gppcs.simplify(CLOUD, n_points=count, method=name).indices
+        kept = gppcs.simplify(CLOUD, n_points=count, method=method).indices
         assert len(set(kept.tolist())) == count
 
 
-@pytest.mark.parametrize("name", LEARNED)
-def test_a_permuted_row_order_hardly_matters(name):
+@pytest.mark.parametrize("method", LEARNED, ids=str)
+def test_a_permuted_row_order_hardly_matters(method):
     order = np.random.default_rng(0).permutation(len(CLOUD))
-    again = order[gppcs.simplify(CLOUD[order], n_points=900, method=name).indices]
-    kept = gppcs.simplify(CLOUD, n_points=900, method=name).indices
+    again = order[gppcs.simplify(CLOUD[order], n_points=900, method=method).indices]
+    kept = gppcs.simplify(CLOUD, n_points=900, method=method).indices
     assert np.isin(again, kept).mean() > 0.99
 
 
@@ -158,46 +150,33 @@ def test_farthest_latent_points_of_parts_cover_as_plain_ones_do(on_threads):
 
 
 def test_potamias_moves_points_within_their_neighbourhood():
-    snapped, moved = (
-        gppcs.simplify(CLOUD, n_points=300, method=gppcs.Potamias(snap=snap)).cloud for snap in (True, False)
-    )
+    snapped, moved = (gppcs.simplify(CLOUD, n_points=300, method=Potamias(snap=snap)).cloud for snap in (True, False))
     assert np.isin(snapped.points, CLOUD).all()
     away = np.linalg.norm(moved.points - snapped.points, axis=1)
     assert 0 < np.median(away) < np.sqrt(KdTree.build(CLOUD).neighbours(NEIGHBOURS)[1][:, -1]).mean()
 
 
-@pytest.mark.parametrize("name", LEARNED)
-def test_too_few_points_are_refused(name):
+@pytest.mark.parametrize("method", LEARNED, ids=str)
+def test_too_few_points_are_refused(method):
     rng = np.random.default_rng(0)
     with pytest.raises(
         gppcs.InputError, match=r"looks at the 16 nearest .* needs at least 17 different points, found 16"
     ):
-        gppcs.simplify(rng.random((16, 3)), n_points=5, method=name)
-    assert len(gppcs.simplify(rng.random((17, 3)), n_points=5, method=name).indices) == 5
+        gppcs.simplify(rng.random((16, 3)), n_points=5, method=method)
+    assert len(gppcs.simplify(rng.random((17, 3)), n_points=5, method=method).indices) == 5
 
 
 def test_more_pairs_than_fit_into_memory_are_refused(monkeypatch):
     monkeypatch.setattr(apes, "available_memory", lambda: 2 * 10**9)
     cloud = np.random.default_rng(0).random((40_000, 3))
     with pytest.raises(gppcs.InputError, match=r"40,000 points need 6\.5 GB, found 2 GB .* use apes"):
-        gppcs.simplify(cloud, n_points=5, method="apes-global")
-
-
-@pytest.mark.parametrize(
-    ("content", "message"), [(None, "found none"), (b"damaged", "the file is damaged or of another")]
-)
-def test_weights_that_are_missing_or_damaged_are_named(content, message, tmp_path, monkeypatch):
-    monkeypatch.setattr(weights, "FOLDER", tmp_path)
-    if content:
-        (tmp_path / "apes.npz").write_bytes(content)
-    with pytest.raises(gppcs.FileFormatError, match=message):
-        weights.weights_of.__wrapped__("apes")
+        gppcs.simplify(cloud, n_points=5, method=APESGlobal())
 
 
 def test_points_that_rounding_puts_in_one_place_are_kept_once():
     rng = np.random.default_rng(0)
     cluster, others = 1e-40 * rng.random((50, 3)), 1 + rng.random((30, 3))
     points = np.vstack([cluster, others])
-    assert len(np.unique(gppcs.simplify(points, n_points=60, method="potamias").indices)) == 60
-    moved = gppcs.simplify(points, n_points=10, method=gppcs.Potamias(snap=False))
+    assert len(np.unique(gppcs.simplify(points, n_points=60, method=Potamias()).indices)) == 60
+    moved = gppcs.simplify(points, n_points=10, method=Potamias(snap=False))
     assert np.isfinite(moved.cloud.points).all()

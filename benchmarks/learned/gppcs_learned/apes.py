@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.methods.learned.layers import Features, Index
-    from gppcs.methods.learned.weights import Weights
+    from gppcs_learned.layers import Features, Index
+    from gppcs_learned.weights import Weights
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class APES(Method):
         import numpy as np
 
         from gppcs.engine.blas import one_blas_thread
-        from gppcs.methods.learned.embedded import Embedded
-        from gppcs.methods.learned.layers import attended
-        from gppcs.methods.learned.weights import part
+        from gppcs_learned.embedded import Embedded
+        from gppcs_learned.layers import attended
+        from gppcs_learned.weights import part
 
         weights, tree, index, _, features = Embedded.of(self.name, task.points, task.timer)
         with task.timer("attention"), one_blas_thread():
@@ -60,7 +60,7 @@ class APES(Method):
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""
-        from gppcs.methods.learned.layers import unevenness
+        from gppcs_learned.layers import unevenness
 
         return unevenness(weights, features, index)
 
@@ -103,6 +103,6 @@ class APESGlobal(APES):
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""
-        from gppcs.methods.learned.layers import attention_received
+        from gppcs_learned.layers import attention_received
 
         return attention_received(weights, features)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.methods.learned.layers import Features, Index, embedding, in_unit_ball
-from gppcs.methods.learned.weights import NEIGHBOURS, Weights, part, weights_of
 from gppcs.spatial.kdtree import KdTree
+from gppcs_learned.layers import Features, Index, embedding, in_unit_ball
+from gppcs_learned.weights import NEIGHBOURS, Weights, part, weights_of
 
 
 class Embedded(NamedTuple):

@@ -1,1 +1,0 @@
-"""The networks of the learned methods: their weights, which we trained, and their layers in NumPy."""
