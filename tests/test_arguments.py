@@ -109,7 +109,6 @@ CALLS = {  # a public function, and arguments with which it works
     "estimate_normals": {"cloud": CLOUD},
     "info": {"cloud": CLOUD},
     "sample": {"name": "sphere", "n_points": 9},
-    "from_depth": {"depth": [[1.0, 2.0]], "intrinsics": (1.0, 1.0, 0.0, 0.0)},
     "figures_of": {"report": gppcs.Report},
     "parameter": {"default": 1, "meaning": "One."},
     "read": {"path": "there.ply"},

@@ -18,7 +18,6 @@ PointCloud(1,000 points, each with nx, ny, nz, curvature, red, green, blue)
 Get a cloud
     read                     read a point cloud file: PLY, LAS, LAZ, XYZ, CSV, PCD, E57, Parquet and others
     sample                   make a synthetic scan of a surface that is known exactly
-    from_depth               make a cloud of the image of a depth camera
     PointCloud               N points, each with the same attributes
     Header                   what a file says of a whole cloud, such as comments
 
@@ -109,7 +108,6 @@ from gppcs.clouds import above
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud as PointCloud
-    from gppcs.clouds.depth_camera import from_depth as from_depth
     from gppcs.clouds.header import Header as Header
     from gppcs.clouds.mesh import Mesh as Mesh
     from gppcs.clouds.summary import Summary as Summary
@@ -178,7 +176,6 @@ __version__ = "0.1.0"
 _HOMES = {  # the module that defines each public name
     "clouds.cloud": ("PointCloud",),
     "clouds.header": ("Header",),
-    "clouds.depth_camera": ("from_depth",),
     "clouds.mesh": ("Mesh",),
     "clouds.summary": ("Summary", "info"),
     "engine.progress": ("ProgressBar",),

@@ -40,7 +40,7 @@ def test_a_mesh_with_few_vertices_on_the_ground_stands_on_it():
 def test_a_depth_image_is_seen_from_beside_its_camera():
     v, u = np.mgrid[:60, :80]
     depth = 2.0 + 0.5 * np.sin(u / 9.0) + 0.8 * (v < 30)
-    points = gppcs.from_depth(depth, (90.0, 90.0, 39.5, 29.5)).points
+    points = np.stack([depth * (u - 39.5) / 90.0, depth * (v - 29.5) / 90.0, depth], axis=-1).reshape(-1, 3)
     assert Viewpoint().guessed(points) == ("-y", BESIDE_THE_CAMERA)
     assert Viewpoint("z").guessed(points) == ("z", BESIDE_THE_CAMERA)
     assert Viewpoint().guessed(points + np.array([0.0, 0.0, 100.0]))[0] != "-y"  # in front of no camera at the origin
