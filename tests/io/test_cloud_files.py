@@ -2,6 +2,7 @@
 
 import gzip
 from dataclasses import replace
+from functools import partial
 
 import laspy
 import numpy as np
@@ -12,9 +13,9 @@ from copc_file import write_copc
 from gppcs.amounts.request import Request
 from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
-from gppcs.io import FORMATS, cloud_files, files
-from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.format import Format
+from gppcs.io import cloud_files, files
+from gppcs.io.cloud_files import CloudFiles, open_clouds
+from gppcs.io.format import Reader
 from gppcs.io.las_header import LASZIP, read_header
 from gppcs.io.laz import chunks_of_points
 from gppcs.io.query import Query
@@ -51,10 +52,23 @@ def same(a, b):
     assert a.header == b.header
 
 
-SUFFIXES = sorted({known.suffixes[0] for known in FORMATS if not known.whole and known.write})
+IN_CHUNKS = [
+    ".csv",
+    ".feather",
+    ".las",
+    ".laz",
+    ".copc.laz",
+    ".npy",
+    ".parquet",
+    ".pcd",
+    ".ply",
+    ".pts",
+    ".xyz",
+    ".e57",
+]
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", IN_CHUNKS)
 @pytest.mark.parametrize("rows", [1, 7, 999, 1000, 1001, 10**7])
 def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix, rows):
     if suffix == ".pts":
@@ -74,7 +88,7 @@ def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix, rows):
         assert not any(each.attributes for each in bare)
         np.testing.assert_array_equal(np.concatenate([each.points for each in bare]), whole.points)
         same(files.read(), whole)
-        assert files.head().points == pytest.approx(N, rel=0.02)
+        assert files.n_points == pytest.approx(N, rel=0.02)
 
 
 @pytest.mark.parametrize(("kind", "mark", "sizes"), [("int", "", [100] * 3), ("list uchar int", "1 ", [300])])
@@ -107,7 +121,7 @@ def test_compressed_files_are_read_again_in_each_pass(tmp_path):
     with CloudFiles([tmp_path / "a.xyz.gz", tmp_path / "b.xyz.zst"]) as files:
         for _ in range(3):
             assert sum(len(each) for each in files.chunks(True, 300)) == 2 * N
-        assert files.head().points == pytest.approx(2 * N, rel=0.02)
+        assert files.n_points == pytest.approx(2 * N, rel=0.02)
 
 
 def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch):
@@ -116,13 +130,13 @@ def test_what_the_head_reads_as_a_whole_is_read_once(tmp_path, monkeypatch):
     whole = gppcs.read(tmp_path / name)
     opened = []
 
-    def counted(*given, read=Format.read):
+    def counted(*given, read=Reader.read):
         opened.append(name)
         return read(*given)
 
-    monkeypatch.setattr(Format, "read", counted)
+    monkeypatch.setattr(Reader, "read", counted)
     with CloudFiles([tmp_path / name] * 2) as two:
-        assert two.head().whole
+        assert len(two.preview) == N
         both = two.read()
         assert len(opened) == 2
         same(both.take(np.arange(N)), whole)
@@ -217,8 +231,8 @@ def divisible(tmp_path_factory):
 def test_the_parts_of_a_file_are_the_file(divisible, name, rows, begins):
     whole = gppcs.read(divisible / name)
     with CloudFiles([divisible / name]) as files:
-        assert (files.head().points, files.head().exact) == (len(whole), True)
-        parts = [list(part.chunks(True, 40_000)) for part in files.each(rows)]
+        assert (files.n_points, files.is_counted) == (len(whole), True)
+        parts = [list(part.chunks(True, 40_000)) for part in files.parts(rows)]
     counts = [sum(map(len, chunks)) for chunks in parts]
     assert min(counts[:-1], default=rows) >= min(rows, len(whole))
     assert begins is None or np.cumsum([0, *counts[:-1]]).tolist() == begins
@@ -235,7 +249,7 @@ def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
     box = Query.of([0, 0, 50, 50], None)
     for path, query in ((tmp_path / "a.las.gz", None), (tmp_path / "a.ply", None), (divisible / "a.las", box)):
         with CloudFiles([path], query=query) as files:
-            [part] = files.each(100)
+            [part] = files.parts(100)
             with part:
                 assert sum(map(len, part.chunks(False))) == len(files.read())
 
@@ -259,7 +273,7 @@ def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, place, value, me
         content[place : place + value.nbytes] = value.tobytes()
     (tmp_path / name).write_bytes(content)
     with CloudFiles([tmp_path / name]) as files, pytest.raises(FileFormatError, match=message):
-        list(files.each(1_000)[0].chunks(True))
+        list(files.parts(1_000)[0].chunks(True))
 
 
 def test_damage_behind_the_counted_points_is_refused_in_parts_too(divisible, tmp_path):
@@ -272,7 +286,7 @@ def test_damage_behind_the_counted_points_is_refused_in_parts_too(divisible, tmp
     layers = behind + 30 + 4
     content[layers : layers + 4] = b"\xf0\xff\xff\xff"
     (tmp_path / "a.laz").write_bytes(content)
-    for attempt in (CloudFiles.read, lambda files: files.each(1)):
+    for attempt in (CloudFiles.read, lambda files: files.parts(1)):
         with CloudFiles([tmp_path / "a.laz"]) as files, pytest.raises(FileFormatError, match="all compressed points"):
             attempt(files)
 
@@ -283,7 +297,7 @@ def test_each_file_tells_its_number_of_points(tmp_path):
     (tmp_path / "a.xyz").write_text("\n".join(f"{x:.15f} {x:.15f} {x:.15f}" for x in rng.random(50)))
     (tmp_path / "b.xyz").write_text("\n".join(f"{i % 7} {i % 5} 1" for i in range(20_000)))
     with CloudFiles([tmp_path / "a.xyz", tmp_path / "b.xyz"]) as files:
-        assert files.head().points == pytest.approx(20_050, rel=0.01)
+        assert files.n_points == pytest.approx(20_050, rel=0.01)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".npy", ".feather", ".ptx"])
@@ -301,7 +315,7 @@ def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypat
         gppcs.write(path, points)
     monkeypatch.setattr("gppcs.streaming.plan.PROGRAM", 1_000_000)
     whole = []
-    monkeypatch.setattr(Format, "read", lambda *given: whole.append(given))
+    monkeypatch.setattr(Reader, "read", lambda *given: whole.append(given))
     with pytest.raises(gppcs.InputError, match="of memory"):
         gppcs.simplify_files(path, ratio=0.01, method="hc", memory="15MB")
     assert not whole
@@ -315,21 +329,24 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, 
     path, read = tmp_path / f"a{suffix}", []
     gppcs.write(path, gppcs.PointCloud(points, {"intensity": np.arange(20_000) % 9}), lossy=True)
 
-    def counting(chunks):
+    def counting(opened):
         def counted(*given, **named):
-            for chunk in chunks(*given, **named):
-                read.append(len(chunk))
-                yield chunk
+            reader = opened(*given, **named)
+            return replace(reader, chunks=partial(counted_chunks, reader.chunks))
 
         return counted
 
-    known = tuple(replace(each, chunks=counting(each.chunks)) for each in files.FORMATS)
-    monkeypatch.setattr(files, "FORMATS", known)
+    def counted_chunks(chunks, *given, **named):
+        for chunk in chunks(*given, **named):
+            read.append(len(chunk))
+            yield chunk
+
+    monkeypatch.setattr(files, "FORMATS", tuple(replace(known, open=counting(known.open)) for known in files.FORMATS))
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(cloud_files, "BLOCK", 16)
     request = Request.of(n_points=100)
     work = Work(10**9, None, None, Timer())
-    with CloudFiles.of(
+    with open_clouds(
         [path], query=Query.of(**{"resolution": None, "polygon": None, "box": None, "only": None, **query})
     ) as both:
         planned = work.planned(both, request)

@@ -109,15 +109,15 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
     paths = [tmp_path / f"b{suffix}", copc] if suffix == ".laz" else [tmp_path / f"b{suffix}"] * 2
     expected = np.concatenate([inside(gppcs.read(path), BOX).points for path in paths])
     with CloudFiles(paths, query=Query.of(BOX, None)) as files:
-        assert files.head().points == len(expected)
-        assert len(files.head().cloud)
+        assert files.n_points == len(expected)
+        assert len(files.preview)
         for attributes in (True, False):
             chunks = list(files.chunks(attributes, 50))
             assert suffix == ".npz" or max(map(len, chunks)) <= 50
             assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
         assert files.read().points.tobytes() == expected.tobytes()
     with CloudFiles(paths, query=Query.of([0, 0, 1, 1], None)) as files:
-        assert files.head().points == len(files.read()) == 0
+        assert files.n_points == len(files.read()) == 0
         assert not list(files.chunks(True))
 
 

@@ -1,6 +1,5 @@
 """Which format a file has, and errors that concern any file."""
 
-import dataclasses
 import re
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import pytest
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, MissingExtraError, OutputError, ParameterError
-from gppcs.io import FORMATS, files, format_to_write, load, losses, read, write
+from gppcs.io import FORMATS, format_to_write, losses, read, write
 from gppcs.io.cloud_files import CloudFiles
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
@@ -47,23 +46,6 @@ def test_unknown_formats_are_listed(tmp_path, name):
     for attempt in (lambda: read(path), lambda: write(path, CLOUD), lambda: read(path, format="las2")):
         with pytest.raises(FileFormatError, match=formats):
             attempt()
-
-
-def test_only_load_looks_for_what_is_left_out(tmp_path, monkeypatch):
-    """Looking for it takes a second pass over the text of a mesh."""
-    (tmp_path / "mesh.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    passes = []
-
-    def faces(file):
-        passes.append(file.name)
-        return 1
-
-    counting = [dataclasses.replace(known, faces=faces) for known in FORMATS]
-    monkeypatch.setattr(files, "FORMATS", counting)
-    assert len(read(tmp_path / "mesh.obj")) == 3
-    assert not passes
-    assert load(tmp_path / "mesh.obj").faces == 1
-    assert len(passes) == 1
 
 
 def test_stl_cannot_hold_points(tmp_path):

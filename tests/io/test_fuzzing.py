@@ -172,7 +172,7 @@ def in_chunks(files):
 
 def in_spans(files):
     """Read the parts of files that are read by different workers."""
-    return joined(in_chunks(part) for part in files.each(20))
+    return joined(in_chunks(part) for part in files.parts(20))
 
 
 def agree(path, seed):

@@ -112,7 +112,7 @@ def test_what_is_lost_of_the_header_is_told(tmp_path, mesh, suffix):
         (".obj", {"label": [1, 2, 3, 4]}, "attribute label"),
         (".ply", {"kind": np.array(["a", "b", "c", "d"])}, r"attribute kind \(text\)"),
         (".off", {"red": [1, 2, 3, 4]}, "attribute red"),  # a colour needs green and blue
-        (".obj", dict.fromkeys(COLOURS, np.array([0, 300, 9, 65535], np.uint16)), "colours"),
+        (".obj", dict.fromkeys(COLOURS, np.array([0, 300, 9, 65535], np.uint16)), "the exact values of attribute red"),
         (".stl", COLOURS, "attribute red"),
     ],
 )

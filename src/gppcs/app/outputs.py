@@ -89,7 +89,7 @@ def _is_other_text(path: Path) -> bool:
         return False
     try:
         with CloudFiles([path]) as files:
-            files.head()
+            _ = files.preview
     except FileFormatError as error:
         print_error(f"note: {error}; this file is passed over")
         return True

@@ -83,11 +83,11 @@ class Job:
             planned = work.planned(files, self.request, None if self.mark is None else "add kept")
             if self.dry_run:
                 return told_of_plan(output, planned)
-            head = files.head().cloud
+            head = files.preview
             self._note_other_unit(sources[0], head)
             self._check_storable(output, head)
             done = run(files, self.request, work, planned)
-            _, unread = files.left_out()
+            unread = files.skipped()
         with work.timer("writing"):
             clouds = self._clouds(done, output)
             lost = self._store(output, clouds, done.result.ranked and self.mark is None)
@@ -163,7 +163,9 @@ class Job:
             for target, cloud in zip(output.targets, clouds, strict=True):
                 if output.makes_folders:
                     target.parent.mkdir(parents=True, exist_ok=True)
-                levels = "order" if ranked and io.format_to_write(target, output.format).has_levels else None
+                levels = (
+                    "order" if ranked and "levels_by" in io.format_to_write(target, output.format).options else None
+                )
                 lost = io.store(target, cloud, output.format, self.force, self.lossy, None, levels)
                 written.append(target)
         except BaseException:

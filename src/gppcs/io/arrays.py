@@ -6,6 +6,7 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator
+from functools import partial
 from io import BufferedReader
 from tokenize import TokenError
 from typing import IO, Any, BinaryIO
@@ -17,7 +18,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, Span, keeping
+from gppcs.io.format import Format, Reader, Span, from_start, keeping
 from gppcs.io.rows import equal_spans, read_records, reported
 
 _POINTS = "points"
@@ -151,8 +152,19 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
                 npy.write_array(member, values, allow_pickle=False)
 
 
-def _without_objects(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without attributes of Python objects, and in words what that leaves out."""
+def open_npy(file: BufferedReader) -> Reader:
+    """Open an NPY file."""
+    spans = partial(from_start, spans_of_npy, file)
+    return Reader(partial(from_start, read_npy, file), count_npy(file), spans=spans)
+
+
+def open_npz(file: BufferedReader) -> Reader:
+    """Open an NPZ file."""
+    return Reader(partial(from_start, read_npz, file), count_npz(file), at_once=True)
+
+
+def _without_objects(cloud: PointCloud) -> PointCloud:
+    """Return a cloud without attributes of Python objects."""
     return keeping(cloud, lambda name, values: not values.dtype.hasobject)
 
 
@@ -160,21 +172,17 @@ FORMATS = (
     Format(
         "NPY",
         (".npy",),
-        read_npy,
+        open_npy,
         write_npy,
-        lambda head, size: head.startswith(b"\x93NUMPY"),
-        fitted=_without_objects,
-        count=count_npy,
-        spans=spans_of_npy,
+        lambda start, size: start.startswith(b"\x93NUMPY"),
+        _without_objects,
     ),
     Format(
         "NPZ",
         (".npz",),
-        read_npz,
+        open_npz,
         write_npz,
-        lambda head, size: head.startswith(b"PK\x03\x04"),
-        fitted=_without_objects,
-        count=count_npz,
-        whole=True,
+        lambda start, size: start.startswith(b"PK\x03\x04"),
+        _without_objects,
     ),
 )

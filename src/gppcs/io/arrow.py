@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
 
@@ -16,7 +17,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
-from gppcs.io.format import Format, keeping
+from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.rows import at_most, ends_early, reported
 
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
@@ -194,10 +195,20 @@ def _table(cloud: PointCloud) -> Any:
     return pyarrow.table(columns).replace_schema_metadata(metadata)
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return what a table can store of a cloud, and in words what it cannot."""
+def open_parquet(file: BufferedReader) -> Reader:
+    """Open a Parquet file."""
+    return Reader(partial(from_start, read_parquet, file), count_parquet(file))
+
+
+def open_feather(file: BufferedReader) -> Reader:
+    """Open a Feather file."""
+    return Reader(partial(from_start, read_feather, file))
+
+
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as a table stores it."""
     require_pyarrow()  # before long work, not at its end
-    return keeping(cloud, lambda name, values: _is_storable(values))
+    return keeping(cloud, lambda name, values: _is_storable(values), ArrowHeader)
 
 
 def _is_storable(values: Column) -> bool:
@@ -210,20 +221,17 @@ FORMATS = (
     Format(
         "Parquet",
         (".parquet",),
-        read_parquet,
+        open_parquet,
         write_parquet,
-        lambda head, size: head.startswith(b"PAR1"),
-        fitted=_fitted,
-        count=count_parquet,
-        header=ArrowHeader,
+        lambda start, size: start.startswith(b"PAR1"),
+        _stored,
     ),
     Format(
         "Feather",
         (".feather", ".arrow"),
-        read_feather,
+        open_feather,
         write_feather,
-        lambda head, size: head.startswith(b"ARROW1\0\0"),
-        fitted=_fitted,
-        header=ArrowHeader,
+        lambda start, size: start.startswith(b"ARROW1\0\0"),
+        _stored,
     ),
 )

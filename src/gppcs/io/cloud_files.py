@@ -1,4 +1,4 @@
-"""Several files that are one cloud, read as a whole or in chunks, as often as needed."""
+"""One or several files as one cloud, read as a whole or in chunks, as often as needed."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,31 +16,34 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 from gppcs.errors import file_path, flag
 from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, naming
-from gppcs.io.format import Format, Span
+from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns
-from gppcs.io.query import Query
+from gppcs.io.query import Query, restricted
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_plain, plain_input
 from gppcs.io.vpc import files_of
 
-ROWS = 1 << 20  # Points of a chunk at most: few enough for memory, and so many that a chunk costs nothing by itself.
 
+class _Opened(NamedTuple):
+    """An open file, decompressed."""
 
-class Head(NamedTuple):
-    """What the first points tell of a cloud."""
+    file: Any
+    format: Format
+    reader: Reader
+    is_copy: bool
 
-    cloud: PointCloud  # these points with their attributes
-    points: int  # in all files
-    exact: bool  # whether all files tell the number; otherwise it is an estimate
-    whole: str | None  # the name of a format of these files that has to be read as a whole
+    @property
+    def size(self) -> int:
+        """Its size in bytes."""
+        return os.fstat(self.file.fileno()).st_size
 
 
 @dataclass
 class CloudFiles:
     """One or several files that together are one cloud: its points are theirs, in the order of the files.
 
-    A compressed file and standard input are copied to a temporary file on the first use. Use it in a `with` statement,
-    which removes these.
+    Each file is opened, and its header read, when it is first needed. Compressed files and standard input are copied to
+    temporary files. The `with` statement closes and removes these. Another process can read a pickled object.
     """
 
     paths: Sequence[Path]
@@ -49,167 +52,160 @@ class CloudFiles:
     query: Query | None = None
     assume_same_crs: bool = False
     if_needed: bool = False  # format and columns are only for the files that need them
-    span: Span | None = None  # the part of a single file that is read, by its rows
+    span: Span | None = None  # the part of a single file that is read
     _header: Header | None = field(default=None, init=False)  # of the first file that has one
-    _copies: dict[Path, tuple[Any, Path]] = field(default_factory=dict, init=False)
-    _whole: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # read by `head`, for `read`
-    _head: Head | None = field(default=None, init=False)
-    _stack: ExitStack = field(default_factory=ExitStack, init=False)
+    _opened: dict[Path, _Opened] = field(default_factory=dict, init=False)
+    _stacks: dict[Path, ExitStack] = field(default_factory=dict, init=False)  # close what is open
+    _clouds: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # already read, for `read`
 
     def __post_init__(self) -> None:
         check_suffix(self.format)
         self.columns = None if self.columns is None else checked_columns(self.columns)
 
-    @classmethod
-    def of(
-        cls,
-        paths: Sequence[str | os.PathLike[str]],
-        format: str | None = None,  # noqa: A002
-        columns: Sequence[str] | None = None,
-        query: Query | None = None,
-        assume_same_crs: bool = False,
-        if_needed: bool = False,
-    ) -> CloudFiles:
-        """Check the arguments of `gppcs.read` and `gppcs.simplify_files`, and return the files that they name."""
-        same = flag("assume_same_crs", assume_same_crs)
-        files = [file for path in paths for file in files_of(file_path(path))]
-        return cls(files, format, columns, query, same, if_needed)
-
     def __enter__(self) -> CloudFiles:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self._whole.clear()
-        self._head = None
-        self._stack.close()
-
-    def each(self, rows: int) -> list[CloudFiles]:
-        """Return each file, or each part of a file, by itself; another process can read its `chunks` too."""
-        found = [replace(self, paths=[path], span=span) for path in self.paths for span in self._spans(path, rows)]
-        header = self.head().cloud.header if self.assume_same_crs else None
-        for each in found:
-            each._copies = {path: copy for path, copy in self._copies.items() if path in each.paths}
-            each._header = header
-        return found
+    def __exit__(self, *_: object) -> None:
+        self._clouds.clear()
+        self._opened.clear()
+        while self._stacks:
+            self._stacks.popitem()[1].close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what another process needs: it makes copies of its own, and holds no points."""
-        return {**vars(self), "_copies": {}, "_whole": {}, "_head": None}
+        state = {name: value for name, value in vars(self).items() if name not in ("preview", "_count")}
+        return {**state, "_opened": {}, "_stacks": {}, "_clouds": {}}
 
-    def _spans(self, path: Path, rows: int) -> list[Span | None]:
-        """Return the parts of a file; None stands for all of it."""
-        with self._opened(path) as (file, known):
-            if path in self._copies or self._columns_of(known) is not None or known.spans is None:
-                return [None]
-            spans = known.spans(file, rows)
-            return [*spans] if len(spans) > 1 else [None]
+    @cached_property
+    def preview(self) -> PointCloud:
+        """Up to 65,536 of the first points, with attributes and header.
+
+        A file that has to be read at once is kept for the next `read`.
+        """
+        cloud = None
+        for path in self.paths:
+            with self._reading(path) as (_, known, reader, _):
+                cloud = next(self._chunks(known, reader, BLOCK, True))
+                if reader.at_once:
+                    self._clouds[path] = cloud
+            if len(cloud):
+                break
+        assert cloud is not None
+        return cloud[:BLOCK] if len(cloud) > BLOCK else cloud
 
     @property
-    def first(self) -> int:
-        """The row of the first point of `chunks` in the first file."""
-        return self.span[0] if self.span else 0
+    def n_points(self) -> int:
+        """The number of points in all files; an estimate if `is_counted` is False."""
+        return self._count[0]
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether all files tell their number of points."""
+        return self._count[1]
+
+    @cached_property
+    def _count(self) -> tuple[int, bool]:
+        total, density, is_exact = 0.0, 0.0, True
+        if len(self.preview) and self.paths[0] in self._clouds:
+            density = len(self._clouds[self.paths[0]]) / max(1, self._open(self.paths[0]).size)
+        for path in self.paths:
+            with self._reading(path) as opened:
+                reader = opened.reader
+                if path in self._clouds:
+                    total += len(self._clouds[path])
+                elif self.query:
+                    total += sum(len(cloud) for cloud in self._chunks(opened.format, reader, BLOCK, False))
+                elif reader.n_points is not None:
+                    total += reader.n_points
+                else:
+                    if not reader.at_once:
+                        cloud = next(self._chunks(opened.format, reader, BLOCK, True))
+                        end = opened.file.tell() if len(cloud) == BLOCK else opened.size
+                        density = len(cloud) / max(1, end)
+                    total += opened.size * density
+                    is_exact = False
+        return round(total), is_exact
+
+    @property
+    def at_once(self) -> tuple[str | None, int]:
+        """The name of a format of which all points are in memory before some are read, if any, and the bytes of these.
+
+        Bytes are those of the coordinates, or of the file if it does not tell its number of points.
+        """
+        name, size = None, 0
+        for path in self.paths:
+            with self._reading(path) as opened:
+                if opened.reader.at_once:
+                    name, count = opened.format.name, opened.reader.n_points
+                    size += opened.size if count is None else 24 * count
+        return name, size
+
+    @property
+    def n_faces(self) -> int:
+        """The number of faces, of which nothing is read."""
+        count = 0
+        for path in self.paths:
+            with self._reading(path) as opened:
+                count += opened.reader.n_faces()
+        return count
+
+    def skipped(self) -> list[str]:
+        """Return in words what of the files is not read."""
+        skipped = []
+        for path in self.paths:
+            with self._reading(path) as opened:
+                count = opened.reader.n_faces()
+                skipped += [f"faces ({count:,})"] if count else []
+                skipped += opened.reader.skipped()
+        return skipped
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        found = []
-        for path in self.paths:
-            with self._opened(path) as (_, known):
-                found.append(known)
-        return found
-
-    def _columns_of(self, known: Format) -> Sequence[str] | None:
-        """Return the names of the columns of a file of a format; None for those in the file."""
-        return None if self.if_needed and not known.is_table else self.columns
+        return [self._open(path).format for path in self.paths]
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         clouds, columns = [], JointColumns()
         for path in self.paths:
-            clouds.append(self._in_one_system(self._read(path)))
-            with naming(path):
+            with self._reading(path) as opened:
+                cloud = self._clouds.pop(path) if path in self._clouds else opened.reader.read()
+                clouds.append(self._in_one_system(cloud))
                 columns.add(clouds[-1])
         return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
 
-    def _read(self, path: Path) -> PointCloud:
-        """Read a file, unless `head` has read it as a whole; each cloud is held until then only."""
-        if path in self._whole:
-            return self._whole.pop(path)
-        with self._opened(path) as (file, known):
-            return known.read(file, self._columns_of(known))
-
-    def chunks(self, attributes: bool, rows: int = ROWS) -> Iterator[PointCloud]:
-        """Read all points once, in chunks."""
+    def chunks(self, attributes: bool = True, n: int = 1 << 20) -> Iterator[PointCloud]:
+        """Read all points once, with attributes or without, at most n at once unless a file is read at once."""
         for path in self.paths:
-            with self._opened(path) as (file, known):
-                parts = self._chunks(file, known, rows, attributes)
-                yield from (self._in_one_system(cloud) for cloud in parts if len(cloud))
+            with self._reading(path) as opened:
+                for cloud in self._chunks(opened.format, opened.reader, n, attributes):
+                    if len(cloud):
+                        yield self._in_one_system(cloud)
 
-    def head(self) -> Head:
-        """Read the first points, once, and tell the number of all: as each file says, or as its own first points do.
-
-        A file that has to be read as a whole is kept for the next `read`.
-        """
-        if self._head is None:
-            first: PointCloud | None = None
-            whole, points, density, exact = None, 0.0, 0.0, True
-            for path in self.paths:
-                with self._opened(path) as (file, known):
-                    if first is None or not len(first) or not (known.whole or known.count):
-                        cloud = next(self._chunks(file, known, BLOCK, True))
-                        density = len(cloud) / max(1, file.tell() if len(cloud) == BLOCK else _size(file))
-                        if known.whole or len(cloud) > BLOCK:
-                            whole = known.name
-                            self._whole[path] = cloud
-                        first = first if first is not None and len(first) else cloud
-                    file.seek(0)
-                    if path in self._whole:
-                        points += len(self._whole[path])
-                    else:
-                        points += known.count(file) if known.count else _size(file) * density
-                        exact = exact and known.count is not None
-            assert first is not None
-            self._head = Head(first[:BLOCK] if len(first) > BLOCK else first, round(points), exact, whole)
-        return self._head
-
-    def read_whole(self) -> tuple[str | None, int]:
-        """Return the name of a format of these files that is read as a whole, if any, and the bytes of coordinates."""
-        name, size = None, 0
+    def parts(self, n: int) -> list[CloudFiles]:
+        """Return each file, or parts of about n points of a file, by itself."""
+        parts = []
+        header = self.preview.header if self.assume_same_crs else None
         for path in self.paths:
-            with self._opened(path) as (file, known):
-                if known.whole:
-                    name = known.name
-                    size += 24 * known.count(file) if known.count else _size(file)
-        return name, size
+            with self._reading(path) as opened:
+                divides = opened.reader.spans is not None and not opened.is_copy
+                spans = opened.reader.spans(n) if divides and opened.reader.spans else []
+            for span in spans if len(spans) > 1 else [None]:
+                part = replace(self, paths=[path], span=span)
+                part._header = header
+                if opened.is_copy:
+                    part._opened[path] = opened
+                parts.append(part)
+        return parts
 
-    def faces(self) -> int:
-        """Return how many faces the files have."""
-        count = 0
-        for path in self.paths:
-            with self._opened(path) as (file, known):
-                count += known.faces(file)
-        return count
+    @property
+    def first(self) -> int:
+        """The index in the first file of the first point of `chunks`."""
+        return self.span[0] if self.span else 0
 
-    def left_out(self) -> tuple[int, list[str]]:
-        """Return how many faces are left out of the files, and in words all that is."""
-        faces, unread = 0, list[str]()
-        for path in self.paths:
-            with self._opened(path) as (file, known):
-                here = known.faces(file)
-                file.seek(0)
-                words = [f"faces ({here:,})"] if here else []
-                faces, unread = faces + here, [*unread, *words, *known.unread(file)]
-        return faces, unread
-
-    def _chunks(self, file: Any, known: Format, rows: int, attributes: bool) -> Iterator[PointCloud]:
+    def _chunks(self, known: Format, reader: Reader, n: int, attributes: bool) -> Iterator[PointCloud]:
         """Read an open file in chunks, or as a whole if that is the only way."""
-        columns = self._columns_of(known)
-        if known.whole or (columns is not None and not known.is_table):
-            yield known.read(file, columns)
-        else:
-            more = {"span": self.span, "columns": columns}
-            yield from known.chunks(file, rows, attributes, **{name: each for name, each in more.items() if each})
+        if reader.at_once:
+            return iter([reader.read()])
+        return reader.chunks(n, attributes, self.span) if self.span else reader.chunks(n, attributes)
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud with the header of the first file, if its coordinate system counts for all files.
@@ -219,20 +215,44 @@ class CloudFiles:
         if not self.assume_same_crs or cloud.header is None:
             return cloud
         first = self._header = self._header or cloud.header
-        ours, own = first.conventions, cloud.header.conventions
-        return cloud if any(ours.get(n) != own.get(n) for n in cloud.attributes) else replace(cloud, header=first)
+        ours, theirs = first.conventions, cloud.header.conventions
+        return cloud if any(ours.get(n) != theirs.get(n) for n in cloud.attributes) else replace(cloud, header=first)
 
     @contextmanager
-    def _opened(self, path: Path) -> Iterator[tuple[Any, Format]]:
-        """Open a file, decompressed, and find its format."""
+    def _reading(self, path: Path) -> Iterator[_Opened]:
+        """Yield an open file; errors in the block name it."""
+        with naming(path), np.errstate(invalid="ignore"):  # of a signalling NaN
+            yield self._open(path)
+
+    def _open(self, path: Path) -> _Opened:
+        """Open a file and read its header, unless it is open."""
+        if path in self._opened:
+            return self._opened[path]
         check_input(path)
-        with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
-            if path not in self._copies and not is_plain(path):
-                self._copies[path] = self._stack.enter_context(plain_input(path))
-            file, name = self._copies.get(path) or stack.enter_context(plain_input(path))
-            file.seek(0)
-            yield file, format_of(file, name, self.format, self.query, self.if_needed)
+        plain = [path for path, opened in self._opened.items() if not opened.is_copy]
+        if len(plain) >= 64:  # of the files that a process may open
+            del self._opened[plain[0]]
+            self._stacks.pop(plain[0]).close()
+        with naming(path), ExitStack() as stack:
+            is_copy = not is_plain(path)
+            file, name = stack.enter_context(plain_input(path))
+            known = format_of(file, name, self.format, self.if_needed)
+            columns = None if self.if_needed and "columns" not in known.options else self.columns
+            reader = restricted(known, file, columns, self.query)
+            self._opened[path] = _Opened(file, known, reader, is_copy)
+            self._stacks[path] = stack.pop_all()
+        return self._opened[path]
 
 
-def _size(file: Any) -> int:
-    return os.fstat(file.fileno()).st_size
+def open_clouds(
+    paths: Sequence[str | os.PathLike[str]],
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
+    query: Query | None = None,
+    assume_same_crs: bool = False,
+    if_needed: bool = False,
+) -> CloudFiles:
+    """Return files as one cloud, given arguments of `gppcs.read`; a virtual point cloud stands for its files."""
+    same = flag("assume_same_crs", assume_same_crs)
+    files = [file for path in paths for file in files_of(file_path(path))]
+    return CloudFiles(files, format, columns, query, same, if_needed)

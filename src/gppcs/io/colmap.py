@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from io import SEEK_END, BufferedReader
 from typing import Any, BinaryIO
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.objects import COLOUR
 from gppcs.errors import FileFormatError
-from gppcs.io.format import Format, keeping
+from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.meshes import colours_of
 from gppcs.io.rows import lines_of, number_blocks, write_rows
 
@@ -103,8 +104,8 @@ def _columns(cloud: PointCloud) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
     )
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud with the attributes that COLMAP has, and the others in words."""
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud with the attributes that COLMAP has."""
     has_colours = set(COLOUR) <= set(cloud.attributes)
 
     def held(name: str, values: NDArray[Any]) -> bool:
@@ -143,13 +144,28 @@ def _unread_binary(file: BufferedReader) -> list[str]:
     return [TRACKS] if size > COUNT.itemsize + RECORD.itemsize * int.from_bytes(head, "little") else []
 
 
+def open_colmap_text(file: BufferedReader) -> Reader:
+    """Open a text file."""
+    return Reader(
+        partial(from_start, read_colmap_text, file), at_once=True, skipped=partial(from_start, _unread_text, file)
+    )
+
+
+def open_colmap_binary(file: BufferedReader) -> Reader:
+    """Open a binary file."""
+    return Reader(
+        partial(from_start, read_colmap_binary, file), at_once=True, skipped=partial(from_start, _unread_binary, file)
+    )
+
+
 FORMATS = (
     Format(
-        "COLMAP text", (".points3d.txt",), read_colmap_text, write_colmap_text,
-        lambda head, size: head.startswith(TITLE.encode()), _unread_text, _fitted, whole=True,
+        "COLMAP text",
+        (".points3d.txt",),
+        open_colmap_text,
+        write_colmap_text,
+        lambda start, size: start.startswith(TITLE.encode()),
+        _stored,
     ),
-    Format(
-        "COLMAP binary", (".points3d.bin",), read_colmap_binary, write_colmap_binary, _is_binary, _unread_binary,
-        _fitted, whole=True,
-    ),
-)  # fmt: skip
+    Format("COLMAP binary", (".points3d.bin",), open_colmap_binary, write_colmap_binary, _is_binary, _stored),
+)

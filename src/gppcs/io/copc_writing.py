@@ -26,7 +26,6 @@ from gppcs.io.las_header import (
     SIZES,
     TYPES,
     WAVEFORMS,
-    WKT,
     LasHeader,
     empty_header,
     record_of,
@@ -136,8 +135,8 @@ def _spacing(points: NDArray[np.float64], cube: Cube) -> float:
     return float(np.ldexp(np.sqrt(surface_area(KdTree.build(local)) / len(points)), exponent)) or cube.side
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud as `write_copc` writes it, and in words what it leaves out."""
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_copc` writes it, without waveforms."""
     header = cloud.header if isinstance(cloud.header, LasHeader) else las.new_header(cloud, _VERSIONS)
     attributes: dict[str, Column] = dict(cloud.attributes)
     ranks = attributes.get("scan_angle_rank")
@@ -145,8 +144,7 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
         attributes["scan_angle"] = np.rint(attributes.pop("scan_angle_rank") / _DEGREES).astype(np.int16)
     attributes, header = _one_number_each(attributes, _raised(header))
     without = replace(header, records=tuple(each for each in header.records if each.kind != WAVEFORMS))
-    fitted, lost = las.fitted(replace(cloud, header=without, attributes=attributes))
-    return fitted, [*lost, *(["waveforms"] if len(without.records) < len(header.records) else [])]
+    return las.stored(replace(cloud, header=without, attributes=attributes))
 
 
 def _raised(header: LasHeader) -> LasHeader:
@@ -198,29 +196,12 @@ def _description_of_one(description: NDArray[Any], name: str, index: int) -> NDA
     return one
 
 
-def _remarks(cloud: PointCloud) -> list[str]:
-    """Return in words what the file says otherwise than a cloud."""
-    header = cloud.header if isinstance(cloud.header, LasHeader) else None
-    found = [
-        f"attribute {name} under one name (its numbers become {name}_0, {name}_1 and so on)"
-        for name in _several(cloud.attributes, header)
-    ]
-    if header and header.point_format in _RAISED:
-        raised = _RAISED[header.point_format]
-        found.append(f"point format {header.point_format} (it becomes {raised}, without loss)")
-    if header is None or header.crs is None:
-        found.append("a coordinate system, which the input does not name either (no map can show the file)")
-    elif all(each.kind != WKT for each in header.records):
-        found.append("the coordinate system as WKT (it stays as keys of GeoTIFF, which not all readers know)")
-    return found
-
-
 def _is_copc(head: bytes, size: int) -> bool:
     user = SIZES[4] + RECORD.fields["user"][1]  # type: ignore[index]
     return las.FORMATS[1].recognises(head, size) and head[user : user + 5] == b"copc\0"
 
 
 FORMAT = replace(
-    las.FORMATS[1], name="COPC", suffixes=(".copc.laz",), write=write_copc, recognises=_is_copc, fitted=_fitted,
-    remarks=_remarks, has_levels=True,
+    las.FORMATS[1], name="COPC", suffixes=(".copc.laz",), write=write_copc, recognises=_is_copc, stored=_stored,
+    options=frozenset({"query", "levels_by"}), renames={"scan_angle_rank": "scan_angle"},
 )  # fmt: skip

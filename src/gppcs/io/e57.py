@@ -12,6 +12,7 @@ import uuid
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,7 +26,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_libe57
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type
-from gppcs.io.format import Format, keeping
+from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.rows import BLOCK, ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -455,8 +456,15 @@ def _field_of(name: str, attributes: dict[str, Column]) -> str:
     return _PREFIX + name
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return what `write_e57` can store of a cloud, and in words what it cannot."""
+def open_e57(file: BufferedReader) -> Reader:
+    """Open an E57 file."""
+    return Reader(
+        partial(from_start, read_e57, file), count_e57_points(file), skipped=partial(from_start, unread_e57, file)
+    )
+
+
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_e57` stores it."""
     require_libe57()  # before long work, not at its end
     return keeping(
         cloud,
@@ -466,18 +474,9 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
             and not (values.dtype.kind == "u" and values.size and values.max() > _LARGEST)
             and _ELEMENT.fullmatch(column_name(name))
         ),
+        E57Header,
+        plain_names=True,
     )
 
 
-FORMAT = Format(
-    "E57",
-    (".e57",),
-    read_e57,
-    write_e57,
-    lambda head, size: head.startswith(_SIGNATURE),
-    unread_e57,
-    _fitted,
-    header=E57Header,
-    named=column_name,
-    count=count_e57_points,
-)
+FORMAT = Format("E57", (".e57",), open_e57, write_e57, lambda start, size: start.startswith(_SIGNATURE), _stored)

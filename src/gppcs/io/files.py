@@ -19,11 +19,8 @@ from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, one_of, shown
 from gppcs.io import arrays, arrow, colmap, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
-from gppcs.io.query import Query, restricted
 from gppcs.io.streams import inner_name, suffix_in_words, whole_output
 from gppcs.io.whole_file import is_standard
-
-_HEAD = 1024
 
 FORMATS: tuple[Format, ...] = (
     ply.FORMAT,
@@ -198,16 +195,16 @@ def format_to_write(
             f"{_listed(writable=True)}"
         )
     choices = (
-        ("levels_by", chosen.has_levels, "a name that ends in .copc.laz, as only COPC has levels"),
-        ("ascii", chosen.has_text, "PLY or PCD with a choice between text and binary data"),
+        ("levels_by", "a name that ends in .copc.laz, as only COPC has levels"),
+        ("ascii", "PLY or PCD with a choice between text and binary data"),
     )
     given: dict[str, Any] = {}
     if levels_by is not None:
         given["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
     if ascii is not None:
         given["ascii"] = flag("ascii", ascii)
-    for name, has_choice, expected in choices:
-        if name in given and not has_choice:
+    for name, expected in choices:
+        if name in given and name not in chosen.options:
             raise FileFormatError(f"{path}: expected {expected}, found {chosen.name}; leave out {name}")
     return replace(chosen, write=partial(chosen.write, **given)) if given else chosen
 
@@ -216,15 +213,13 @@ def format_of(
     file: BufferedReader,
     path: Path,
     format: str | None = None,  # noqa: A002
-    query: Query | None = None,
     if_needed: bool = False,
 ) -> Format:
     """Return the format of a file by its content or else its name; leave the file at its start."""
-    head, size = file.read(_HEAD), os.fstat(file.fileno()).st_size
+    start, size = file.read(1024), os.fstat(file.fileno()).st_size
     file.seek(0)
-    told = next((known for known in FORMATS if known.recognises(head, size)), None)
-    known = told if told and (if_needed or not format) else _of_suffix(format or _suffix_of(path))
-    return restricted(known, query) if query else known
+    recognised = next((known for known in FORMATS if known.recognises(start, size)), None)
+    return recognised if recognised and (if_needed or not format) else _of_suffix(format or _suffix_of(path))
 
 
 def check_suffix(suffix: str | None) -> None:

@@ -1,12 +1,12 @@
-"""The class `Format`: how one file format is recognised, read and written."""
+"""The class `Format`, how one file format is recognised, opened and written, and `Reader`, an open file."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from io import BufferedReader
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,33 +14,118 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.clouds.header import Header
-from gppcs.errors import FileFormatError
+from gppcs.io.columns import check_name, column_name
 from gppcs.io.joining import joined
 
-LAST_DIGITS = 2.0  # Units in the last place of the largest coordinate: 41 times 0.01 differs so from 0.41.
-LARGEST_SHIFT = 1e-6  # Of the diagonal, by which rounding may move a point without being asked to.
-Span = tuple[int, int]  # the row of the first point of a part of a file, and the row behind its last
+Span = tuple[int, int]  # the index of the first point of a part of a file, and the index behind its last
 
 
-def without_attributes(cloud: PointCloud, names: Iterable[str]) -> tuple[PointCloud, list[str]]:
-    """Return a cloud without some of its attributes, and these attributes and their types in words."""
-    lost = set(names)
-    kept = {name: values for name, values in cloud.attributes.items() if name not in lost}
-    return replace(cloud, attributes=kept), [
-        f"attribute {name} ({'text' if values.dtype.kind == 'U' else values.dtype})"
-        for name, values in cloud.attributes.items()
-        if name in lost
-    ]
+@dataclass
+class Reader:
+    """An open file, whose header has been read.
+
+    `chunks(n, attributes)` yields all points, at most n at once, with attributes or without; one cloud of no points if
+    there are none. It can be called again, once the last call is done. If the file has `spans(n)`, parts of about n
+    points that can be read by themselves, `chunks` also takes one as `span`.
+    """
+
+    chunks: Callable[..., Iterator[PointCloud]]
+    n_points: int | None = None  # None if only reading tells
+    at_once: bool = False  # `chunks` holds all points in memory before it yields
+    n_faces: Callable[[], int] = lambda: 0
+    skipped: Callable[[], list[str]] = list  # in words what of the file, besides faces, is not read
+    spans: Callable[[int], list[Span]] | None = None
+    triangles: Callable[[], NDArray[np.int64]] | None = None  # the faces, of a mesh format
+
+    def read(self) -> PointCloud:
+        """Read all points with their attributes."""
+        return joined(self.chunks(sys.maxsize, True))
 
 
-def keeping(cloud: PointCloud, held: Callable[[str, Column], object]) -> tuple[PointCloud, list[str]]:
-    """Return a cloud with the attributes that a format holds, and the others in words."""
-    return without_attributes(cloud, [name for name, values in cloud.attributes.items() if not held(name, values)])
+def from_start(function: Callable[..., Any], file: BufferedReader, *args: Any, **options: Any) -> Any:
+    """Call a function with a file that is at its start."""
+    file.seek(0)
+    return function(file, *args, **options)
+
+
+class Fit(NamedTuple):
+    """A cloud as a format holds it, and in words the values that this loses, and what else changes."""
+
+    cloud: PointCloud
+    values: list[str]
+    remarks: list[str]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: its names and the functions that recognise, open and write it."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    open: Callable[..., Reader]  # a file at its start
+    write: Callable[..., None] | None = None  # to a file, a cloud that `stored` has returned
+    recognises: Callable[[bytes, int], bool] = lambda start, size: False  # the first bytes of a file, and its size
+    stored: Callable[[PointCloud], PointCloud] = lambda cloud: cloud  # a cloud as `write` stores it
+    options: frozenset[str] = frozenset()  # of `open`: columns, query; of `write`: the others
+    renames: Mapping[str, str] = field(default_factory=dict)  # names that attributes get in `stored`
+
+    def fit(self, cloud: PointCloud) -> Fit:
+        """Tell what `write` can store of a cloud and what it cannot, by comparing the cloud with what is stored."""
+        stored = self.stored(cloud)
+        values, remarks = list[str](), list[str]()
+        if cloud.header:
+            same = stored.header if type(stored.header) is type(cloud.header) else None
+            kept = same.contents() if same else []
+            remarks += [item for item in cloud.header.contents() if item not in kept]
+        for name, column in cloud.attributes.items():
+            new = name if name in stored.attributes else self.renames.get(name, column_name(name))
+            if new in stored.attributes:
+                if new != name:
+                    remarks.append(f"the name {name!a} (it becomes {new})")
+                elif not _are_equal(column, stored.attributes[name]):
+                    values.append(f"the exact values of attribute {name}")
+            elif f"{new}_0" in stored.attributes:
+                remarks.append(f"attribute {name} under one name (its numbers become {new}_0, {new}_1 and so on)")
+            else:
+                values.append(f"attribute {name} ({'text' if column.dtype.kind == 'U' else column.dtype})")
+        digits, tolerated = rounding(cloud.points, stored.points)
+        (remarks if tolerated else values).extend(digits)
+        return Fit(stored, values, remarks)
+
+    def has_suffix(self, suffix: str) -> bool:
+        """Return whether a suffix names this format."""
+        return "." + suffix.lower().removeprefix(".") in self.suffixes
+
+
+def keeping(
+    cloud: PointCloud,
+    holds: Callable[[str, Column], object],
+    header: type[Header] | None = None,
+    plain_names: bool = False,
+) -> PointCloud:
+    """Return a cloud with the attributes that a format holds, and with its header if that is of a type.
+
+    With `plain_names`, the names of attributes get underscores in place of whitespace, separators and quotes.
+    """
+    kept: dict[str, Column] = {}
+    for name, values in cloud.attributes.items():
+        if holds(name, values):
+            new = column_name(name) if plain_names else name
+            check_name(new, kept)
+            kept[new] = values
+    return replace(cloud, attributes=kept, header=cloud.header if header and isinstance(cloud.header, header) else None)
+
+
+def _are_equal(values: Column, stored: Column) -> bool:
+    """Return whether an attribute is stored exactly."""
+    if values is stored:
+        return True
+    return values.shape == stored.shape and np.array_equal(values, stored, equal_nan=values.dtype.kind == "f")
 
 
 def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
     """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
-    if np.array_equal(points, rounded):
+    if points is rounded or np.array_equal(points, rounded):
         return [], True
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
@@ -54,63 +139,7 @@ def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple
 def shift_in_words(shift: float, farthest: float, diagonal: float) -> tuple[list[str], bool]:
     """Return what `rounding` does, given the largest shift, the largest coordinate and the diagonal of the points."""
     with np.errstate(over="ignore", invalid="ignore"):
-        counts = shift > LAST_DIGITS * np.spacing(farthest)
-    words = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if counts else []
-    return words, shift <= LARGEST_SHIFT * diagonal
-
-
-class Fit(NamedTuple):
-    """What a format can hold of a cloud, and in words the values and the remarks that it cannot."""
-
-    cloud: PointCloud
-    values: list[str]
-    remarks: list[str]
-
-
-@dataclass(frozen=True)
-class Format:
-    """A file format: its names and the functions that recognise, read and write it."""
-
-    name: str
-    suffixes: tuple[str, ...]
-    chunks: Callable[..., Iterator[PointCloud]]  # of a file, at most so many rows, and with attributes or without
-    write: Callable[..., None] | None = None  # to a file, a cloud; of some formats also its faces
-    recognises: Callable[[bytes, int], bool] = lambda head, size: False
-    unread: Callable[[BufferedReader], list[str]] = lambda file: []
-    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = lambda cloud: (cloud, [])
-    remarks: Callable[[PointCloud], list[str]] = lambda cloud: []  # what else a file says otherwise than the cloud
-    has_levels: bool = False  # `write` takes by what the levels are chosen
-    has_text: bool = False  # `write` takes whether numbers are written as text
-    faces: Callable[[BufferedReader], int] = lambda file: 0
-    triangles: Callable[[BufferedReader], NDArray[np.int64]] | None = None
-    is_table: bool = False  # `chunks` takes names of columns
-    whole: bool = False  # `chunks` reads all of a file before it yields
-    count: Callable[[BufferedReader], int] | None = None
-    takes_query: bool = False
-    spans: Callable[[BufferedReader, int], list[Span]] | None = None
-    header: type[Header] | None = None
-    named: Callable[[str], str] = str
-
-    def read(self, file: BufferedReader, columns: Sequence[str] | None = None) -> PointCloud:
-        """Read all points with their attributes; `columns` name the columns of a table."""
-        if columns is not None and not self.is_table:
-            raise FileFormatError(f"expected a text table, whose columns can be named, found {self.name}")
-        return joined(self.chunks(file, sys.maxsize, True, **({"columns": columns} if columns else {})))
-
-    def fit(self, cloud: PointCloud) -> Fit:
-        """Tell what `write` can store of a cloud and what it cannot."""
-        remarks: list[str] = []
-        if (header := cloud.header) and not (self.header and isinstance(header, self.header)):
-            cloud, remarks = replace(cloud, header=None), header.contents()
-        remarks += self.remarks(cloud)
-        fitted, values = self.fitted(cloud)
-        if fitted.points is not cloud.points:
-            digits, tolerated = rounding(cloud.points, fitted.points)
-            (remarks if tolerated else values).extend(digits)
-        names = [(name, self.named(name)) for name in fitted.attributes]
-        remarks += [f"the name {name!a} (it becomes {named})" for name, named in names if named != name]
-        return Fit(fitted, values, remarks)
-
-    def has_suffix(self, suffix: str) -> bool:
-        """Return whether a suffix names this format."""
-        return "." + suffix.lower().removeprefix(".") in self.suffixes
+        # 41 times 0.01 differs from 0.41 by two units in the last place.
+        counts = shift > 2.0 * np.spacing(farthest)
+    message = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if counts else []
+    return message, shift <= 1e-6 * diagonal

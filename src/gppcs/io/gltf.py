@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from io import BufferedReader, BytesIO
 
 import numpy as np
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_trimesh
-from gppcs.io.format import Format
-from gppcs.io.meshes import COLOURS
+from gppcs.io.format import Format, Reader, from_start
+from gppcs.io.meshes import COLOURS, FACES
 from gppcs.io.rows import reported
 
 
@@ -37,13 +38,12 @@ def _triangles(file: BufferedReader) -> NDArray[np.int64]:
     return _loaded(file)[0].faces
 
 
-FORMAT = Format(
-    "glTF",
-    (".glb",),
-    read_gltf,
-    None,
-    lambda head, size: head.startswith(b"glTF"),
-    faces=lambda file: len(_triangles(file)),
-    triangles=_triangles,
-    whole=True,
-)
+def open_gltf(file: BufferedReader) -> Reader:
+    """Open a glTF file."""
+    triangles = partial(from_start, _triangles, file)
+    return Reader(
+        partial(from_start, read_gltf, file), at_once=True, n_faces=lambda: len(triangles()), triangles=triangles
+    )
+
+
+FORMAT = Format("glTF", (".glb",), open_gltf, recognises=lambda start, size: start.startswith(b"glTF"), options=FACES)

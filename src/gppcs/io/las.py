@@ -19,7 +19,7 @@ from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name
 from gppcs.io.copc import chunks_of
-from gppcs.io.format import Format, Span, without_attributes
+from gppcs.io.format import Format, Reader, Span, from_start
 from gppcs.io.las_header import (
     COPC,
     EXTRA_BYTES,
@@ -163,6 +163,21 @@ def read_las_chunks(
     yield from at_most(rows, not_empty(_blocks_as_clouds(file, attributes, query, span)))
 
 
+def open_las(file: BufferedReader, query: Query | None = None) -> Reader:
+    """Open a LAS, LAZ or COPC file, of the last of which only those parts are read that a query may ask for."""
+
+    def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
+        file.seek(0)
+        return read_las_chunks(file, n, attributes, query, span)
+
+    return Reader(
+        chunks,
+        _count(read_header(file)[1]),
+        skipped=partial(from_start, uncounted_las_points, file),
+        spans=partial(from_start, spans_of_las, file),
+    )
+
+
 def uncounted_las_points(file: BufferedReader) -> list[str]:
     """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
     header, fields, own = read_header(file)
@@ -292,7 +307,7 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
 
 
 def layout_to_write(cloud: PointCloud) -> Layout:
-    """Return how the points of a cloud are stored, which `fitted` has made fit."""
+    """Return how the points of a cloud are stored, which `stored` has returned."""
     header = header_of(cloud)
     layout, described = _standard_layout(header.point_format), header.extra_bytes
     for name, values in cloud.attributes.items():
@@ -308,7 +323,7 @@ def layout_to_write(cloud: PointCloud) -> Layout:
 
 
 def header_of(cloud: PointCloud) -> LasHeader:
-    """Return the header of a cloud that `fitted` has made fit."""
+    """Return the header of a cloud that `stored` has returned."""
     assert isinstance(cloud.header, LasHeader)
     return cloud.header
 
@@ -411,13 +426,13 @@ def laspy_of(cloud: PointCloud) -> Any:
         return laspy.read(file)
 
 
-def fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud as `write_las` writes it, with a `LasHeader`, and in words the attributes that it leaves out."""
+def stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_las` writes it, with a `LasHeader`."""
     _check_coordinates(cloud)
     header = cloud.header if isinstance(cloud.header, LasHeader) else new_header(cloud, _VERSIONS)
-    cloud, header, attributes = _fit_attributes(cloud, header)
+    cloud, header = _fit_attributes(cloud, header)
     points, header = _fit_points(cloud.points, header)
-    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header), attributes
+    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header)
 
 
 def _check_coordinates(cloud: PointCloud) -> None:
@@ -446,17 +461,15 @@ def new_header(cloud: PointCloud, formats: Mapping[int, int]) -> LasHeader:
     return empty_header(minor, best).with_fields(system_identifier=b"OTHER", generating_software=b"gppcs")
 
 
-def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, LasHeader, list[str]]:
+def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, LasHeader]:
     """Convert attributes to the types that the file has for them, and describe those in extra bytes."""
     standard, described = _standard_layout(header.point_format).dimensions, header.extra_bytes
     kept: dict[str, Column] = {}
-    descriptions, last, lost = [], {}, []
+    descriptions, last = [], {}
     for name, values in cloud.attributes.items():
         if name in standard:
             if standard[name].fits(values):
                 kept[name] = values.astype(standard[name].dtype.newbyteorder("="), copy=False)
-            else:
-                lost.append(name)
             continue
         if name == UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
             last[name] = values  # stands behind all that are described
@@ -465,15 +478,12 @@ def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, L
             kept[name] = values
             descriptions.append(described[name])
             continue
-        parts = _extra_columns(name, values)
-        if not parts:
-            lost.append(name)
-        for part, column in parts.items():
+        for part, column in _extra_columns(name, values).items():
             check_name(part, (*kept, *last, *standard, *_AXES))
             kept[part] = column
             descriptions.append(_description(part, column, described.get(part)))
     header = _with_descriptions(header, descriptions)
-    return replace(cloud, attributes={**kept, **last}), header, without_attributes(cloud, lost)[1]
+    return replace(cloud, attributes={**kept, **last}), header
 
 
 def _keeps_scale(values: Column, description: NDArray[Any]) -> bool:
@@ -599,11 +609,16 @@ def _finest(reach: float) -> int:
 def _format(name: str, suffix: str, compressed: bool) -> Format:
     write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
     return Format(
-        name, (suffix,), read_las_chunks, write,
-        lambda head, size: head.startswith(b"LASF") and len(head) > 104 and bool(head[104] & 0b11000000) == compressed,
-        fitted=fitted, header=LasHeader, count=lambda file: _count(read_header(file)[1]), unread=uncounted_las_points,
-        takes_query=True, spans=spans_of_las,
-    )  # fmt: skip
+        name,
+        (suffix,),
+        open_las,
+        write,
+        lambda start, size: (
+            start.startswith(b"LASF") and len(start) > 104 and bool(start[104] & 0b11000000) == compressed
+        ),
+        stored,
+        frozenset({"query"}),
+    )
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

@@ -62,21 +62,22 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     check_input(source)
     with naming(source), plain_input(source) as (file, name):
         known = format_of(file, name)
-        if known.triangles is None:
+        if "faces" not in known.options:
             raise FileFormatError(f"expected a mesh, found {known.name}, whose files are point clouds")
-        cloud = known.read(file)
+        reader = known.open(file)
+        cloud = reader.read()
         if len(bad := cloud.non_finite()):
             raise FileFormatError(
                 f"expected finite vertices, found {len(bad)} that are not, the first at index {bad[0]}: "
                 "remove them and their faces"
             )
-        file.seek(0)
-        return Mesh(cloud.points, known.triangles(file))
+        assert reader.triangles is not None
+        return Mesh(cloud.points, reader.triangles())
 
 
 def mesh_of(path: Path, faces: int) -> Mesh | None:
     """Read the mesh of a file with so many faces, if there are any and its suffix tells that it may be a mesh."""
-    may_be = any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if known.triangles)
+    may_be = any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if "faces" in known.options)
     return read_mesh(path) if faces and may_be else None
 
 
@@ -193,18 +194,17 @@ def _write_gltf(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> 
     file.write(made.export(file_type="glb", include_normals=cloud.normals() is not None))
 
 
-def _single(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud, list[str]]:
+def _single(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> PointCloud:
     """Return a cloud as `held` does, with coordinates in single precision."""
-    fitted, lost = held(cloud, groups)
     with np.errstate(over="ignore"):
-        return replace(fitted, points=cloud.points.astype(np.float32).astype(np.float64)), lost
+        return replace(held(cloud, groups), points=cloud.points.astype(np.float32).astype(np.float64))
 
 
 _BOTH = (NORMALS, COLOURS)
 _FORMATS = {
     ".ply": PLY,
-    ".obj": replace(OBJ, fitted=partial(held, groups=_BOTH)),  # meshes are written with the normals of their vertices
-    ".stl": replace(STL, write=_write_stl, fitted=partial(_single, groups=(NORMALS,))),
+    ".obj": replace(OBJ, stored=partial(held, groups=_BOTH)),  # meshes are written with the normals of their vertices
+    ".stl": replace(STL, write=_write_stl, stored=partial(_single, groups=(NORMALS,))),
     ".off": OFF,
-    ".glb": replace(GLTF, write=_write_gltf, fitted=partial(_single, groups=_BOTH)),
+    ".glb": replace(GLTF, write=_write_gltf, stored=partial(_single, groups=_BOTH)),
 }  # by suffix

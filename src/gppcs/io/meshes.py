@@ -6,6 +6,7 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from io import BufferedReader
 from itertools import islice
@@ -19,7 +20,7 @@ from gppcs.clouds.colours import eight_bits, fit_eight_bits
 from gppcs.clouds.columns import Column, check_coordinate, cloud_of_columns
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
-from gppcs.io.format import Format, without_attributes
+from gppcs.io.format import Format, Reader, from_start
 from gppcs.io.rows import as_count, as_found, ends_early, lines_of, number_blocks, write_rows
 
 _OFF_HEADER = re.compile(r"\s*(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", re.DOTALL)
@@ -257,14 +258,57 @@ def _stacked(cloud: PointCloud) -> Column:
     return np.column_stack([cloud.attributes[name] for name in COLOURS])
 
 
-def held(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> tuple[PointCloud, list[str]]:
-    """Return a cloud with those groups of attributes that are numbers and complete, and in words what that loses."""
+def held(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> PointCloud:
+    """Return a cloud with those groups of attributes that are numbers and complete, colours with 8 bits."""
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
     names = {name for group in groups if set(group) <= numbers for name in group}
-    kept, lost = without_attributes(cloud, cloud.attributes.keys() - names)
+    kept = {name: values for name, values in cloud.attributes.items() if name in names}
     if set(COLOURS) <= names and not fit_eight_bits(_stacked(cloud)):
-        lost.append("colours (they get 8 bits)")
-    return kept, lost
+        colours = colours_of(cloud)
+        assert colours is not None
+        kept.update(zip(COLOURS, colours.T, strict=True))
+    return replace(cloud, attributes=kept, header=None)
+
+
+def open_off(file: BufferedReader) -> Reader:
+    """Open an OFF file."""
+    return Reader(
+        partial(from_start, read_off, file),
+        at_once=True,
+        n_faces=partial(from_start, _count_off_faces, file),
+        triangles=partial(from_start, off_triangles, file),
+    )
+
+
+def open_obj(file: BufferedReader) -> Reader:
+    """Open an OBJ file."""
+
+    def n_faces() -> int:
+        file.seek(0)
+        return sum(line.split(None, 1)[:1] == ["f"] for line in lines_of(file))
+
+    return Reader(
+        partial(from_start, read_obj, file),
+        at_once=True,
+        n_faces=n_faces,
+        skipped=partial(from_start, unread_obj, file),
+        triangles=partial(from_start, obj_triangles, file),
+    )
+
+
+def open_stl(file: BufferedReader) -> Reader:
+    """Open an STL file."""
+
+    def corners() -> Column:
+        file.seek(0)
+        return _corners(file)
+
+    return Reader(
+        partial(from_start, read_stl, file),
+        at_once=True,
+        n_faces=lambda: len(corners()) // 3,
+        triangles=lambda: _distinct(corners())[1].reshape(-1, 3),
+    )
 
 
 def _count_off_faces(file: BufferedReader) -> int:
@@ -272,36 +316,24 @@ def _count_off_faces(file: BufferedReader) -> int:
     return faces[0] if faces else 0
 
 
+FACES = frozenset({"faces"})
 OFF, OBJ, STL = FORMATS = (
     Format(
         "OFF",
         (".off",),
-        read_off,
+        open_off,
         write_off,
-        lambda head, size: _OFF_LOOK.match(head) is not None,
-        fitted=partial(held, groups=(NORMALS, COLOURS)),
-        faces=_count_off_faces,
-        triangles=off_triangles,
-        whole=True,
+        lambda start, size: _OFF_LOOK.match(start) is not None,
+        partial(held, groups=(NORMALS, COLOURS)),
+        FACES,
     ),
     Format(
         "OBJ",
         (".obj",),
-        read_obj,
+        open_obj,
         write_obj,
-        unread=unread_obj,
-        fitted=partial(held, groups=(COLOURS,)),  # normals would not be read again
-        faces=lambda file: sum(line.split(None, 1)[:1] == ["f"] for line in lines_of(file)),
-        triangles=obj_triangles,
-        whole=True,
+        stored=partial(held, groups=(COLOURS,)),  # normals would not be read again
+        options=FACES,
     ),
-    Format(
-        "STL",
-        (".stl",),
-        read_stl,
-        recognises=_looks_like_stl,
-        faces=lambda file: len(_corners(file)) // 3,
-        triangles=lambda file: _distinct(_corners(file))[1].reshape(-1, 3),
-        whole=True,
-    ),
+    Format("STL", (".stl",), open_stl, recognises=_looks_like_stl, options=FACES),
 )

@@ -7,6 +7,7 @@ import re
 import struct
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BufferedReader
 from itertools import tee
 from typing import Any, BinaryIO
@@ -18,8 +19,8 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.columns import check_name, column_name, columns_of, exact_type
-from gppcs.io.format import Format, keeping
+from gppcs.io.columns import check_name, columns_of, exact_type
+from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.joining import joined
 from gppcs.io.rows import (
     as_count,
@@ -419,8 +420,17 @@ def _usual_colour(cloud: PointCloud) -> PackedColour:
     return PackedColour("rgba", np.dtype("u4")) if has_alpha else PackedColour()
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return what `write_pcd` can store of a cloud, and in words what it cannot."""
+def open_pcd(file: BufferedReader) -> Reader:
+    """Open a PCD file."""
+    return Reader(
+        partial(from_start, read_pcd, file),
+        _read_header(file).count,
+        skipped=partial(from_start, unread_pcd, file),
+    )
+
+
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_pcd` stores it."""
     return keeping(
         cloud,
         lambda name, values: (
@@ -428,19 +438,17 @@ def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
             and 0 not in values.shape[1:]
             and not (_Field(name, values.dtype, math.prod(values.shape[1:])).may_be_colour and values.ndim == 1)
         ),
+        PcdHeader,
+        plain_names=True,
     )
 
 
 FORMAT = Format(
     "PCD",
     (".pcd",),
-    read_pcd,
+    open_pcd,
     write_pcd,
-    lambda head, size: _LOOK.match(head) is not None,
-    unread_pcd,
-    _fitted,
-    header=PcdHeader,
-    named=column_name,
-    count=lambda file: _read_header(file).count,
-    has_text=True,
+    lambda start, size: _LOOK.match(start) is not None,
+    _stored,
+    frozenset({"ascii"}),
 )

@@ -19,7 +19,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, column_name, columns_of, exact_type
-from gppcs.io.format import Format, Span, keeping, without_attributes
+from gppcs.io.format import Format, Reader, Span, keeping
 from gppcs.io.meshes import triangles_of
 from gppcs.io.rows import (
     as_count,
@@ -123,56 +123,61 @@ class _Header:
         return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
-def read_ply(file: BufferedReader, rows: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-    """Read the vertices of a PLY file in chunks, those with lists as one. Other elements are skipped."""
+def open_ply(file: BufferedReader) -> Reader:
+    """Open a PLY file to read its vertices. Those with lists are read at once; other elements are skipped."""
     header = _read_header(file)
-    vertices = header.element("vertex")
+    start, vertices = file.tell(), header.element("vertex")
     if vertices not in header.elements:
-        names = ", ".join(repr(each.name) for each in header.elements) or "none"
+        names = ", ".join(repr(element.name) for element in header.elements) or "none"
         raise FileFormatError(f"expected an element named vertex, found {names}")
-    axes = coordinate_names(each.name for each in vertices.scalars)
-    _skip_to(file, header, vertices)
-    clouds: Iterator[PointCloud]
-    if header.order and not vertices.has_lists:
-        kept = [each.name for each in vertices.properties if attributes]
-        clouds = read_records(file, vertices.record(header.order), vertices.count, rows, "vertex", kept, span)
-    else:
-        wanted = [each.name for each in vertices.properties if attributes or each.name in axes]
-        tables = _tables(file, header, vertices)
-        clouds = (cloud_of_columns({name: table[name] for name in wanted}) for table in tables)
-        clouds = clouds if vertices.has_lists else at_most(rows, clouds)
-    for cloud in clouds:
-        yield replace(cloud, header=header.kept())
+    axes = coordinate_names(scalar.name for scalar in vertices.scalars)
 
+    def at(element: _Element) -> _Header:
+        """Go to an element; return a header with the number of lines before it."""
+        file.seek(start)
+        here = replace(header)
+        _skip_to(file, here, element)
+        return here
 
-def unread_ply(file: BufferedReader) -> list[str]:
-    """Return in words which elements `read_ply` leaves out of a file."""
-    others = (each for each in _read_header(file).elements if each.name not in ("vertex", "face"))
-    return [f"element {each.name} ({each.count:,})" for each in others if each.count]
+    def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
+        here = at(vertices)
+        clouds: Iterator[PointCloud]
+        if header.order and not vertices.has_lists:
+            kept = [each.name for each in vertices.properties if attributes]
+            clouds = read_records(file, vertices.record(header.order), vertices.count, n, "vertex", kept, span)
+        else:
+            columns = [each.name for each in vertices.properties if attributes or each.name in axes]
+            tables = _tables(file, here, vertices)
+            clouds = (cloud_of_columns({name: table[name] for name in columns}) for table in tables)
+            clouds = clouds if vertices.has_lists else at_most(n, clouds)
+        for cloud in clouds:
+            yield replace(cloud, header=header.kept())
 
+    def spans(n: int) -> list[Span]:
+        if not vertices.count or vertices.has_lists or not header.order:
+            return []
+        at(vertices)
+        return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, n)
 
-def spans_of_ply(file: BufferedReader, rows: int) -> list[Span]:
-    """Divide the vertices of a binary file without lists into parts that can be read by themselves."""
-    header = _read_header(file)
-    vertices = header.element("vertex")
-    if not vertices.count or vertices.has_lists or not header.order:
-        return []
-    _skip_to(file, header, vertices)
-    return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, rows)
+    def triangles() -> NDArray[np.int64]:
+        faces = header.element("face")
+        named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"]
+        name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
+        if name is None or not faces.count:
+            return np.empty((0, 3), np.int64)
+        [table] = _tables(file, at(faces), faces)
+        lists = table[name]
+        return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
 
-
-def ply_triangles(file: BufferedReader) -> NDArray[np.int64]:
-    """Read the faces of a PLY file as triangles."""
-    header = _read_header(file)
-    faces = header.element("face")
-    named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"]
-    name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
-    if name is None or not faces.count:
-        return np.empty((0, 3), np.int64)
-    _skip_to(file, header, faces)
-    [table] = _tables(file, header, faces)
-    lists = table[name]
-    return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
+    elements = [element for element in header.elements if element.name not in ("vertex", "face") and element.count]
+    return Reader(
+        chunks,
+        vertices.count,
+        n_faces=lambda: sum(element.count for element in header.elements if element.name == "face"),
+        skipped=lambda: [f"element {element.name} ({element.count:,})" for element in elements],
+        spans=spans,
+        triangles=triangles,
+    )
 
 
 def _read_header(file: BufferedReader) -> _Header:
@@ -408,7 +413,8 @@ def _packed(kind: _Property, values: Iterable[Any]) -> Iterator[bytes]:
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[tuple[_Property, Column]]:
     """Return what is written of each vertex, numbers first, then lists."""
     lists = [name for name, values in cloud.attributes.items() if _is_lists(values) or name in header.lists]
-    columns = columns_of(without_attributes(cloud, lists)[0])
+    scalars = {name: values for name, values in cloud.attributes.items() if name not in lists}
+    columns = columns_of(replace(cloud, attributes=scalars))
     points = np.stack([columns[axis] for axis in "xyz"])  # of one type
     fields = [
         (_Property(name, _type_of(points if name in "xyz" else values)), values) for name, values in columns.items()
@@ -438,30 +444,25 @@ def _is_lists(values: Column) -> bool:
     return values.dtype.hasobject and values.ndim == 1 and all(arrays)
 
 
-def _fitted(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return what `write_ply` can store of a cloud, and in words what it cannot."""
+def _stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_ply` stores it."""
     lists = cloud.header.lists if isinstance(cloud.header, PlyHeader) else {}
     return keeping(
         cloud,
         lambda name, values: (
             (exact_type(values, _NAMES) or _is_lists(values)) and (0 not in values.shape[1:] or name in lists)
         ),
+        PlyHeader,
+        plain_names=True,
     )
 
 
 FORMAT = Format(
     "PLY",
     (".ply",),
-    read_ply,
+    open_ply,
     write_ply,
-    lambda head, size: re.match(rb"ply[ \t]*\r?\n", head) is not None,
-    unread_ply,
-    _fitted,
-    header=PlyHeader,
-    named=column_name,
-    faces=lambda file: sum(each.count for each in _read_header(file).elements if each.name == "face"),
-    triangles=ply_triangles,
-    count=lambda file: _read_header(file).element("vertex").count,
-    spans=spans_of_ply,
-    has_text=True,
+    lambda start, size: re.match(rb"ply[ \t]*\r?\n", start) is not None,
+    _stored,
+    frozenset({"ascii", "faces"}),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BufferedReader
 
 import numpy as np
@@ -13,7 +14,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
-from gppcs.io.format import Format
+from gppcs.io.format import Format, Reader, from_start
 from gppcs.io.rows import as_count, as_found, lines_of, number_blocks
 
 _WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines before the points of a scan
@@ -138,4 +139,9 @@ def _is_ptx(head: bytes, size: int) -> bool:
     )
 
 
-FORMAT = Format("PTX", (".ptx",), read_ptx, None, _is_ptx, unread_ptx, whole=True)
+def open_ptx(file: BufferedReader) -> Reader:
+    """Open a PTX file."""
+    return Reader(partial(from_start, read_ptx, file), at_once=True, skipped=partial(from_start, unread_ptx, file))
+
+
+FORMAT = Format("PTX", (".ptx",), open_ptx, recognises=_is_ptx)

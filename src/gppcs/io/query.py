@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from io import BufferedReader
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.errors import FileFormatError, InputError, ParameterError, number, shown
-from gppcs.io.format import Format
+from gppcs.io.format import Format, Reader
 from gppcs.io.polygons import Polygons, read_polygons
-from gppcs.io.rows import BLOCK
 
 
 @dataclass(frozen=True)
@@ -94,28 +93,25 @@ class Query:
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
 
 
-def restricted(known: Format, query: Query) -> Format:
-    """Return a format that reads only the part of a file that a query asks for."""
-    if query.resolution is not None and not known.takes_query:
+def restricted(known: Format, file: BufferedReader, columns: Sequence[str] | None, query: Query | None) -> Reader:
+    """Open a file to read only what a query asks for, and a table with names of its columns."""
+    if columns is not None and "columns" not in known.options:
+        raise FileFormatError(f"expected a text table, whose columns can be named, found {known.name}")
+    options: dict[str, Any] = {} if columns is None else {"columns": columns}
+    if query is None:
+        return known.open(file, **options)
+    if "query" in known.options:
+        options["query"] = query
+    elif query.resolution is not None:
         raise without_levels(known.name)
-    chunks = partial(known.chunks, query=query) if known.takes_query else known.chunks
-    if query.only is not None or not known.takes_query:
-        chunks = partial(_chunks, query, chunks)
-    count = None if known.whole else (lambda file: sum(map(len, chunks(file, BLOCK, False))))
-    return replace(known, chunks=chunks, spans=None, count=count or known.count)
+    reader = known.open(file, **options)
 
+    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+        """Read the points that are asked for; conditions need attributes."""
+        parts = not_empty(map(query.part, reader.chunks(n, attributes or query.only is not None)))
+        return parts if attributes else (replace(part, attributes={}) for part in parts)
 
-def _chunks(
-    query: Query,
-    chunks: Callable[..., Iterator[PointCloud]],
-    file: Any,
-    rows: int,
-    attributes: bool,
-    **names: list[str],
-) -> Iterator[PointCloud]:
-    """Read the wanted points in chunks, as `Format.chunks` says; conditions need attributes."""
-    parts = not_empty(map(query.part, chunks(file, rows, attributes or query.only is not None, **names)))
-    return parts if attributes else (replace(part, attributes={}) for part in parts)
+    return replace(reader, chunks=chunks, spans=None)
 
 
 def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
-from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.cloud_files import open_clouds
 from gppcs.io.format import Format
 from gppcs.io.query import Query
 
@@ -81,7 +81,7 @@ def read(
     PointCloud(2 points, each with intensity)
     """
     query = Query.of(box, resolution, only, polygon)
-    with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
+    with open_clouds([path], format, columns, query, assume_same_crs) as files:
         return files.read()
 
 
@@ -101,8 +101,8 @@ def load(
     assume_same_crs: bool = False,
 ) -> Loaded:
     """Read a point cloud file as `read` does, and tell what is left out."""
-    with CloudFiles.of([path], format, columns, query, assume_same_crs) as files:
-        return Loaded(files.read(), *files.left_out())
+    with open_clouds([path], format, columns, query, assume_same_crs) as files:
+        return Loaded(files.read(), files.n_faces, files.skipped())
 
 
 def read_each(
@@ -113,10 +113,10 @@ def read_each(
     """Read clouds, each with its number of faces, that a command puts side by side; only some need a format."""
     several = len(paths) > 1
     with ExitStack() as stack:
-        each = [stack.enter_context(CloudFiles.of([path], format, columns, if_needed=several)) for path in paths]
+        each = [stack.enter_context(open_clouds([path], format, columns, if_needed=several)) for path in paths]
         if several:
             _check_needed([known for files in each for known in files.formats()], format, columns)
-        return [(files.read(), files.faces()) for files in each]
+        return [(files.read(), files.n_faces) for files in each]
 
 
 def _check_needed(found: list[Format], format: str | None, columns: Sequence[str] | None) -> None:  # noqa: A002
@@ -124,5 +124,5 @@ def _check_needed(found: list[Format], format: str | None, columns: Sequence[str
     names = " and ".join(dict.fromkeys(known.name for known in found))
     if format is not None and not any(known.has_suffix(format) for known in found):
         raise FileFormatError(f"expected a file of the format {format}, found {names}")
-    if columns is not None and not any(known.is_table for known in found):
+    if columns is not None and not any("columns" in known.options for known in found):
         raise FileFormatError(f"expected a text table, whose columns can be named, found {names}")

@@ -28,8 +28,8 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
-from gppcs.io.columns import column_name, columns_of, default_names
-from gppcs.io.format import Format, keeping, without_attributes
+from gppcs.io.columns import columns_of, default_names
+from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.rows import as_count, as_found, at_most, lines_of, number_blocks, write_rows
 from gppcs.io.text_fields import MISSING, TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
 
@@ -244,17 +244,18 @@ def _write(head: Callable[[PointCloud, Iterable[str]], str], separator: str, fil
     write_rows(file, list(columns.values()), separator)
 
 
-def _numbers_and_text(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    return keeping(cloud, lambda name, values: values.dtype.kind in "biufU" and 0 not in values.shape[1:])
+def _numbers_and_text(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as XYZ and CSV files store it."""
+    return keeping(
+        cloud, lambda name, values: values.dtype.kind in "biufU" and 0 not in values.shape[1:], plain_names=True
+    )
 
 
-def _usual_in_pts(cloud: PointCloud) -> tuple[PointCloud, list[str]]:
-    """Return a cloud with those attributes that PTS files may have, and in words what that leaves out."""
-    numbers, others = keeping(cloud, lambda name, values: values.dtype.kind in "biuf" and 0 not in values.shape[1:])
-    columns = {name for name, values in numbers.attributes.items() if values.ndim == 1}
-    kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if columns >= set(names)), [])
-    fitted, attributes = without_attributes(numbers, set(numbers.attributes) - set(kept))
-    return replace(fitted, attributes={name: fitted.attributes[name] for name in kept}), [*attributes, *others]
+def _usual_in_pts(cloud: PointCloud) -> PointCloud:
+    """Return a cloud with those attributes that PTS files may have."""
+    numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
+    kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if numbers >= set(names)), [])
+    return replace(cloud, attributes={name: cloud.attributes[name] for name in kept}, header=None)
 
 
 def _format(
@@ -263,10 +264,14 @@ def _format(
     head: Callable[[PointCloud, Iterable[str]], str],
     separator: str = " ",
     names_of_width: Callable[[int], list[str]] = default_names,
-    fitted: Callable[[PointCloud], tuple[PointCloud, list[str]]] = _numbers_and_text,
+    stored: Callable[[PointCloud], PointCloud] = _numbers_and_text,
 ) -> Format:
-    read, write = partial(read_table, names_of_width), partial(_write, head, separator)
-    return Format(name, suffixes, read, write, fitted=fitted, named=column_name, is_table=True)
+    def opened(file: BufferedReader, columns: list[str] | None = None) -> Reader:
+        return Reader(partial(from_start, partial(read_table, names_of_width), file, columns=columns))
+
+    return Format(
+        name, suffixes, opened, partial(_write, head, separator), stored=stored, options=frozenset({"columns"})
+    )
 
 
 FORMATS = (

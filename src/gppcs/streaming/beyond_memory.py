@@ -42,8 +42,8 @@ class Run(NamedTuple):
 def simplify_stored(files: CloudFiles, request: Request, plan: Plan, folder: Path, each: Each, timer: Timer) -> Run:
     """Simplify the cloud in some files, with temporary files in a folder."""
     if request.scores:
-        check_scores(files.head().cloud)
-    sources = files.each(plan.part)
+        check_scores(files.preview)
+    sources = files.parts(plan.part)
     seen = read_all(sources, folder, plan.rows, plan.points, ChunkGuide.of(request), each, timer)
     _check_seen(seen, request)
     frame = Frame.around(seen.low, seen.high)

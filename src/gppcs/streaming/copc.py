@@ -97,13 +97,13 @@ def write_beyond_memory(
 ) -> list[str] | None:
     """Write a COPC file of files, and return in words what it does not hold; None if they fit into memory."""
     request = Request.of(
-        n_points=copc.ranked_of(files.head().points), method=levels_by or copc.ORDERS[0],
+        n_points=copc.ranked_of(files.n_points), method=levels_by or copc.ORDERS[0],
         invalid="drop" if drop else "error",
     )  # fmt: skip
     planned = work.planned(files, request)
     if planned.in_memory:
         return None
-    unread = files.left_out()[1]
+    unread = files.skipped()
     dropped, lost = _write(target, files, planned, request, work, force, lossy)
     invalid = [f"points with NaN or infinite coordinates ({dropped:,})"] if dropped else []
     return [*unread, *invalid, *lost]
@@ -113,7 +113,7 @@ def _write(
     target: Path, files: CloudFiles, planned: Plan, request: Request, work: Work, force: bool, lossy: bool
 ) -> tuple[int, list[str]]:
     """Write a COPC file, and return how many points were not finite, and in words what the file does not hold."""
-    head = files.head().cloud
+    head = files.preview
     layout = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud)
     row = _record_type(layout).itemsize + head.points.itemsize * head.points.shape[1]
     ranked = run(files, request, work, planned).result
@@ -138,7 +138,7 @@ def _stored(
     """Store all points in a folder, with one scale and offset for their coordinates."""
     order = np.argsort(ranking)
     rows, begin, dropped = ranking[order], 0, 0
-    own = _grid(las.header_of(copc.FORMAT.fit(files.head().cloud[:0]).cloud))
+    own = _grid(las.header_of(copc.FORMAT.fit(files.preview[:0]).cloud))
     lost, summary = list[str](), None
     with open(folder / RECORDS, "wb") as file, open(folder / COORDINATES, "wb") as coordinates:
         for cloud in files.chunks(True):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gppcs.amounts.request import Request
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import ParameterError, file_path, shown
-from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.cloud_files import CloudFiles, open_clouds
 from gppcs.io.query import Query
 from gppcs.methods import DEFAULT, Method
 from gppcs.simplification import Result, simplify_cloud
@@ -138,7 +138,7 @@ def simplify_files(
         timer_of(timer),
     )  # fmt: skip
     query = Query.of(box, resolution, only, polygon)
-    with CloudFiles.of(paths, format, columns, query, assume_same_crs) as files:
+    with open_clouds(paths, format, columns, query, assume_same_crs) as files:
         return run(files, request, work).result
 
 

@@ -16,7 +16,7 @@ from gppcs.clouds.quantities import metres_of
 from gppcs.engine.memory import available_memory, size_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
-from gppcs.io.cloud_files import CloudFiles, Head
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Feature
 from gppcs.spatial.stored import RECORD
 
@@ -71,18 +71,18 @@ def plan(
     """Decide how: `whole` is what takes all points at once, `shared` whether an executor works on parts."""
     limit = limit or (available_memory() or 0) // 2 or None
     _check_read_whole(files, limit)
-    head, method = files.head(), request.method
+    preview, method = files.preview, request.method
     counted = files.query is not None  # what a query leaves is counted by reading
-    n, row = head.points, _bytes_of_row(head.cloud)
+    n, row = files.n_points, _bytes_of_row(preview)
     if files.query and not n:
         raise files.query.nothing_found()
-    _check_asked(head.cloud, request)
+    _check_asked(preview, request)
     kept = request.amount.known_count(n) or max(1, round(GUESS * n))
     search = OUTLIERS * n if request.drop_outliers else 0
     in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(search, method.memory(n, kept)))
     if (limit is None or in_memory <= limit) and not shared:
-        return Plan(True, n, kept, head.exact, in_memory, limit, readings=1 + counted)
-    if reason := _reason(head, request, whole):
+        return Plan(True, n, kept, files.is_counted, in_memory, limit, readings=1 + counted)
+    if reason := _reason(files, request, whole):
         if shared:
             raise InputError(f"expected work that several workers can share, but {reason}")
         raise _too_little(f"{size_of(in_memory)} of memory for {n:,} points, as {reason}", limit or sys.maxsize)
@@ -93,13 +93,15 @@ def plan(
     if limit is not None and on_disk > limit:
         needed = on_disk if shared else min(on_disk, in_memory)
         raise _too_little(f"{size_of(needed)} of memory to choose {kept:,} of {n:,} points", limit, "keep fewer points")
-    record = RECORD.itemsize + VALUE * len(_columns(head, request))
-    return Plan(False, n, kept, head.exact, on_disk, limit, record * n + CANDIDATES * kept, threads, READINGS + counted)
+    record = RECORD.itemsize + VALUE * len(_columns(preview, request))
+    return Plan(
+        False, n, kept, files.is_counted, on_disk, limit, record * n + CANDIDATES * kept, threads, READINGS + counted
+    )
 
 
-def _columns(head: Head, request: Request) -> dict[str, NDArray[Any]]:
+def _columns(preview: PointCloud, request: Request) -> dict[str, NDArray[Any]]:
     """Return the attributes that the choice needs, of the first points."""
-    return ChunkGuide.of(request).columns(head.cloud) if len(head.cloud) else {}
+    return ChunkGuide.of(request).columns(preview) if len(preview) else {}
 
 
 def _too_little(expected: str, limit: int, instead: str = "do without") -> InputError:
@@ -108,7 +110,7 @@ def _too_little(expected: str, limit: int, instead: str = "do without") -> Input
 
 def _check_read_whole(files: CloudFiles, limit: int | None) -> None:
     """Check before they are read that files that have to be read as a whole fit into memory."""
-    name, size = files.read_whole()
+    name, size = files.at_once
     if name and limit is not None and PROGRAM + size > limit:
         raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {name} files are read as a whole", limit)
 
@@ -130,13 +132,14 @@ def _bytes_of_row(cloud: PointCloud) -> int:
     )  # of lists, the references alone
 
 
-def _reason(head: Head, request: Request, whole: str | None) -> str | None:
+def _reason(files: CloudFiles, request: Request, whole: str | None) -> str | None:
     """Return why a cloud has to be in memory as a whole, if it has to be."""
     if whole or request.whole:
         return f"{whole or request.whole} takes all points at once"
-    if head.whole:
-        return f"{head.whole} files are read as a whole"
-    if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(head, request).values()):
+    if name := files.at_once[0]:
+        return f"{name} files are read as a whole"
+    needed = _columns(files.preview, request).values()
+    if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in needed):
         return "detail that is not a number for each point takes all points at once"
     return (
         None if Feature.FILES in request.method.supports else f"method {request.method.name!r} takes all points at once"

@@ -49,7 +49,7 @@ def convert(
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
-    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.io.cloud_files import open_clouds
     from gppcs.streaming.copc import write_beyond_memory
     from gppcs.streaming.files import Work
     from gppcs.streaming.sizes import bytes_of
@@ -57,13 +57,14 @@ def convert(
 
     timer = started(quiet)
     chosen = io.format_to_write(target, output_format, ascii, levels_by)
-    if (memory or workers) and not chosen.has_levels:
+    has_levels = "levels_by" in chosen.options
+    if (memory or workers) and not has_levels:
         raise ParameterError("expected --memory and --workers with a name that ends in .copc.laz, found another")
     query, files = options.query_of(inside, only, resolution)
     check_output(target, [source, *files], force)
     part = (input_format, names_of(columns), query, assume_same_crs)
-    if chosen.has_levels and levels_by != "order" and not io.is_standard(source):
-        with executor_of(workers) as executor, CloudFiles.of([source], *part) as clouds:
+    if has_levels and levels_by != "order" and not io.is_standard(source):
+        with executor_of(workers) as executor, open_clouds([source], *part) as clouds:
             work = Work(None if memory is None else bytes_of(memory), None, executor, timer)
             left_out = write_beyond_memory(target, clouds, levels_by, bool(drop), work, force, lossy)
         if left_out is not None:
@@ -74,6 +75,6 @@ def convert(
     if drop and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
-    with timer("levels and writing" if chosen.has_levels else "writing"):
+    with timer("levels and writing" if has_levels else "writing"):
         lost = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
     note_left_out(target, [*unread, *lost])
