@@ -67,17 +67,6 @@ def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_metadata_are_kept(folder, suffix):
-    metadata = {b"crs": b"EPSG:25832", b"pandas": b"{}", b"\xff": b"\x00\x01"}
-    cloud = read(stored(folder / f"metadata{suffix}", pa.table(AXES).replace_schema_metadata(metadata)))
-    assert cloud.header.metadata == metadata
-    assert losses("cloud.ply", cloud) == ["metadata crs", "metadata �"]
-    write(folder / f"again{suffix}", cloud)
-    assert loaded(folder / f"again{suffix}").schema.metadata == metadata
-    assert read(folder / f"again{suffix}") == cloud
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize(
     ("name", "column", "message"),
     [
