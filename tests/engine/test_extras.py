@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gppcs.engine.extras import EXTRAS, require_trimesh
+from gppcs.engine.extras import EXTRAS, require_pye57
 from gppcs.errors import MissingExtraError
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -28,8 +28,8 @@ def test_the_packages_are_those_of_the_extra(extra):
     ],
 )
 def test_the_error_tells_a_broken_package_from_a_missing_one(tmp_path, monkeypatch, content, fault):
-    (tmp_path / "trimesh.py").write_text(content)
+    (tmp_path / "pye57.py").write_text(content)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "trimesh", raising=False)
-    with pytest.raises(MissingExtraError, match=rf"glTF files need trimesh, which {fault} \(the extra gltf\): pip"):
-        require_trimesh()
+    monkeypatch.delitem(sys.modules, "pye57", raising=False)
+    with pytest.raises(MissingExtraError, match=rf"E57 files need pye57, which {fault} \(the extra e57\): pip"):
+        require_pye57()

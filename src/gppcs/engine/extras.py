@@ -18,7 +18,6 @@ EXTRAS = {
     "cgal": ("cgal>=6.0.1",),
     "dask": ("distributed>=2024.8",),
     "e57": ("pye57>=0.4.13",),
-    "gltf": ("trimesh>=4.5",),
     "picture": ("matplotlib>=3.9",),
     "evaluate": ("pymeshlab>=2025.7",),
     "sklearn": ("scikit-learn>=1.6",),
@@ -47,14 +46,9 @@ require_pyarrow = partial(_imported, "pyarrow", "Parquet and Feather files need 
 require_distributed = partial(
     _imported, "distributed", "work on several processes or machines needs Dask's distributed", "dask"
 )
+require_pye57 = partial(_imported, "pye57", "E57 files need pye57", "e57")
 require_pymeshlab = partial(_imported, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", "evaluate")
-require_trimesh = partial(_imported, "trimesh", "glTF files need trimesh", "gltf")
 require_sklearn = partial(_imported, "sklearn", "a transformer of scikit-learn needs it", "sklearn")
-
-
-def require_libe57() -> Any:
-    """Import libE57Format, which pye57 brings."""
-    return _imported("pye57", "E57 files need pye57", "e57").libe57
 
 
 def require_cgal(module: str) -> Any:
