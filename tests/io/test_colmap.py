@@ -67,7 +67,7 @@ def test_tracks_are_left_out_if_there_are_any(tmp_path, name, content):
         ("points3D.bin", b"\x01\x00", "the number of points of COLMAP in 8 bytes, found 2"),
         ("points3D.bin", binary()[:-9], "expected 2 points of COLMAP to fill the file"),
         ("points3D.bin", binary() + b"x", "expected 2 points of COLMAP to fill the file"),
-        ("points3D.txt", TEXT.replace(" 115 ", " red ").encode(), "line 4: expected 8 numbers"),
+        ("points3D.txt", TEXT.replace(" 115 ", " red ").encode(), "point 1: expected a number, found 'red'"),
         ("points3D.txt", TEXT.replace(" 115 ", " 1.5 ").encode(), "expected whole numbers as POINT3D_ID, R, G and B"),
         ("points3D.txt", TEXT.replace(" 115 ", " 300 ").encode(), "expected colours from 0 to 255, found 0 to 300"),
     ],

@@ -285,8 +285,8 @@ def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
         ("1 2 3 nan 0", "uint8 as a of point 2, found 'nan'"),
         ("1 2 3 0 9223372036854775808", "int64 as b of point 2, found '9223372036854775808'"),
         ("1 2 3 0 -1e30", "int64 as b of point 2, found '-1e.30'"),
-        ("1 2 3 0 0 5", "line 13: expected 5 numbers"),
-        ("1 2 three 0 0", "line 13: .*'1 2 three 0 0'"),
+        ("1 2 3 0 0 5", "point 2: expected 5 columns"),
+        ("1 2 three 0 0", "point 2: expected a number, found 'three'"),
     ],
 )
 def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):

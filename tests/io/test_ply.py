@@ -143,7 +143,7 @@ def test_malformed_lists_are_refused(ply):
         read(ply("binary_little_endian", header, b"\xff" * 20))
     header = ["element vertex 1", *XYZ, "property list char int friends"]
     for row in (b"1 2 3 -1\n", b"0 0 0 2 1\n"):
-        with pytest.raises(FileFormatError, match="line 9: expected 3 numbers"):
+        with pytest.raises(FileFormatError, match=r"vertex 1: expected (more|fewer) numbers"):
             read(ply("ascii", header, row))
     for row in (b"0 0 0 1 word\n", b"0 0 0 1 1.5\n"):
         with pytest.raises(FileFormatError, match="expected"):
@@ -197,9 +197,9 @@ def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
         ("1 2 3 256", "uchar as red of vertex 2, found '256'"),
         ("1 2 3 0.5", "uchar as red of vertex 2, found '0.5'"),
         ("1 2 3 nan", "uchar as red of vertex 2, found 'nan'"),
-        ("1 2 3", "line 10: expected 4 numbers, found '1 2 3'"),
-        ("1 2 3 4 5", "line 10"),
-        ("1 2 three 4", "line 10: .*'1 2 three 4'"),
+        ("1 2 3", "vertex 2: expected 4 columns, found '1 2 3'"),
+        ("1 2 3 4 5", "vertex 2: expected 4 columns"),
+        ("1 2 three 4", "vertex 2: expected a number, found 'three'"),
     ],
 )
 def test_bad_rows_of_text_tell_what_and_where(ply, row, message):

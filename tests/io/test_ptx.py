@@ -61,7 +61,7 @@ def test_scans_without_points(ptx):
         (scan(ROWS).replace("0 1 0\n", "0 1\n", 1), "line 5: expected 3 finite numbers .* found '0 1'"),
         (scan(ROWS).replace("0 0 0 1", "0 0 0 inf"), "line 10: expected 4 finite numbers"),
         (scan(ROWS)[:-20], "ends in point 5 of 6"),
-        (scan([*ROWS, "1 2 3"]), "line 17: expected 4 numbers, found '1 2 3'"),
+        (scan([*ROWS, "1 2 3"]), "point 7: expected 4 columns, found '1 2 3'"),
         (scan(["1 2 3"]), "line 11: expected 4 or 7 numbers for each point, found 3"),
         (scan(["1 2 3 0 0 0 256"]), "whole numbers from 0 to 255 as blue, found 256"),
         (scan(["1 2 3 0 0 nan 0"]), "whole numbers from 0 to 255 as green, found nan"),

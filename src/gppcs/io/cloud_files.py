@@ -221,8 +221,10 @@ class CloudFiles:
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:
         """Yield an open file; errors in the block name it."""
-        with naming(path), np.errstate(invalid="ignore"):  # of a signalling NaN
-            yield self._open(path)
+        with np.errstate(invalid="ignore"):  # of a signalling NaN
+            opened = self._open(path)
+            with naming(path):
+                yield opened
 
     def _open(self, path: Path) -> _Opened:
         """Open a file and read its header, unless it is open."""

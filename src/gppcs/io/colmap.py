@@ -15,7 +15,7 @@ from gppcs.clouds.objects import COLOUR
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.meshes import colours_of
-from gppcs.io.rows import lines_of, number_blocks, write_rows
+from gppcs.io.rows import lines_of, read_rows, write_rows
 
 ID, ERROR = "point3D_id", "error"
 NO_ERROR = -1.0  # as COLMAP says it
@@ -31,13 +31,12 @@ TRACK = 8  # bytes of each image in which a point is seen
 
 def read_colmap_text(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:
     """Read the points of a text file, without their tracks."""
-    for columns in number_blocks(lines_of(file), 1, _before_track, width=WORDS):
+    for columns in read_rows(map(_before_track, lines_of(file)), WORDS):
         yield _cloud(columns[0], np.stack(columns[1:4], axis=1), np.stack(columns[4:7], axis=1), columns[7])
 
 
 def _before_track(line: str) -> str:
-    """Return the numbers of a line before its track, or nothing of a comment."""
-    return "" if line.lstrip().startswith("#") else " ".join(line.split(None, WORDS)[:WORDS])
+    return " ".join(line.split(None, WORDS)[:WORDS]) + "\n"
 
 
 def read_colmap_binary(file: BufferedReader, rows: int, attributes: bool) -> Iterator[PointCloud]:

@@ -17,7 +17,7 @@ from typing import Any
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError, file_path, flag, one_of, shown
-from gppcs.io import arrays, arrow, colmap, copc_writing, e57, gltf, las, meshes, pcd, ply, ptx, text
+from gppcs.io import arrays, arrow, colmap, copc_writing, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
 from gppcs.io.streams import inner_name, suffix_in_words, whole_output
 from gppcs.io.whole_file import is_standard
@@ -30,7 +30,6 @@ FORMATS: tuple[Format, ...] = (
     *text.FORMATS,
     *arrays.FORMATS,
     *meshes.FORMATS,
-    gltf.FORMAT,
     pcd.FORMAT,
     ptx.FORMAT,
     e57.FORMAT,

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.engine.extras import require_trimesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, check_input, format_of, naming, refuse_losses
 from gppcs.io.format import Format
-from gppcs.io.gltf import FORMAT as GLTF
-from gppcs.io.meshes import COLOURS, OBJ, OFF, STL, STL_FACET, colours_of, held
+from gppcs.io.meshes import GLTF, OBJ, OFF, STL, stored_of, write_by_trimesh
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.streams import inner_name, plain_input, suffix_in_words, whole_output
-
-STL_COMMENT = b"gppcs".ljust(80)
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -41,8 +34,6 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
     Raises
     ------
-    MissingExtraError
-        If the file is glTF and trimesh is not installed.
     FileFormatError
         If the file is not one mesh with finite vertices, or a face refers to a vertex that does not exist.
     ParameterError
@@ -123,8 +114,6 @@ def write_mesh(
         values of the vertices and `lossy` is False.
     InputError
         If `vertices` are not those of the mesh.
-    MissingExtraError
-        If the format is glTF and trimesh is not installed.
     ParameterError
         If an argument has a wrong type.
 
@@ -162,8 +151,7 @@ def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: 
 
 def check_mesh_format(path: str | os.PathLike[str]) -> None:
     """Check that gppcs can write meshes in the format of a file. Call it before long work."""
-    if _format_of(path).write is _write_gltf:
-        require_trimesh()
+    _format_of(path)
 
 
 def _format_of(path: str | os.PathLike[str]) -> Format:
@@ -175,36 +163,12 @@ def _format_of(path: str | os.PathLike[str]) -> Format:
     return _FORMATS[suffix]
 
 
-def _write_stl(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
-    """Write a binary file of triangles with their normals."""
-    facets = np.zeros(len(faces), STL_FACET)
-    corners = cloud.points[faces]
-    facets["corners"] = corners
-    products = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(products, axis=1, keepdims=True)
-    facets["normal"] = np.divide(products, lengths, out=np.zeros_like(products), where=lengths > 0)
-    file.write(STL_COMMENT + np.uint32(len(faces)).tobytes() + facets.tobytes())
-
-
-def _write_gltf(file: BinaryIO, cloud: PointCloud, faces: NDArray[np.int64]) -> None:
-    """Write a binary glTF file."""
-    made = require_trimesh().Trimesh(
-        cloud.points, faces, vertex_normals=cloud.normals(), vertex_colors=colours_of(cloud), process=False
-    )
-    file.write(made.export(file_type="glb", include_normals=cloud.normals() is not None))
-
-
-def _single(cloud: PointCloud, groups: Sequence[Sequence[str]]) -> PointCloud:
-    """Return a cloud as `held` does, with coordinates in single precision."""
-    with np.errstate(over="ignore"):
-        return replace(held(cloud, groups), points=cloud.points.astype(np.float32).astype(np.float64))
-
-
-_BOTH = (NORMALS, COLOURS)
 _FORMATS = {
     ".ply": PLY,
-    ".obj": replace(OBJ, stored=partial(held, groups=_BOTH)),  # meshes are written with the normals of their vertices
-    ".stl": replace(STL, write=_write_stl, stored=partial(_single, groups=(NORMALS,))),
+    ".obj": replace(OBJ, stored=stored_of),  # meshes are written with the normals of their vertices
+    ".stl": replace(
+        STL, write=partial(write_by_trimesh, "stl"), stored=partial(stored_of, groups=(NORMALS,), single=True)
+    ),
     ".off": OFF,
-    ".glb": replace(GLTF, write=_write_gltf, stored=partial(_single, groups=_BOTH)),
+    ".glb": replace(GLTF, write=partial(write_by_trimesh, "glb"), stored=partial(stored_of, single=True)),
 }  # by suffix

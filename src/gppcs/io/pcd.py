@@ -24,14 +24,14 @@ from gppcs.io.format import Format, Reader, from_start, keeping
 from gppcs.io.joining import joined
 from gppcs.io.rows import (
     as_count,
-    as_found,
     at_most,
     bytes_left,
     cast,
     ends_early,
     lines_of,
-    number_blocks,
     read_records,
+    read_rows,
+    shortened,
     write_records,
     write_rows,
 )
@@ -202,15 +202,15 @@ def _read_header(file: BufferedReader) -> _Layout:
             keyword, *words = text.split()
             keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # the name before version 0.7
             if keyword not in _KEYWORDS or keyword in entries or len(line) == _LONGEST_LINE:
-                found = as_found(text.encode("utf-8", "replace").decode())
+                found = shortened(text.encode("utf-8", "replace").decode())
                 raise FileFormatError(f"line {number}: expected a PCD header, found {found}")
             entries[keyword] = words
     version = _entry(entries, "VERSION", 1)[0] if "VERSION" in entries else ".7"
     if version.removeprefix("0") not in (".5", ".6", ".7"):
-        raise FileFormatError(f"expected a PCD file of version 0.5, 0.6 or 0.7, found {as_found(version)}")
+        raise FileFormatError(f"expected a PCD file of version 0.5, 0.6 or 0.7, found {shortened(version)}")
     (encoding,) = _entry(entries, "DATA", 1)
     if encoding not in _ENCODINGS:
-        raise FileFormatError(f"expected DATA to be one of {', '.join(_ENCODINGS)}, found {as_found(encoding)}")
+        raise FileFormatError(f"expected DATA to be one of {', '.join(_ENCODINGS)}, found {shortened(encoding)}")
     width, height = _size(entries)
     header = PcdHeader(_viewpoint(entries), tuple(comments), is_text=encoding == "ascii")
     return _Layout(_fields(entries), width, height, encoding, header, number)
@@ -221,7 +221,7 @@ def _entry(entries: dict[str, list[str]], keyword: str, length: int | None = Non
     words = entries.get(keyword, [])
     if not words or len(words) != (length or len(words)):
         wanted = f"{length} value{'s' if length and length > 1 else ''}" if length else "values"
-        found = as_found(" ".join(words).encode("utf-8", "replace").decode()) if words else "none"
+        found = shortened(" ".join(words).encode("utf-8", "replace").decode()) if words else "none"
         raise FileFormatError(f"expected a line {keyword} with {wanted} in the PCD header, found {found}")
     return words
 
@@ -241,10 +241,10 @@ def _fields(entries: dict[str, list[str]]) -> list[_Field]:
         if dtype is None:
             raise FileFormatError(
                 "expected TYPE and SIZE to be F 4, F 8, or I or U with 1, 2, 4 or 8, "
-                f"found {as_found(f'{letter} {size}')} for {name!r}"
+                f"found {shortened(f'{letter} {size}')} for {name!r}"
             )
         if not count:
-            raise FileFormatError(f"expected COUNT to be 1 or more, found {as_found(text)} for {name!r}")
+            raise FileFormatError(f"expected COUNT to be 1 or more, found {shortened(text)} for {name!r}")
         fields.append(_Field(name, dtype, count))
     if sum(each.size for each in fields) > _LARGEST_RECORD:
         raise FileFormatError("expected less than 2^31 bytes for each point, found more in SIZE and COUNT")
@@ -257,7 +257,7 @@ def _size(entries: dict[str, list[str]]) -> tuple[int, int]:
     for keyword in filter(entries.__contains__, ("WIDTH", "HEIGHT", "POINTS")):
         (word,) = _entry(entries, keyword, 1)
         if (number := as_count(word)) is None:
-            raise FileFormatError(f"expected a whole number as {keyword}, found {as_found(word)}")
+            raise FileFormatError(f"expected a whole number as {keyword}, found {shortened(word)}")
         found[keyword] = number
     points = found.get("POINTS")
     width, height = (found["WIDTH"], found.get("HEIGHT", 1)) if "WIDTH" in found else (points, 1)
@@ -275,7 +275,7 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...]:
     try:
         return tuple(map(float, words))
     except ValueError:
-        raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {as_found(' '.join(words))}") from None
+        raise FileFormatError(f"expected 7 numbers as VIEWPOINT, found {shortened(' '.join(words))}") from None
 
 
 def _read_compressed(file: BufferedReader, layout: _Layout) -> dict[str, Column]:
@@ -335,7 +335,7 @@ def _decompressed(data: bytes, size: int) -> bytearray:
 def _read_text(file: BufferedReader, layout: _Layout) -> Iterator[dict[str, Column]]:
     """Yield the points of a text file as blocks of columns."""
     width = sum(each.count for each in layout.fields)
-    blocks = number_blocks(lines_of(file), layout.lines + 1, str.strip, width=width, count=layout.count)
+    blocks = read_rows(lines_of(file), width, layout.count)
     done = 0
     for found in blocks:
         columns, first = {}, 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
 from itertools import islice
@@ -23,15 +23,16 @@ from gppcs.io.format import Format, Reader, Span, keeping
 from gppcs.io.meshes import triangles_of
 from gppcs.io.rows import (
     as_count,
-    as_found,
     at_most,
     cast,
     check_length,
     ends_early,
     equal_spans,
+    is_row,
     lines_of,
-    number_blocks,
     read_records,
+    read_rows,
+    shortened,
     write_records,
     write_rows,
 )
@@ -132,22 +133,16 @@ def open_ply(file: BufferedReader) -> Reader:
         raise FileFormatError(f"expected an element named vertex, found {names}")
     axes = coordinate_names(scalar.name for scalar in vertices.scalars)
 
-    def at(element: _Element) -> _Header:
-        """Go to an element; return a header with the number of lines before it."""
-        file.seek(start)
-        here = replace(header)
-        _skip_to(file, here, element)
-        return here
-
     def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-        here = at(vertices)
+        file.seek(start)
+        _skip_to(file, header, vertices)
         clouds: Iterator[PointCloud]
         if header.order and not vertices.has_lists:
             kept = [each.name for each in vertices.properties if attributes]
             clouds = read_records(file, vertices.record(header.order), vertices.count, n, "vertex", kept, span)
         else:
             columns = [each.name for each in vertices.properties if attributes or each.name in axes]
-            tables = _tables(file, here, vertices)
+            tables = _tables(file, header.order, vertices)
             clouds = (cloud_of_columns({name: table[name] for name in columns}) for table in tables)
             clouds = clouds if vertices.has_lists else at_most(n, clouds)
         for cloud in clouds:
@@ -156,7 +151,8 @@ def open_ply(file: BufferedReader) -> Reader:
     def spans(n: int) -> list[Span]:
         if not vertices.count or vertices.has_lists or not header.order:
             return []
-        at(vertices)
+        file.seek(start)
+        _skip_to(file, header, vertices)
         return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, n)
 
     def triangles() -> NDArray[np.int64]:
@@ -165,7 +161,9 @@ def open_ply(file: BufferedReader) -> Reader:
         name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
         if name is None or not faces.count:
             return np.empty((0, 3), np.int64)
-        [table] = _tables(file, at(faces), faces)
+        file.seek(start)
+        _skip_to(file, header, faces)
+        [table] = _tables(file, header.order, faces)
         lists = table[name]
         return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
 
@@ -186,7 +184,7 @@ def _read_header(file: BufferedReader) -> _Header:
         header.lines += 1
         text = line.decode("utf-8", "replace").rstrip("\r\n")
         if header.lines == 1 and text.rstrip() != "ply":
-            raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {as_found(text)}")
+            raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {shortened(text)}")
         if text.rstrip() == "end_header":
             if not header.encoding:
                 raise FileFormatError("expected a line 'format ...' in the header, found none")
@@ -214,7 +212,7 @@ def _take_header_line(header: _Header, line: str) -> None:
                 )
             element.properties.append(new)
         case _:
-            raise FileFormatError(f"line {header.lines}: expected a PLY header, found {as_found(line)}")
+            raise FileFormatError(f"line {header.lines}: expected a PLY header, found {shortened(line)}")
 
 
 def _property(name: str, kinds: list[str]) -> _Property | None:
@@ -244,9 +242,9 @@ def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
             file.seek(each.count * size, os.SEEK_CUR)
 
 
-def _tables(file: BufferedReader, header: _Header, element: _Element) -> Iterator[dict[str, Column]]:
+def _tables(file: BufferedReader, order: _Order | None, element: _Element) -> Iterator[dict[str, Column]]:
     """Yield an element as blocks of columns, one with lists as one block."""
-    return iter([_with_lists(file, element, header.order)]) if header.order else _text_tables(file, header, element)
+    return iter([_with_lists(file, element, order)]) if order else _text_tables(file, element)
 
 
 def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
@@ -317,59 +315,47 @@ def _lists(items: Column, lengths: NDArray[np.int64]) -> Column:
     return lists
 
 
-def _text_tables(file: BufferedReader, header: _Header, element: _Element) -> Iterator[dict[str, Column]]:
+def _text_tables(file: BufferedReader, element: _Element) -> Iterator[dict[str, Column]]:
     """Yield an element of a text file as blocks of columns, one with lists as one block."""
-    scalars = element.scalars
-    words: dict[str, list[list[str]]] = {each.name: [] for each in element.properties if each.length is not None}
-    width = len(scalars) or 1
-    numbers_of = _text_without_lists(element, words) if words else str.strip
-    blocks = number_blocks(
-        lines_of(file), header.lines + 1, numbers_of, width=width, count=element.count, what=element.name
-    )
-    if words:  # the lengths of all lists tell how they are held
-        blocks = iter([[np.concatenate(columns) for columns in zip(*blocks, strict=True)]])
+    if element.has_lists:
+        yield _text_with_lists(file, element)
+        return
     first = 0
-    for table in blocks:
-        numbers = iter(table)
+    for block in read_rows(lines_of(file), len(element.scalars), element.count, element.name):
         yield {
-            each.name: cast(next(numbers), each.dtype, f"{each.label} of vertex", first)
-            if each.length is None
-            else _text_lists(words[each.name], each)
-            for each in element.properties
+            scalar.name: cast(values, scalar.dtype, f"{scalar.label} of {element.name}", first)
+            for scalar, values in zip(element.scalars, block, strict=True)
         }
-        first += len(table[0])
+        first += len(block[0])
 
 
-def _text_without_lists(element: _Element, lists: Mapping[str, list[list[str]]]) -> Callable[[str], str]:
-    """Return a function that returns the scalars of a line of text, and appends the words of each list to `lists`."""
-
-    def scalars(line: str) -> str:
-        words = iter(line.split())
-        kept = [] if element.scalars else ["0"]  # so that each line has a number
-        for each in element.properties:
-            if each.length is not None:
-                length = as_count(next(words, ""))
-                if length is None:
-                    return line and "malformed"
-                lists[each.name].append(list(islice(words, length)))
-                if len(lists[each.name][-1]) < length:
-                    return line and "malformed"
-            else:
-                kept.append(next(words, ""))
-        return " ".join([*kept, *words]).strip()
-
-    return scalars
+def _text_with_lists(file: BufferedReader, element: _Element) -> dict[str, Column]:
+    """Read an element with lists of a text file."""
+    words: dict[str, list[list[str]]] = {column.name: [] for column in element.properties}
+    n_read = 0
+    for n_read, line in enumerate(islice(filter(is_row, lines_of(file)), element.count), 1):
+        fields = iter(line.split())
+        for column in element.properties:
+            length = as_count(next(fields, "")) if column.length is not None else 1
+            items = [*islice(fields, length)]
+            if length is None or len(items) < length:
+                raise FileFormatError(f"{element.name} {n_read}: expected more numbers, found {shortened(line)}")
+            words[column.name].append(items)
+        if next(fields, None) is not None:
+            raise FileFormatError(f"{element.name} {n_read}: expected fewer numbers, found {shortened(line)}")
+    if n_read < element.count:
+        raise ends_early(element.name, n_read, element.count)
+    return {column.name: _values_of_words(column, words[column.name]) for column in element.properties}
 
 
-def _text_lists(lists: list[list[str]], to: _Property) -> Column:
+def _values_of_words(column: _Property, words: list[list[str]]) -> Column:
+    """Return the values of a property of each record, given their words."""
     try:
-        items = np.array([float(word) for words in lists for word in words])
+        items = np.array([float(word) for record in words for word in record])
     except ValueError as error:
-        raise FileFormatError(f"expected numbers in the list {to.name}, but {error}") from error
-    return _lists(
-        cast(items, to.dtype, f"{to.label} of all lists, item"),
-        np.array([len(words) for words in lists], dtype=np.int64),
-    )
+        raise FileFormatError(f"expected {column.label}, but {error}") from error
+    values = cast(items, column.dtype, f"{column.label}, value")
+    return values if column.length is None else _lists(values, np.array([len(record) for record in words], np.int64))
 
 
 def write_ply(

@@ -15,7 +15,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader, from_start
-from gppcs.io.rows import as_count, as_found, lines_of, number_blocks
+from gppcs.io.rows import as_count, lines_of, read_rows, shortened
 
 _WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines before the points of a scan
 _NAMES = {4: ("intensity",), 7: ("intensity", "red", "green", "blue")}  # by the number of numbers of a point
@@ -108,7 +108,7 @@ def _header(first: str, lines: Iterator[str], number: int) -> PtxScan:
         if len(row) != width or not np.isfinite(row).all() or (width == 1 and as_count(line.strip()) is None):
             what = f"{width} finite numbers" if width > 1 else "a whole number"
             raise FileFormatError(
-                f"line {number + i}: expected {what} before the points of a scan, found {as_found(line)}"
+                f"line {number + i}: expected {what} before the points of a scan, found {shortened(line)}"
             )
         values += row
     return PtxScan(int(values[0]), int(values[1]), tuple(values[2:14]), tuple(values[14:]))
@@ -116,7 +116,7 @@ def _header(first: str, lines: Iterator[str], number: int) -> PtxScan:
 
 def _points(lines: Iterator[str], first_line: int, count: int) -> Iterator[NDArray[np.float64]]:
     """Yield the numbers of `count` points, block by block."""
-    for columns in number_blocks(lines, first_line, str.strip, count=count) if count else ():
+    for columns in read_rows(lines, count=count) if count else ():
         if len(columns) not in _NAMES:
             raise FileFormatError(f"line {first_line}: expected 4 or 7 numbers for each point, found {len(columns)}")
         yield np.stack(columns, axis=1, dtype=np.float64, casting="unsafe")

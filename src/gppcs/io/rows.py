@@ -1,12 +1,12 @@
-"""Reads rows of numbers in text files, and writes rows as text or as records of bytes."""
+"""Reads rows of numbers and text by pandas, reads records of bytes, and writes both."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from csv import QUOTE_NONE
+from dataclasses import dataclass
 from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice, pairwise
 from typing import Any, BinaryIO
@@ -15,14 +15,14 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
-from gppcs.errors import FileFormatError, GppcsError
+from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
-from gppcs.io.text_fields import is_number, quoted
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
+MISSING = ("", "NA", "N/A", "null", "nan", "NaN", "NAN", "-nan", "-NaN")  # fields that stand for NaN
 
-_MOST_DIGITS = 400  # more than any float64 has, and fewer than Python refuses to read
-_WHOLE = re.compile(r"\s*[+-]?\d+\s*")
+_QUOTED = r'"(?:[^"]|"")*+"'
+_UNWRITABLE = re.compile("[\0\n\r\ufffd\ud800-\udfff]")  # in text: \ufffd stands for bytes that are not UTF-8
 
 
 def lines_of(file: BufferedReader) -> Generator[str, None, None]:
@@ -37,7 +37,7 @@ def lines_of(file: BufferedReader) -> Generator[str, None, None]:
             text.detach()
 
 
-def as_found(line: str) -> str:
+def shortened(line: str) -> str:
     """Return a line in quotes for a message, shortened to 60 characters."""
     text = line.strip()
     return repr(text if len(text) <= 60 else text[:57] + "...")
@@ -46,6 +46,29 @@ def as_found(line: str) -> str:
 def as_count(text: str) -> int | None:
     """Return the value of a text of decimal digits."""
     return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None
+
+
+def is_number(field: str) -> bool:
+    """Return whether a field is a number."""
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field
+
+
+def is_row(line: str) -> bool:
+    """Return whether a line is neither empty nor a comment."""
+    text = line.lstrip()
+    return text != "" and not text.startswith(("#", "//"))
+
+
+def fields_of(line: str, delimiter: str | None) -> list[str]:
+    """Return the fields of a line, with their quotes but without whitespace around them."""
+    if delimiter is None:
+        return re.findall(rf"{_QUOTED}(?=\s|$)|\S+", line)
+    fields = re.findall(rf"( *{_QUOTED} *(?={delimiter})|[^{delimiter}]*){delimiter}", line.strip(" \r\n") + delimiter)
+    return [field.strip() for field in fields]
 
 
 def bytes_left(file: BufferedReader) -> int:
@@ -80,103 +103,152 @@ def check_length(file: BufferedReader, record_size: int, count: int, what: str =
         raise ends_early(what, whole, count)
 
 
-def number_blocks(
+def read_rows(
     lines: Iterator[str],
-    first_line: int,
-    numbers_of: Callable[[str], str],
-    *,
-    delimiter: str | None = None,
     width: int | None = None,
     count: int | None = None,
     what: str = "point",
+    delimiter: str | None = None,
+    texts: Collection[int] = (),
 ) -> Iterator[list[Column]]:
-    """Read lines of numbers, block by block, as columns of type int64, uint64 or float64.
+    """Read rows as columns of int64, uint64 or float64, and the columns `texts` as text, block by block.
 
-    Without a line, one block is empty: of three columns if no width is given.
+    Without a row, one block is empty: of three columns if no width is given.
     """
     done = 0
-    while batch := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
-        texts = [text for text in map(numbers_of, batch) if text]
-        if texts:
-            columns = _columns(texts, delimiter)
-            if columns is None or len(columns) != (width or len(columns)):
-                bad, row, expected = _first_bad_line(batch, numbers_of, delimiter, width)
-                if count is not None and not batch[bad].endswith("\n"):
-                    raise ends_early(what, done + row, count)
-                raise FileFormatError(f"line {first_line + bad}: expected {expected}, found {as_found(batch[bad])}")
-            width = len(columns)
-            yield columns
-        done += len(texts)
-        first_line += len(batch)
+    for block in _blocks(lines, width, count, what, delimiter):
+        yield block.columns(texts)
+        done += len(block.lines)
     if count is not None and done < count:
         raise ends_early(what, done, count)
     if not done:
         yield [np.empty(0, np.int64)] * (width or 3)
 
 
-def _first_bad_line(
-    batch: list[str], numbers_of: Callable[[str], str], delimiter: str | None, width: int | None
-) -> tuple[int, int, str]:
-    """Return the first malformed line of a batch, its row, and a description of what was expected there."""
-    row = 0
-    for i, text in enumerate(map(numbers_of, batch)):
-        if text:
-            words = text.split(delimiter)
-            if not all(map(_is_number, words)) or len(words) != (width or len(words)):
-                return i, row, f"{width} numbers" if width else "numbers"
-            width, row = len(words), row + 1
-    raise AssertionError("a batch of lines was refused, but each of them is good")
+def text_columns(
+    lines: Iterator[str], width: int, delimiter: str | None, texts: Collection[int], numbers: Collection[int]
+) -> set[int]:
+    """Return which columns are text in any row; of some it is known that they are, or that they must be numbers."""
+    texts = set(texts)
+    for block in _blocks(lines, width, None, "point", delimiter):
+        if "".join(block.lines).encode().translate(None, b"0123456789+-.eE,;\t \r\n"):
+            table = block.parsed(texts)
+            texts |= {i for i in table if i not in numbers and not _holds_numbers(table[i].to_numpy())}
+    return texts
 
 
-def _columns(texts: Sequence[str], delimiter: str | None) -> list[Column] | None:
-    """Return the columns of lines of numbers, None if a line is malformed."""
-    import pandas  # only here, as it is slow to load
+def _blocks(
+    lines: Iterator[str], width: int | None, count: int | None, what: str, delimiter: str | None
+) -> Iterator[_Block]:
+    """Yield lines without empty ones and comments, block by block, at most as many as counted."""
+    done = 0
+    while some_lines := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
+        if rows := [line for line in some_lines if line[:1] not in " \t\r\n#/" or is_row(line)]:
+            width = width or len(fields_of(rows[0], delimiter))
+            yield _Block(rows, done, width, delimiter, what)
+        done += len(rows)
 
-    # The parser of later versions reads every number to its last digit anyway.
-    exact: Any = {} if pandas.__version__ >= "3.1" else {"float_precision": "round_trip"}
-    try:
-        table = pandas.read_csv(
-            StringIO("\n".join(texts)), sep=delimiter or r"\s+", header=None, quoting=QUOTE_NONE,
-            na_values=["nan", "NaN"], keep_default_na=False, low_memory=False, **exact,
-        )  # fmt: skip
-    except ValueError:  # a line has more numbers than the first one
-        return None
-    columns = [table[i].to_numpy() for i in table]
-    # What lacks at the end of a line is NaN, too.
-    lacking = np.flatnonzero(np.isnan(columns[-1])).tolist() if columns[-1].dtype.kind == "f" else []
-    if len(table) != len(texts) or any(len(texts[i].split(delimiter)) != len(columns) for i in lacking):
-        return None
-    if all(values.dtype.kind in "iu" or _is_exact(values) for values in columns):
+
+@dataclass(frozen=True)
+class _Block:
+    """Rows of a table as lines of text."""
+
+    lines: list[str]
+    start: int  # number of rows before these
+    width: int
+    delimiter: str | None
+    what: str  # a row is
+
+    def columns(self, texts: Collection[int]) -> list[Column]:
+        """Return the columns as numbers that are exact, or as text."""
+        table = self.parsed(texts)
+        columns = []
+        for i in table:
+            values = table[i].to_numpy()
+            if i in texts:
+                values = _texts(values.tolist())
+            elif values.dtype.kind not in "iuf" or (values.dtype.kind == "f" and (np.abs(values) >= EXACT).any()):
+                values = self._exact_numbers(i)
+            columns.append(values)
         return columns
-    words = [text.split(delimiter) for text in texts]
-    if not all(len(row) == len(columns) and all(map(_is_number, row)) for row in words):
-        return None
-    return [_typed([row[i] for row in words]) for i in range(len(columns))]
+
+    def parsed(self, texts: Collection[int]) -> Any:
+        """Return the rows as a table of pandas."""
+        import pandas  # only here, as it is slow to load
+
+        # The parser of later versions reads every number to its last digit anyway.
+        exact: Any = {} if pandas.__version__ >= "3.1" else {"float_precision": "round_trip"}
+        try:
+            table = pandas.read_csv(
+                StringIO("".join(self.lines)),
+                sep=self.delimiter or r"\s+",
+                header=None,
+                dtype=dict.fromkeys(texts, str),
+                na_values={i: MISSING for i in range(self.width) if i not in texts},
+                keep_default_na=False,
+                skipinitialspace=True,
+                low_memory=False,
+                **exact,
+            )
+        except ValueError as error:
+            self._check_widths(range(len(self.lines)))
+            reason = " ".join(str(error).split())[:200]
+            raise FileFormatError(f"expected rows of {self.width} columns, but pandas reports: {reason}") from error
+        if table.shape != (len(self.lines), self.width):
+            self._check_widths(range(len(self.lines)))
+            raise FileFormatError(f"expected a {self.what} in each line, found quotes that are open at its end")
+        last = table[self.width - 1]  # in which fields that lack at the end of a row are empty
+        self._check_widths(np.flatnonzero(last.isna() | (last == "")).tolist())
+        return table
+
+    def _check_widths(self, indices: Iterable[int]) -> None:
+        """Raise an error if some of the rows have another number of fields."""
+        for i in indices:
+            if len(fields_of(self.lines[i], self.delimiter)) != self.width:
+                raise FileFormatError(
+                    f"{self.what} {self.start + i + 1}: expected {self.width} columns, found {shortened(self.lines[i])}"
+                )
+
+    def _exact_numbers(self, column: int) -> Column:
+        words = ["nan" if word in MISSING else word for word in self.parsed([column])[column]]
+        for i, word in enumerate(words):
+            if not is_number(word):
+                raise FileFormatError(f"{self.what} {self.start + i + 1}: expected a number, found {shortened(word)}")
+        return _exact_numbers(words)
 
 
-def _is_exact(values: Column) -> bool:
-    """Return whether a column is of numbers so small that reading them as float64 rounds no whole number."""
-    return values.dtype.kind == "f" and not (np.abs(values) >= EXACT).any()
+def _holds_numbers(values: Column) -> bool:
+    return values.dtype.kind in "iuf" or all(is_number(str(value)) for value in values.tolist())
 
 
-def _is_number(word: str) -> bool:
-    """Return whether a word is a number as files have them: Python's may also have underscores."""
-    return is_number(word) and "_" not in word
-
-
-def _typed(words: Sequence[str]) -> Column:
+def _exact_numbers(words: Sequence[str]) -> Column:
     """Return numbers as integers if all are, else as float64 if that rounds none of the whole numbers."""
     for dtype in (np.int64, np.uint64):
         with suppress(ValueError, OverflowError):
             return np.array([int(word) for word in words], dtype)
     values = np.array(words, dtype=np.float64)
     for i in np.flatnonzero(np.abs(values) >= EXACT).tolist():
-        if _WHOLE.fullmatch(words[i]) and (len(words[i]) > _MOST_DIGITS or int(words[i]) != float(values[i])):
+        is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", words[i])
+        if is_whole and (np.isinf(values[i]) or int(words[i]) != float(values[i])):
             raise FileFormatError(
                 "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none "
-                f"does, with {as_found(words[i])}; write this with a decimal point if it may be rounded"
+                f"does, with {shortened(words[i])}; write this with a decimal point if it may be rounded"
             )
     return values
+
+
+def _texts(texts: list[str]) -> Column:
+    for text in texts:
+        if fault := _fault(text):
+            raise FileFormatError(f"expected text {fault}, found {ascii(text)[:60]}")
+    return np.array(texts, np.str_)
+
+
+def _fault(text: str) -> str | None:
+    """Return what is expected of a text that a line or an array of NumPy cannot hold, or None if they can."""
+    if _UNWRITABLE.search(text):
+        return "in UTF-8 without line breaks and zero characters"
+    return "of at most 1,000 characters" if len(text) > 1000 else None  # NumPy stores all as long as the longest
 
 
 def cast(values: Column, to: np.dtype[Any], what: str, done: int = 0) -> Column:
@@ -186,7 +258,7 @@ def cast(values: Column, to: np.dtype[Any], what: str, done: int = 0) -> Column:
         fits = (values == np.rint(values)) & (values >= bounds.min) & (values <= bounds.max)
         if not fits.all():
             row = int(np.argmin(fits))
-            raise FileFormatError(f"expected {what} {done + row + 1}, found {as_found(str(values[row]))}")
+            raise FileFormatError(f"expected {what} {done + row + 1}, found {shortened(str(values[row]))}")
     with np.errstate(over="ignore"):  # values beyond the range of float32 become infinite
         return values.astype(to)
 
@@ -271,9 +343,16 @@ def texts_of(values: Column) -> list[str]:
     if values.dtype.hasobject:
         return [" ".join([str(len(each)), *texts_of(each)]) for each in values]
     if values.dtype.kind == "U":
-        return list(map(quoted, values.tolist()))
+        return list(map(_quoted, values.tolist()))
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype != np.float64:
         return list(map(str, values))  # str of a NumPy number is the shortest text for its own type
     return list(map(repr, values.tolist()))
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes, as a field of a line."""
+    if fault := _fault(text):
+        raise OutputError(f"expected text {fault}, found {ascii(text)[:60]}; write .npy or .npz")
+    return '"{}"'.format(text.replace('"', '""'))

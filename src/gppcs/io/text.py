@@ -1,14 +1,14 @@
 """Reads and writes tables as text: XYZ, TXT, ASC, CSV and PTS.
 
 - The first row sets the delimiter: semicolon, comma, or whitespace. If tabs stand between all fields, text may contain
-  spaces.
+  spaces. Text in double quotes may contain the delimiter; two double quotes in it stand for one.
 - Names of columns come from a header line, or from a comment line (`#` or `//`) that contains x, y and z and has one
   name for each column. R, G and B become `red`, `green` and `blue`.
 - Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
   PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
 - A single whole number before the first row is the number of points.
-- A column is text if any of its fields is neither a number nor missing, or is in quotes while the coordinates are not.
-  All rows count, so that chunks agree. Missing numbers, empty or NA, are NaN.
+- A column is text if any of its fields is neither a number nor missing, or if its first field is in quotes while the
+  coordinates are not. All rows count, so that chunks agree. Missing numbers, empty or NA, are NaN.
 - Colours of whole numbers up to 255 become uint8. Other columns of whole numbers become int64, or uint64 if they need
   it, and all others float64.
 """
@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BufferedReader
@@ -29,218 +29,174 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, InputError
 from gppcs.io.columns import columns_of, default_names
-from gppcs.io.format import Format, Reader, from_start, keeping
-from gppcs.io.rows import as_count, as_found, at_most, lines_of, number_blocks, write_rows
-from gppcs.io.text_fields import MISSING, TextApart, delimiter_of, fields_of, is_number, is_row, text_columns
+from gppcs.io.format import Format, Reader, keeping
+from gppcs.io.rows import (
+    MISSING,
+    as_count,
+    at_most,
+    fields_of,
+    is_number,
+    is_row,
+    lines_of,
+    read_rows,
+    shortened,
+    text_columns,
+    write_rows,
+)
 
-_OF_NUMBERS = b"0123456789+-.eE,;\t \r\n"  # and what stands between them
-_LOOK = 1 << 22  # bytes at once
-_PTS_EXTRAS = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
+_PTS_ATTRIBUTES = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
 
 @dataclass
-class _Layout:
-    """What the lines before the first row say, and the layout of that row."""
+class _Preview:
+    """What the lines up to the first row say."""
 
-    names: list[str] | None = None
-    names_line: int = 0
+    names: list[str] | None  # of the columns, from a header line or as the caller says
+    comment: list[str]  # names in a comment line
     count: int | None = None
-    first_row: str = ""
-    first_line: int = 0
+    line: int = 0  # number of the first row's line, from 1 on; 0 without any row
     delimiter: str | None = None
-    width: int = 0
+    fields: Sequence[str] = ()  # of the first row, with their quotes
 
 
-def read_table(
-    names_of_width: Callable[[int], list[str]],
-    file: BufferedReader,
-    rows: int,
-    attributes: bool,
-    columns: list[str] | None = None,
-) -> Iterator[PointCloud]:
-    """Read a table in chunks; `columns` are names in place of any in the file."""
-    for table in map(_with_byte_colours, _tables(file, names_of_width, columns)):
-        kept = list(table) if attributes else coordinate_names(table)
-        yield from at_most(rows, [cloud_of_columns({name: table[name] for name in kept})])
+def open_table(
+    names_of_width: Callable[[int], list[str]], file: BufferedReader, columns: list[str] | None = None
+) -> Reader:
+    """Open a table; `columns` are names in place of any in the file."""
+    preview = _preview(lines_of(file), columns)
+    names = _names(preview, columns, names_of_width)
+    axes = coordinate_names(names)
+    texts: set[int] | None = None
+
+    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+        nonlocal texts
+        if texts is None:
+            texts = _text_columns(file, preview, [names.index(axis) for axis in axes])
+        # Without text, further whitespace beside tabs does no harm.
+        delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
+        lines = _rows(file, preview)
+        for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
+            table = _with_byte_colours(dict(zip(names, block, strict=True)))
+            yield from at_most(n, [cloud_of_columns({name: table[name] for name in (names if attributes else axes)})])
+        if any(map(is_row, lines)):
+            raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
+
+    return Reader(chunks, preview.count)
 
 
-def _names_in_pts(width: int) -> list[str]:
-    return [*default_names(3), *_PTS_EXTRAS.get(width, default_names(width)[3:])]
-
-
-def _tables(
-    file: BufferedReader, names_of_width: Callable[[int], list[str]], given: list[str] | None = None
-) -> Iterator[dict[str, Column]]:
-    """Yield the columns of each block of rows by name; of a file without rows, empty ones."""
-    lines = lines_of(file)
-    layout = _layout(lines, given)
-    names = layout.names or names_of_width(layout.width)
-    if not layout.first_row:
-        if layout.count:
-            raise FileFormatError(f"expected {layout.count} points, found none; get the whole file again")
-        yield {name: np.empty(0) for name in names}
-        return
-    lines.close()
-    plain = not _has_words(file, layout)
-    apart = None if plain else _text_apart(file, layout, names)
-    file.seek(0)
-    lines = lines_of(file)
-    rows = islice(lines, layout.first_line - 1, None)
-    if apart is None and layout.delimiter == "\t":
-        layout.delimiter = None  # then further whitespace does no harm
-    blocks = number_blocks(
-        apart.numbers(rows, layout.first_line) if apart else rows,
-        layout.first_line,
-        str.strip if plain else _numbers,
-        delimiter=layout.delimiter,
-        width=layout.width - len(apart.taken() if apart else ()),
-        count=layout.count,
-    )
-    for columns in blocks:
-        texts = apart.taken() if apart else {}
-        numbers = iter(columns)
-        yield {name: texts[i] if i in texts else next(numbers) for i, name in enumerate(names)}
-    if any(map(is_row, rows)):
-        raise FileFormatError(f"expected {layout.count} points, as the file says, found more")
-
-
-def _text_apart(file: BufferedReader, layout: _Layout, names: list[str]) -> TextApart | None:
-    """Return what takes text and missing numbers out of the rows, or None if numpy can read the rows as they are."""
-    file.seek(0)
-    lines = lines_of(file)
-    rows = (fields_of(line, layout.delimiter) for line in islice(lines, layout.first_line - 1, None) if is_row(line))
-    texts = text_columns(rows, layout.width, _axes(names))
-    lines.close()
-    return None if texts is None else TextApart(texts, layout.width, layout.delimiter)
-
-
-def _has_words(file: BufferedReader, layout: _Layout) -> bool:
-    """Return whether rows may hold anything but numbers: a quick look at the bytes of a file."""
-    file.seek(0)
-    for _ in range(layout.first_line - 1):
-        if b"\r" in file.readline().rstrip(b"\r\n"):  # lines end as in old files of Macintosh: look at all of them
-            return True
-    mark = (layout.delimiter or "").encode()
-    empty = re.compile(rb"(?:^|%b)[ ]*(?:%b|\r?$)" % (mark, mark), re.MULTILINE) if mark else None
-    for lines in iter(lambda: file.readlines(_LOOK), []):
-        block = b"".join(lines)
-        if block.translate(None, _OF_NUMBERS):
-            return True
-        if empty and any(found[0].strip(b" \r") for found in empty.finditer(block)):  # a field, not a line
-            return True
-    return False
-
-
-def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
-    """Return columns with colours as uint8, the type in which other programs expect them, if they fit."""
-    colours = [name for name in ("red", "green", "blue", "alpha") if name in columns]
-    if len(colours) < 3 or "alpha" in colours[:3]:
-        return columns
-    fit = all(
-        columns[name].dtype.kind == "i" and columns[name].min() >= 0 and columns[name].max() <= 255 for name in colours
-    )
-    return {name: values.astype(np.uint8) if fit and name in colours else values for name, values in columns.items()}
-
-
-def _numbers(line: str) -> str:
-    return line if is_row(line) else ""
-
-
-def _layout(lines: Iterator[str], given: list[str] | None) -> _Layout:
+def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
     """Read the lines up to the first row of numbers."""
-    layout = _Layout(names=given)
-    commented: list[str] = []
+    preview = _Preview(columns, [])
+    has_header = False
     for number, line in enumerate(lines, 1):
-        fields = _fields(line.lstrip("#/ \t"))
+        names = _unquoted(line.lstrip("#/ \t"))
         if not is_row(line):
-            commented = fields if _are_names(fields) else commented
-        elif len(fields) == 1 and layout.count is None and as_count(fields[0]) is not None:
-            layout.count = as_count(fields[0])
-        elif all(map(is_number, fields)) or _has_coordinates(fields, layout.names or commented):
-            layout.first_row, layout.first_line = line, number
-            layout.delimiter, layout.width = delimiter_of(line), len(fields)
+            is_header = {"x", "y", "z"} <= {name.lower() for name in names} and len(set(names)) == len(names)
+            preview.comment = names if is_header else preview.comment
+        elif len(names) == 1 and preview.count is None and as_count(names[0]) is not None:
+            preview.count = as_count(names[0])
+        elif all(map(is_number, names)) or _has_coordinates(names, preview.names or preview.comment):
+            preview.line, preview.delimiter = number, _delimiter(line)
+            preview.fields = fields_of(line, preview.delimiter)
             break
-        elif given is None:
-            layout.names, layout.names_line = _header(fields, number, line), number
-        elif layout.names_line:
-            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {as_found(line)}")
-        else:  # names that the given ones replace
-            layout.names_line = number
-    if layout.names is None and commented and len(commented) == (layout.width or len(commented)):
-        layout.names = commented
-    _check_width(layout, given)
-    if layout.names is not None and given is None:
-        layout.names = _with_colours_in_full(layout.names)
-    return layout
+        elif has_header:
+            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {shortened(line)}")
+        else:
+            has_header = True
+            preview.names = columns or _header(names, number, line)
+    return preview
 
 
-def _are_names(fields: list[str]) -> bool:
-    """Return whether a comment may be a header."""
-    return {"x", "y", "z"} <= {name.lower() for name in fields} and len(set(fields)) == len(fields)
+def _delimiter(line: str) -> str | None:
+    """Return what separates the fields of a line; None is whitespace."""
+    bare = re.sub(r'"(?:[^"]|"")*+"', '""', line).strip(" \r\n")
+    for mark, minimum in ((";", 2), (",", 1), (";", 1)):
+        if bare.count(mark) >= minimum:
+            return mark
+    parts = [part.split() for part in bare.split("\t")]
+    # Between tabs stands one field, rather than none or several numbers.
+    return "\t" if len(parts) > 2 and all(len(part) == 1 or not all(map(is_number, part)) for part in parts) else None
+
+
+def _unquoted(line: str) -> list[str]:
+    return [field.strip("\"'") for field in fields_of(line, _delimiter(line))]
 
 
 def _has_coordinates(fields: list[str], names: list[str]) -> bool:
     """Return whether a line is a row, although not all of its fields are numbers."""
-    if len(names) == len(fields):
-        return all(is_number(fields[i]) or fields[i] in MISSING for i in _axes(names)) and any(map(is_number, fields))
-    return len(fields) >= 3 and all(map(is_number, fields[:3]))
-
-
-def _axes(names: list[str]) -> list[int]:
-    return [names.index(axis) for axis in coordinate_names(names)]
-
-
-def _with_colours_in_full(names: list[str]) -> list[str]:
-    """Return names with red, green and blue for R, G and B."""
-    colours = {"r": "red", "g": "green", "b": "blue"}
-    lower = [name.lower() for name in names]
-    if not all(lower.count(letter) == 1 and colour not in names for letter, colour in colours.items()):
-        return names
-    return [colours.get(name.lower(), name) for name in names]
-
-
-def _check_width(layout: _Layout, given: list[str] | None) -> None:
-    if not layout.first_row:
-        layout.width = 3
-        return
-    if layout.width < 3:
-        raise FileFormatError(
-            f"line {layout.first_line}: expected at least three numbers, found {as_found(layout.first_row)}"
-        )
-    if given is not None and len(given) != layout.width:
-        raise FileFormatError(
-            f"line {layout.first_line} has {layout.width} columns, but {len(given)} names are given "
-            f"({', '.join(given)}); give one name for each column"
-        )
-    if layout.names is not None and len(layout.names) != layout.width:
-        raise FileFormatError(
-            f"line {layout.names_line} names {len(layout.names)} columns, "
-            f"but line {layout.first_line} has {layout.width} numbers; write one name for each column"
-        )
+    if len(names) != len(fields):
+        return len(fields) >= 3 and all(map(is_number, fields[:3]))
+    axes = [fields[names.index(axis)] for axis in coordinate_names(names)]
+    return all(is_number(field) or field in MISSING for field in axes) and any(map(is_number, fields))
 
 
 def _header(fields: list[str], number: int, line: str) -> list[str]:
+    """Return the names of the columns in a header line."""
     names = [name or f"column_{i}" for i, name in enumerate(fields, 1)]
     try:
         coordinate_names(names)
     except InputError as error:
         raise FileFormatError(
-            f"line {number}: expected numbers, or names of columns with x, y, z, found {as_found(line)}"
+            f"line {number}: expected numbers, or names of columns with x, y, z, found {shortened(line)}"
         ) from error
     repeated = next((name for name in names if names.count(name) > 1), None)
     if repeated is not None:
-        raise InputError(f"line {number}: expected different names, found {repeated!r} twice")
+        raise FileFormatError(f"line {number}: expected different names, found {repeated!r} twice")
     return names
 
 
-def _fields(line: str) -> list[str]:
-    return [field.strip("\"'") for field in fields_of(line, delimiter_of(line))]
+def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callable[[int], list[str]]) -> list[str]:
+    """Return the names of the columns; raise an error if they do not fit the first row."""
+    width = len(preview.fields) or len(preview.names or preview.comment) or 3
+    if width < 3:
+        raise FileFormatError(
+            f"line {preview.line}: expected at least three numbers, found {shortened(' '.join(preview.fields))}"
+        )
+    names = preview.names
+    if names is None:
+        names = preview.comment if len(preview.comment) == width else names_of_width(width)
+    if len(names) != width:
+        raise FileFormatError(
+            f"line {preview.line} has {width} columns, but {len(names)} have names ({', '.join(names)}); give one "
+            "name for each column"
+        )
+    colours = {"r": "red", "g": "green", "b": "blue"}
+    lower = [name.lower() for name in names]
+    if columns or not all(lower.count(letter) == 1 and colour not in names for letter, colour in colours.items()):
+        return names
+    return [colours.get(name.lower(), name) for name in names]
 
 
-def _write(head: Callable[[PointCloud, Iterable[str]], str], separator: str, file: BinaryIO, cloud: PointCloud) -> None:
-    """Write what `head` returns for the names of the columns, then numbers and quoted text."""
+def _rows(file: BufferedReader, preview: _Preview) -> Iterator[str]:
+    """Yield the lines from the first row on."""
+    file.seek(0)
+    return islice(lines_of(file), preview.line - 1, None) if preview.line else iter(())
+
+
+def _text_columns(file: BufferedReader, preview: _Preview, axes: list[int]) -> set[int]:
+    quoted = {i for i, field in enumerate(preview.fields) if field.startswith('"')}
+    quoted = set() if quoted & set(axes) else quoted
+    return text_columns(_rows(file, preview), len(preview.fields), preview.delimiter, quoted, axes)
+
+
+def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
+    """Return columns with colours as uint8, the type in which other programs expect them, if they fit."""
+    colours = {name: columns[name] for name in ("red", "green", "blue", "alpha") if name in columns}
+    are_bytes = all(
+        values.dtype.kind == "i" and values.min(initial=0) >= 0 and values.max(initial=0) <= 255
+        for values in colours.values()
+    )
+    if not are_bytes or not {"red", "green", "blue"} <= set(colours):
+        return columns
+    return columns | {name: values.astype(np.uint8) for name, values in colours.items()}
+
+
+def _write(
+    preamble: Callable[[PointCloud, Iterable[str]], str], separator: str, file: BinaryIO, cloud: PointCloud
+) -> None:
+    """Write what `preamble` returns for the names of the columns, then numbers and quoted text."""
     columns = columns_of(cloud)
-    file.write(head(cloud, columns).encode())
+    file.write(preamble(cloud, columns).encode())
     write_rows(file, list(columns.values()), separator)
 
 
@@ -254,24 +210,24 @@ def _numbers_and_text(cloud: PointCloud) -> PointCloud:
 def _usual_in_pts(cloud: PointCloud) -> PointCloud:
     """Return a cloud with those attributes that PTS files may have."""
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
-    kept = next((names for names in sorted(_PTS_EXTRAS.values(), key=len, reverse=True) if numbers >= set(names)), [])
+    kept = next((names for names in reversed(_PTS_ATTRIBUTES.values()) if numbers >= set(names)), [])
     return replace(cloud, attributes={name: cloud.attributes[name] for name in kept}, header=None)
+
+
+def _pts_names(width: int) -> list[str]:
+    return [*default_names(3), *_PTS_ATTRIBUTES.get(width, default_names(width)[3:])]
 
 
 def _format(
     name: str,
     suffixes: tuple[str, ...],
-    head: Callable[[PointCloud, Iterable[str]], str],
+    preamble: Callable[[PointCloud, Iterable[str]], str],
     separator: str = " ",
     names_of_width: Callable[[int], list[str]] = default_names,
     stored: Callable[[PointCloud], PointCloud] = _numbers_and_text,
 ) -> Format:
-    def opened(file: BufferedReader, columns: list[str] | None = None) -> Reader:
-        return Reader(partial(from_start, partial(read_table, names_of_width), file, columns=columns))
-
-    return Format(
-        name, suffixes, opened, partial(_write, head, separator), stored=stored, options=frozenset({"columns"})
-    )
+    opened, write = partial(open_table, names_of_width), partial(_write, preamble, separator)
+    return Format(name, suffixes, opened, write, stored=stored, options=frozenset({"columns"}))
 
 
 FORMATS = (
@@ -281,5 +237,5 @@ FORMATS = (
         lambda cloud, names: f"# {' '.join(names)}\n" if cloud.attributes else "",
     ),
     _format("CSV", (".csv",), lambda cloud, names: f"{','.join(names)}\n", ","),
-    _format("PTS", (".pts",), lambda cloud, names: f"{len(cloud)}\n", " ", _names_in_pts, _usual_in_pts),
+    _format("PTS", (".pts",), lambda cloud, names: f"{len(cloud)}\n", " ", _pts_names, _usual_in_pts),
 )
