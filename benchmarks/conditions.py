@@ -32,7 +32,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
-from gppcs.evaluation.report import relative
+from gppcs.evaluation.report import Rebuilt, figures_of, relative
 from gppcs.scans import SCENES
 from gppcs.surface.local_surface import LocalSurface
 
@@ -78,8 +78,8 @@ COVER_P999 = Column("99.9th percentile of the distance to a kept point, 1e-3 dia
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
 COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS)
-REBUILT = tuple(gppcs.figures_of(gppcs.Rebuilt))
-KNOWN = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
+REBUILT = tuple(figures_of(Rebuilt))
+KNOWN = {**figures_of(gppcs.Report), **figures_of(Rebuilt)}
 
 
 class Reference(NamedTuple):
@@ -176,7 +176,7 @@ class ThinnedScene(Scene):
     def cloud(self) -> gppcs.PointCloud:
         """These points."""
         points = gppcs.read(self.files[0]).points
-        return gppcs.PointCloud.of(points[:: max(1, round(len(points) / SCENE))])
+        return gppcs.PointCloud.from_object(points[:: max(1, round(len(points) / SCENE))])
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class SampleScene(Scene):
 @cache
 def measured_scene(name: str) -> gppcs.PointCloud:
     """Return the points of a sample scene."""
-    return gppcs.PointCloud.of(gppcs.sample(name, SCENE).points)
+    return gppcs.PointCloud.from_object(gppcs.sample(name, SCENE).points)
 
 
 @cache
@@ -210,7 +210,7 @@ def exact_scene(name: str) -> gppcs.PointCloud:
     """Return points of the surfaces of a sample scene, seen by its sensor along other rays, without noise."""
     exact = dataclasses.replace(SCENES[name], measured=lambda rays, distances, rng: distances)
     seen = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
-    return gppcs.PointCloud.of(seen.points[seen.normals.any(axis=1)].astype(np.float64))
+    return gppcs.PointCloud.from_object(seen.points[seen.normals.any(axis=1)].astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class Sample(Condition):
     @cached_property
     def cloud(self) -> gppcs.PointCloud:
         """The sample, without the exact normals that it carries."""
-        return gppcs.PointCloud.of(gppcs.sample(self.file, self.size, noise=self.noise).points)
+        return gppcs.PointCloud.from_object(gppcs.sample(self.file, self.size, noise=self.noise).points)
 
     @property
     def exact(self) -> Array | None:

@@ -62,7 +62,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
         first, start = name if not rows else "", time.process_time()
         try:
             mesh = MESH_WAYS[way](MeshTask(cloud, n_vertices, Timer()))
-        except gppcs.NoSurfaceError:
+        except gppcs.errors.NoSurfaceError:
             rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", called, "no surface found", *[""] * 11))
             continue
         seconds = time.process_time() - start

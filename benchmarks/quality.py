@@ -107,7 +107,7 @@ def wlop_by_cgal(condition: Condition) -> tuple[gppcs.PointCloud, float]:
     import by_cgal
 
     moved, seconds = by_cgal.wlop(condition.cloud.points, (condition.n_points + 0.5) / len(condition.cloud))
-    return gppcs.PointCloud.of(moved), seconds  # the half point: CGAL rounds down
+    return gppcs.PointCloud.from_object(moved), seconds  # the half point: CGAL rounds down
 
 
 def runs_of(

@@ -85,7 +85,7 @@ def resident() -> int:
 
 def file_times(points: Array, folder: Path) -> tuple[float, float]:
     """Return the least seconds of writing and of reading a binary PLY file."""
-    cloud = gppcs.PointCloud.of(points.astype(np.float32))
+    cloud = gppcs.PointCloud.from_object(points.astype(np.float32))
     path, most = folder / "cloud.ply", repeats(len(points))
     return (
         report.least_time(lambda: gppcs.write(path, cloud, force=True), most),

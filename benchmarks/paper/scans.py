@@ -13,6 +13,7 @@ import experiment
 import gppcs
 import report
 from experiment import COUNTERPARTS, REBUILT, SECONDS, VARIATION, Column, Condition
+from gppcs.evaluation.comparison import Entry
 
 
 class Scan(NamedTuple):
@@ -70,7 +71,7 @@ NOTES = (
 )
 
 
-def beside_the_paper(scans: Mapping[str, Mapping[str, gppcs.Entry]]) -> report.Section:
+def beside_the_paper(scans: Mapping[str, Mapping[str, Entry]]) -> report.Section:
     """Return the table of errors, divided by WLOP's, and surface variations beside those of the paper."""
     header = ["method"]
     for name in scans:
@@ -86,12 +87,12 @@ def beside_the_paper(scans: Mapping[str, Mapping[str, gppcs.Entry]]) -> report.S
     return report.Section("Beside the paper's, on its own scans", header, rows)
 
 
-def counterpart(entry: gppcs.Entry) -> str:
+def counterpart(entry: Entry) -> str:
     """Return the name of the method in the paper; empty if it has none."""
     return COUNTERPARTS.get(entry.result.method.name, "")
 
 
-def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, gppcs.Entry], label: str) -> list[str]:
+def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, Entry], label: str) -> list[str]:
     """Return the error of the paper and ours, then the surface variation of the paper and ours."""
     error, variation = paper[counterpart(made[label])]
     return [
@@ -102,7 +103,7 @@ def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, gppcs.Ent
     ]
 
 
-def in_base(entry: gppcs.Entry, base: gppcs.Entry) -> str:
+def in_base(entry: Entry, base: Entry) -> str:
     """Return H mean divided by that of another run; empty if either has no surface."""
     if entry.report.rebuilt is None or base.report.rebuilt is None:
         return ""

@@ -10,6 +10,7 @@ import experiment
 import gppcs
 import report
 from experiment import COUNTERPARTS, COVER, SECONDS, VARIATION, Condition
+from gppcs.evaluation.comparison import Entry
 
 RATIO = 0.03
 SCENES = {
@@ -36,7 +37,7 @@ NOTES = (
 )
 
 
-def beside_the_paper(made: dict[str, list[gppcs.Entry]]) -> report.Section:
+def beside_the_paper(made: dict[str, list[Entry]]) -> report.Section:
     """Return the mean surface variation on the NYU frame beside the paper's."""
     rows = []
     for label, (entry,) in made.items():

@@ -16,6 +16,7 @@ import experiment
 import gppcs
 import report
 from experiment import COUNTERPARTS, COVER, REBUILT, SECONDS, VARIATION, Condition
+from gppcs.evaluation.comparison import Entry
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 from gppcs.methods.hc.clustering import hierarchical_clusters
 
@@ -73,7 +74,7 @@ NOTES = (
 )
 
 
-def limited_clustering(condition: Condition, limits: tuple[int, float]) -> gppcs.Entry:
+def limited_clustering(condition: Condition, limits: tuple[int, float]) -> Entry:
     """Return the result of hierarchical clustering that stops at the paper's limits; repeated points count."""
     points, seconds = condition.cloud.points, []
     for _ in range(2):  # the first compiles
@@ -82,10 +83,10 @@ def limited_clustering(condition: Condition, limits: tuple[int, float]) -> gppcs
         seconds.append(perf_counter() - start)
     kept = condition.cloud.take(indices)
     result = gppcs.Result(indices, kept, gppcs.HierarchicalClustering(), {}, {})
-    return gppcs.Entry(result, gppcs.evaluate(condition.cloud, kept, condition.mesh), seconds[-1])
+    return Entry(result, gppcs.evaluate(condition.cloud, kept, condition.mesh), seconds[-1])
 
 
-def runs(condition: Condition, limits: tuple[int, float]) -> dict[str, list[gppcs.Entry]]:
+def runs(condition: Condition, limits: tuple[int, float]) -> dict[str, list[Entry]]:
     """Return the entries of each method, with our settings and with the paper's."""
     made = {}
     cloud = condition.cloud
@@ -108,7 +109,7 @@ def begins_at_random(method: gppcs.Method) -> bool:
     return hasattr(method, "seed") and getattr(method, "candidates", 0) is not None
 
 
-def errors(condition: Condition, entry: gppcs.Entry) -> list[tuple[float, float]]:
+def errors(condition: Condition, entry: Entry) -> list[tuple[float, float]]:
     """Return H mean and H max of a method, and of its other seeds if it begins at random."""
     assert condition.mesh
     clouds, method = [entry.result.cloud], entry.result.method
@@ -120,7 +121,7 @@ def errors(condition: Condition, entry: gppcs.Entry) -> list[tuple[float, float]
     return [errors_by_meshlab(cloud, condition.mesh) for cloud in clouds]
 
 
-def beside_the_paper(condition: Condition, made: Mapping[str, list[gppcs.Entry]]) -> report.Section:
+def beside_the_paper(condition: Condition, made: Mapping[str, list[Entry]]) -> report.Section:
     """Return the table of the paper's figures beside ours."""
     paper = PAPER[condition.name]
     rows = []

@@ -48,7 +48,7 @@ class NoSurfaceError(InputError):
     Examples
     --------
     >>> import gppcs
-    >>> issubclass(gppcs.NoSurfaceError, gppcs.InputError)
+    >>> issubclass(gppcs.errors.NoSurfaceError, gppcs.InputError)
     True
     """
 
@@ -85,7 +85,7 @@ class MissingExtraError(GppcsError, ImportError):
     Examples
     --------
     >>> import gppcs
-    >>> issubclass(gppcs.MissingExtraError, ImportError)
+    >>> issubclass(gppcs.errors.MissingExtraError, ImportError)
     True
     """
 
@@ -96,7 +96,7 @@ class ClusterError(GppcsError, RuntimeError):
     Examples
     --------
     >>> import gppcs
-    >>> issubclass(gppcs.ClusterError, RuntimeError)
+    >>> issubclass(gppcs.errors.ClusterError, RuntimeError)
     True
     """
 

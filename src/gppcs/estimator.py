@@ -53,7 +53,8 @@ class Simplifier(_Transformer):
     Examples
     --------
     >>> table = gppcs.sample("bracket", n_points=2000).points
-    >>> gppcs.Simplifier(n_points=100, method="fps").fit_transform(table).shape
+    >>> from gppcs.estimator import Simplifier
+    >>> Simplifier(n_points=100, method="fps").fit_transform(table).shape
     (100, 3)
     """
 

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from gppcs.amounts.choice import choose_amount
 from gppcs.amounts.guide import Guide
 from gppcs.amounts.request import Request, require
-from gppcs.clouds import above
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError, one_of
+from gppcs.io.reading import as_cloud
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
 
@@ -67,9 +67,6 @@ class Result(ComparedByValue):
     def __repr__(self) -> str:
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
-    def _repr_html_(self) -> str:
-        return above.html_of(self)
-
     def prefix(self, n_points: int) -> Result:
         """Return the first points, which are a simplification to fewer points.
 
@@ -106,34 +103,6 @@ class Result(ComparedByValue):
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
 
-    def show(
-        self, original: CloudLike | None = None, *, up: str | None = None, view: tuple[float, float] | None = None
-    ) -> None:
-        """Show the simplified cloud in the viewer: below the cell of a notebook, otherwise in the browser.
-
-        Parameters
-        ----------
-        original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes, optional
-            The cloud that was simplified. It is shown beside the result, with figures, as `gppcs report` does.
-        up : str, optional
-            The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
-        view : (azimuth, elevation), optional
-            Direction of the first view, in degrees. Guessed by default.
-
-        Raises
-        ------
-        InputError
-            If `original` is no cloud, or a cloud has no point with finite coordinates.
-        ParameterError
-            If `up` is no axis, or `view` is out of range.
-
-        Examples
-        --------
-        >>> cloud = gppcs.sample("bracket", n_points=2000)
-        >>> gppcs.simplify(cloud, ratio=0.1).show(cloud)  # doctest: +SKIP
-        """
-        above.show(self, None if original is None else PointCloud.of(original), up=up, view=view)
-
 
 def simplify(
     cloud: CloudLike,
@@ -165,7 +134,7 @@ def simplify(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
         such points are chosen last.
     ratio : float or str, optional
@@ -283,7 +252,7 @@ def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
 
     outliers, method = None, request.method
     with timer("preparation"):
-        cloud = PointCloud.of(cloud)
+        cloud = as_cloud(cloud)
         if request.scores:
             check_scores(cloud)
         points = cloud.points

@@ -7,13 +7,14 @@ import pytest
 
 import gppcs
 from command_line import FAST, SIMPLIFY, rows_of, write_scan_with
+from gppcs.evaluation.report import MeshReport, Rebuilt, figures_of
 from meshes import hull_mesh
 
 
 def test_evaluate_prints_each_figure_with_its_unit(printed, scan):
     printed(*SIMPLIFY, 40)
     out = printed("evaluate", "scan.ply", "out.ply")
-    names = set(gppcs.figures_of(gppcs.Report)) - {"points_in", "points_out"}
+    names = set(figures_of(gppcs.Report)) - {"points_in", "points_out"}
     parts = ["verdict", "400 in, 40 out", "of the diagonal)", "of the squared diagonal)", " degrees"]
     parts += [name.replace("_", " ") for name in names]
     parts += ["in the unit of the coordinates, which the file does not tell"]
@@ -71,8 +72,8 @@ def test_a_note_tells_that_the_faces_of_a_simplified_cloud_do_not_count(gppcs_co
 
 def test_the_help_of_evaluate_defines_every_figure(printed):
     out = " ".join(printed("evaluate", "--help").split())
-    for report in (gppcs.Report, gppcs.Rebuilt, gppcs.MeshReport):
-        for name in gppcs.figures_of(report):
+    for report in (gppcs.Report, Rebuilt, MeshReport):
+        for name in figures_of(report):
             assert f"{name.replace('_', ' ')} (" in out
 
 
@@ -85,7 +86,7 @@ def test_evaluate_judges_a_mesh(printed, record, with_surface):
     gppcs.write_mesh("small.ply", gppcs.mesh(ball, n_points=100).mesh)
     options = ["--mesh", "surface.ply"] if with_surface else []
     out = printed("evaluate", "scan.ply", "--simplified-mesh", "small.ply", *options)
-    for name in gppcs.figures_of(gppcs.MeshReport):
+    for name in figures_of(MeshReport):
         assert name.replace("_", " ") in out
     surface = gppcs.read_mesh("surface.ply") if with_surface else None
     report = gppcs.evaluate_mesh("scan.ply", gppcs.read_mesh("small.ply"), surface)

@@ -9,6 +9,8 @@ import pytest
 
 import gppcs
 from gppcs.app.tables import SHOWN, Column, Row, as_csv, as_markdown, as_text, columns_of
+from gppcs.evaluation.mesh_comparison import MeshEntry
+from gppcs.evaluation.report import MeshReport, Rebuilt, figures_of
 
 
 def rows_of(entries):
@@ -26,7 +28,7 @@ def test_csv_holds_every_figure_raw_and_relative(entries):
     for row, entry in zip(rows, entries, strict=True):
         raw, relative = entry.report.figures(), entry.report.figures(relative=True)
         assert {name: float(row[name]) for name in raw} == raw
-        lengths = {name for name, figure in gppcs.figures_of(gppcs.Report).items() if "length" in figure.unit}
+        lengths = {name for name, figure in figures_of(gppcs.Report).items() if "length" in figure.unit}
         assert {name for name in row if name.endswith("_relative")} == {
             f"{name}_relative" for name in lengths - {"diagonal"}
         }
@@ -65,8 +67,8 @@ def test_columns_without_values_are_left_out(entries):
     titles = {column.title for column in columns_of(rows_of(entries))}
     assert "surface mean" in titles
     assert "hausdorff mean" not in titles
-    assert set(SHOWN) - {f"carried_{name}" for name in gppcs.figures_of(gppcs.Rebuilt)} <= {
-        *gppcs.figures_of(gppcs.Report), *gppcs.figures_of(gppcs.Rebuilt), *gppcs.figures_of(gppcs.MeshReport)
+    assert set(SHOWN) - {f"carried_{name}" for name in figures_of(Rebuilt)} <= {
+        *figures_of(gppcs.Report), *figures_of(Rebuilt), *figures_of(MeshReport)
     }  # fmt: skip
 
 
@@ -75,7 +77,7 @@ def mesh_rows():
     """Rows of two ways to a mesh, the second of which has failed."""
     pytest.importorskip("pymeshlab")
     (entry,) = gppcs.compare_meshes(gppcs.sample("sphere", 1000), n_points=100, ways=["mesh"])
-    failed = gppcs.MeshEntry("ball-pivoting", None, None, 0.5, "no surface,\n  at all")
+    failed = MeshEntry("ball-pivoting", None, None, 0.5, "no surface,\n  at all")
     return rows_of([entry, failed])
 
 

@@ -11,14 +11,14 @@ POINTS = np.arange(12.0).reshape(4, 3)
 @pytest.mark.parametrize(
     ("make", "points", "message"),
     [
-        (PointCloud.of, POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
-        (PointCloud.of, [], r"shape \(N, 3\), found \(0,\)"),
-        (PointCloud.of, None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
-        (PointCloud.of, b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
-        (PointCloud.of, [["a", "b", "c"]], "expected numbers as coordinates"),
-        (PointCloud.of, POINTS * 1j, "found an array of complex128"),
-        (PointCloud.of, POINTS.astype(object), "found an array of object"),
-        (PointCloud.of, [[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
+        (PointCloud.from_object, POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
+        (PointCloud.from_object, [], r"shape \(N, 3\), found \(0,\)"),
+        (PointCloud.from_object, None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
+        (PointCloud.from_object, b"scan.ply", r"expected a PointCloud, .*, found b'scan.ply'"),
+        (PointCloud.from_object, [["a", "b", "c"]], "expected numbers as coordinates"),
+        (PointCloud.from_object, POINTS * 1j, "found an array of complex128"),
+        (PointCloud.from_object, POINTS.astype(object), "found an array of object"),
+        (PointCloud.from_object, [[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
         (PointCloud, None, r"expected points of shape \(N, 3\), found None$"),
         (PointCloud, "scan.ply", r"expected points of shape \(N, 3\), found 'scan.ply'$"),
         (PointCloud, 3, r"expected points of shape \(N, 3\), found 3$"),
@@ -35,7 +35,7 @@ def test_what_is_no_cloud_is_refused(make, points, message):
     ("dtype", "kept"), [("f4", "f4"), ("f8", "f8"), ("f2", "f2"), ("i4", "f8"), ("u1", "f8"), (">f4", ">f4")]
 )
 def test_arrays_become_float64_and_floats_remember_their_type(dtype, kept):
-    cloud = PointCloud.of(POINTS.astype(dtype))
+    cloud = PointCloud.from_object(POINTS.astype(dtype))
     assert cloud.points.dtype == np.float64
     assert cloud.coordinate_dtype == np.dtype(kept)
     np.testing.assert_array_equal(cloud.points, POINTS)
@@ -43,7 +43,7 @@ def test_arrays_become_float64_and_floats_remember_their_type(dtype, kept):
 
 def test_a_cloud_is_taken_as_it_is():
     cloud = PointCloud(POINTS)
-    assert PointCloud.of(cloud) is cloud
+    assert PointCloud.from_object(cloud) is cloud
 
 
 def test_take_keeps_order_attributes_and_types():

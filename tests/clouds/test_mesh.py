@@ -47,7 +47,7 @@ def test_files_without_a_mesh_are_refused(tmp_path):
         ("", "folder"),
         ("points.las", "expected a mesh, found LAS"),
     ):
-        with pytest.raises(gppcs.FileFormatError, match=message):
+        with pytest.raises(gppcs.errors.FileFormatError, match=message):
             gppcs.read_mesh(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         gppcs.read_mesh(tmp_path / "missing.ply")
@@ -87,7 +87,7 @@ end_header
 )  # fmt: skip
 def test_bad_files_are_refused(tmp_path, name, text, message):
     (tmp_path / name).write_text(text)
-    with pytest.raises(gppcs.FileFormatError, match=f"{name}: .*{message}"):
+    with pytest.raises(gppcs.errors.FileFormatError, match=f"{name}: .*{message}"):
         gppcs.read_mesh(tmp_path / name)
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.clouds.summary import Summary
 
 
 def test_facts_of_a_grid():
@@ -14,7 +15,7 @@ def test_facts_of_a_grid():
         {"label": np.arange(17, dtype=np.uint8), "normal": np.tile(np.float32([-1, 0, np.inf]), (17, 1))},
         np.dtype(np.float32),
     )
-    assert gppcs.info(cloud) == gppcs.Summary(
+    assert gppcs.info(cloud) == Summary(
         points=17,
         low=(10.0, 10.0, 10.0),
         high=(14.0, 12.0, 12.0),

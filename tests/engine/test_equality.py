@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.evaluation.report import Rebuilt
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, np.nan]])
 
@@ -51,7 +52,7 @@ def public_objects(seed):
         "report": gppcs.evaluate(points, points),
         "summary": gppcs.info(points),
         "mesh_result": dataclasses.replace(gppcs.mesh(ball, n_points=20), seconds={}),
-        "rebuilt": gppcs.Rebuilt(triangle, 1.0, 2.0, seed, 4.0, 1, 0.0),
+        "rebuilt": Rebuilt(triangle, 1.0, 2.0, seed, 4.0, 1, 0.0),
         "method": gppcs.Random(seed=seed),
     }
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 import gppcs
 from dense import distances_to_triangles
 from gppcs.evaluation import judge, reconstruction
+from gppcs.evaluation.report import figures_of
 from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh, moved
 from shapes import square
@@ -116,7 +117,7 @@ def test_rotation_shift_and_scale_change_figures_as_their_units_say(pair, seed, 
     rotation = Rotation.from_quat(np.random.default_rng(seed).standard_normal(4)).as_matrix()
     before = gppcs.evaluate(*pair)
     after = gppcs.evaluate(*(scale * (points @ rotation + [shift, -shift, 2 * shift]) for points in pair))
-    for name, figure in gppcs.figures_of(gppcs.Report).items():
+    for name, figure in figures_of(gppcs.Report).items():
         factor = {"length": scale, "squared length": scale**2}.get(figure.unit, 1)
         if name not in OF_THE_BOX:
             assert getattr(after, name) == pytest.approx(factor * getattr(before, name), rel=1e-5), name
@@ -269,7 +270,7 @@ def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
 
 def test_meshes_that_cannot_be_compared_are_refused_before_distances_are_measured(ball, sphere, monkeypatch):
     mesh, points, _ = ball
-    with pytest.raises(gppcs.NoSurfaceError, match="of the 3 points gave no surface"):
+    with pytest.raises(gppcs.errors.NoSurfaceError, match="of the 3 points gave no surface"):
         gppcs.evaluate(sphere, sphere[:3], mesh)
     monkeypatch.setattr(reconstruction, "distances_to", None)
     flat = gppcs.Mesh(sphere[:100], np.arange(99).repeat(3).reshape(-1, 3))
@@ -305,7 +306,7 @@ def test_figures_with_estimated_normals_stay_where_the_carried_ones_give_no_surf
 
     def failing(places, normals):
         if (normals == points).all():
-            raise gppcs.NoSurfaceError("none")
+            raise gppcs.errors.NoSurfaceError("none")
         return rebuilt(places, normals)
 
     monkeypatch.setattr(reconstruction, "reconstruct", failing)

@@ -70,11 +70,11 @@ def test_a_way_without_a_surface_says_why_and_stops_no_other(monkeypatch):
 
 def test_all_ways_whose_packages_are_there_by_default(monkeypatch):
     def missing(module):
-        raise gppcs.MissingExtraError("no CGAL")
+        raise gppcs.errors.MissingExtraError("no CGAL")
 
     monkeypatch.setattr(mesh_ways, "require_cgal", missing)
     assert checked_ways(None, 0.1, None) == [way for way in mesh_ways.MESH_WAYS if way != "advancing-front"]
-    with pytest.raises(gppcs.MissingExtraError):
+    with pytest.raises(gppcs.errors.MissingExtraError):
         checked_ways(["mesh", "advancing-front"], 0.1, None)
 
 
@@ -108,7 +108,7 @@ def test_membranes_far_from_all_points_are_cut_off(sphere):
     left = without_membranes(mesh, points)
     at_the_corner = (mesh.faces == len(points)).any(axis=1)
     np.testing.assert_array_equal(left.faces, mesh.faces[~at_the_corner])
-    with pytest.raises(gppcs.NoSurfaceError, match="far from all"):
+    with pytest.raises(gppcs.errors.NoSurfaceError, match="far from all"):
         without_membranes(moved(mesh, 9), points)
 
 

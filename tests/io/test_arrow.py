@@ -114,5 +114,5 @@ def test_a_footer_that_counts_more_rows_than_the_columns_is_an_error(tmp_path, m
 
     gppcs.write(tmp_path / "a.parquet", np.zeros((3, 3)))
     monkeypatch.setattr(pyarrow.parquet.ParquetFile, "iter_batches", lambda *_, **__: iter(()))
-    with pytest.raises(gppcs.FileFormatError, match="the file ends in row 1 of 3"):
+    with pytest.raises(gppcs.errors.FileFormatError, match="the file ends in row 1 of 3"):
         gppcs.read(tmp_path / "a.parquet")

@@ -46,7 +46,7 @@ def test_points_without_colours_are_black_and_numbered(tmp_path):
 
 def test_what_colmap_cannot_hold_is_told(tmp_path):
     cloud = gppcs.PointCloud(np.eye(3), {"depth": np.ones(3), "point3D_id": np.zeros(3, np.int64)})
-    with pytest.raises(gppcs.OutputError, match=r"depth .*point3D_id"):
+    with pytest.raises(gppcs.errors.OutputError, match=r"depth .*point3D_id"):
         gppcs.write(tmp_path / "points3D.bin", cloud)
     assert not (tmp_path / "points3D.bin").exists()
 
@@ -74,5 +74,5 @@ def test_tracks_are_left_out_if_there_are_any(tmp_path, name, content):
 )
 def test_damage_is_told(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(gppcs.FileFormatError, match=message):
+    with pytest.raises(gppcs.errors.FileFormatError, match=message):
         gppcs.read(tmp_path / name)

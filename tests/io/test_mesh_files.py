@@ -77,7 +77,7 @@ def test_gltf_is_what_trimesh_reads(tmp_path, mesh, vertices, suffix):
     assert (again.faces == FACES).all()
     assert gppcs.read(path).attributes["green"].tolist() == COLOURS["green"].tolist()
     (tmp_path / "cut.glb").write_bytes(content[:200])
-    with pytest.raises(gppcs.FileFormatError, match=r"cut\.glb: expected a whole glTF file"):
+    with pytest.raises(gppcs.errors.FileFormatError, match=r"cut\.glb: expected a whole glTF file"):
         gppcs.read(tmp_path / "cut.glb")
 
 
@@ -116,7 +116,7 @@ def test_what_is_lost_of_the_header_is_told(tmp_path, mesh, suffix):
 )
 def test_what_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, mesh, suffix, changes, lost):
     cloud = gppcs.PointCloud(CORNERS, changes)
-    with pytest.raises(gppcs.OutputError, match=f"cannot hold: {lost}"):
+    with pytest.raises(gppcs.errors.OutputError, match=f"cannot hold: {lost}"):
         gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud)
     assert not list(tmp_path.iterdir())
     (first, *_) = gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud, lossy=True)
@@ -125,7 +125,7 @@ def test_what_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, mesh,
 
 def test_survey_coordinates_are_not_rounded_to_single_precision_unasked(tmp_path):
     far = gppcs.Mesh(CORNERS + np.array([5e5 + 0.1, 5e6, 0]), FACES)
-    with pytest.raises(gppcs.OutputError, match=r"the last digits of coordinates \(which move by"):
+    with pytest.raises(gppcs.errors.OutputError, match=r"the last digits of coordinates \(which move by"):
         gppcs.write_mesh(tmp_path / "mesh.stl", far)
     gppcs.write_mesh(tmp_path / "mesh.obj", far)
     assert len(gppcs.write_mesh(tmp_path / "mesh.stl", far, lossy=True)) == 1
@@ -140,7 +140,7 @@ def test_normals_of_obj_files_are_those_of_the_corners(tmp_path, mesh, vertices)
 
 def test_an_existing_file_is_kept_unless_forced(tmp_path, mesh):
     (tmp_path / "mesh.ply").write_text("mine")
-    with pytest.raises(gppcs.OutputError, match="expected a new file"):
+    with pytest.raises(gppcs.errors.OutputError, match="expected a new file"):
         gppcs.write_mesh(tmp_path / "mesh.ply", mesh)
     assert (tmp_path / "mesh.ply").read_text() == "mine"
     gppcs.write_mesh(tmp_path / "mesh.ply", mesh, force=True)
@@ -150,7 +150,7 @@ def test_an_existing_file_is_kept_unless_forced(tmp_path, mesh):
 @pytest.mark.parametrize("name", ["mesh.las", "mesh", "mesh.gltf"])
 def test_other_formats_and_other_vertices_are_an_error(tmp_path, mesh, name):
     with pytest.raises(
-        gppcs.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"
+        gppcs.errors.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"
     ):
         gppcs.write_mesh(tmp_path / name, mesh)
     with pytest.raises(gppcs.InputError, match="the vertices of the mesh"):

@@ -79,7 +79,7 @@ def test_neighbouring_polygons_share_no_point_and_miss_none():
 )  # fmt: skip
 def test_what_is_no_polygon_is_refused(files, content):
     _, area = files(content)
-    with pytest.raises(gppcs.FileFormatError, match=r"area.json: expected .*polygon.* in GeoJSON"):
+    with pytest.raises(gppcs.errors.FileFormatError, match=r"area.json: expected .*polygon.* in GeoJSON"):
         read_polygons(area)
 
 
@@ -108,7 +108,7 @@ def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
 def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
     scan, _ = files("{}")
     with pytest.raises(
-        gppcs.FileFormatError, match=r"scan.ply: .*at character 1 .*no attribute 'klassification'; did you mean"
+        gppcs.errors.FileFormatError, match=r"scan.ply: .*at character 1 .*no attribute 'klassification'; did you mean"
     ):
         gppcs.read(scan, only="klassification == 2")
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):

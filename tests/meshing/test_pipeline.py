@@ -471,7 +471,7 @@ def test_a_ball_stays_closed_whatever_its_noise_and_the_number_of_vertices(level
     ],
 )
 def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, message):
-    with pytest.raises(gppcs.NoSurfaceError, match=message):
+    with pytest.raises(gppcs.errors.NoSurfaceError, match=message):
         gppcs.mesh(points, n_points=4)
 
 

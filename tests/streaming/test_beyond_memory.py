@@ -374,7 +374,7 @@ def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
 
     monkeypatch.setattr("gppcs.streaming.scan.write_run", full)
     path = written(tmp_path, gppcs.sample("bracket", 20_000))
-    with pytest.raises(gppcs.OutputError, match="of disk space for temporary files, found that it is full"):
+    with pytest.raises(gppcs.errors.OutputError, match="of disk space for temporary files, found that it is full"):
         gppcs.simplify_files(path, n_points=700, memory=MEMORY, scratch=tmp_path)
     assert list(tmp_path.iterdir()) == [path]
 

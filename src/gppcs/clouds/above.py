@@ -1,10 +1,9 @@
-"""What clouds and files need of the rooms above them: reading, ranking and drawing. The package names the functions."""
+"""What writing COPC files needs of a room above; the package names the function."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -12,9 +11,4 @@ if TYPE_CHECKING:
 
     from gppcs.clouds.cloud import PointCloud
 
-# Set by the package `gppcs`.
-read: Callable[[str | os.PathLike[str]], PointCloud]
-laspy_of: Callable[[PointCloud], Any]
-rank: Callable[[PointCloud, str, int], NDArray[np.int64]]  # the rows that a method chooses first
-html_of: Callable[[Any], str]
-show: Callable[..., None]
+rank: Callable[[PointCloud, str, int], NDArray[np.int64]]  # the rows that a method chooses first; set by `gppcs`

@@ -10,16 +10,12 @@ from typing import Any, Protocol, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from gppcs.clouds import above
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
 
 NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
-ACCEPTED = (
-    "a PointCloud, the path of a file, an object of Open3D, PyVista, trimesh, pandas or laspy, "
-    "or an (N, 3) array of coordinates"
-)
+ACCEPTED = "a PointCloud, an object of Open3D, PyVista, trimesh, pandas or laspy, or an (N, 3) array of coordinates"
 
 
 class _WithPoints(Protocol):
@@ -112,8 +108,8 @@ class PointCloud(ComparedByValue):
             raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
 
     @classmethod
-    def of(cls, cloud: CloudLike) -> PointCloud:
-        """Return a cloud unchanged, or make one of an array, a file or an object of another library.
+    def from_object(cls, cloud: CloudLike) -> PointCloud:
+        """Return a cloud unchanged, or make one of an array or an object of another library.
 
         All functions that take a cloud take these. Libraries are recognised without importing them. The names of
         attributes are those of PLY files: colours become `red`, `green`, `blue` and `alpha`, normals become `nx`, `ny`
@@ -121,9 +117,10 @@ class PointCloud(ComparedByValue):
 
         Parameters
         ----------
-        cloud : PointCloud, (N, 3) array-like, path or object of another library
-            A path is read by `gppcs.read`. An object is one of these:
+        cloud : PointCloud, (N, 3) array-like or object of another library
+            An object is one of these:
 
+            - a `Result`, whose cloud is taken
             - a structured array with fields x, y and z; the other fields become attributes
             - `open3d.geometry.PointCloud` or `open3d.t.geometry.PointCloud`, with colours, normals, covariances or all
               other tensors
@@ -143,22 +140,22 @@ class PointCloud(ComparedByValue):
         ------
         InputError
             If it is none of these, a coordinate is missing, or an attribute holds text.
-        FileFormatError
-            If the content of a file does not follow its format.
-        OSError
-            If a file does not exist or cannot be read.
 
         Examples
         --------
         >>> import pandas
         >>> table = pandas.DataFrame({"x": [0.0, 1.0], "y": [0.0, 0.5], "z": [0.0, 2.0], "label": [4, 5]})
-        >>> gppcs.PointCloud.of(table)
+        >>> gppcs.PointCloud.from_object(table)
         PointCloud(2 points, each with label)
         """
         if isinstance(cloud, PointCloud):
             return cloud
+        if isinstance(result := getattr(cloud, "cloud", None), PointCloud):
+            return result
         if isinstance(cloud, str | os.PathLike):
-            return above.read(cloud)
+            raise InputError(
+                f"expected {ACCEPTED}, found the path {shown(os.fspath(cloud))}; read the file with gppcs.read first"
+            )
         if type(cloud) is not np.ndarray or cloud.dtype.names:
             from gppcs.clouds.objects import cloud_of_object
 
@@ -174,9 +171,6 @@ class PointCloud(ComparedByValue):
     def __repr__(self) -> str:
         carried = f", each with {', '.join(self.attributes)}" if self.attributes else ""
         return f"PointCloud({len(self):,} points{carried})"
-
-    def _repr_html_(self) -> str:
-        return above.html_of(self)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -246,29 +240,6 @@ class PointCloud(ComparedByValue):
         """
         kept = self.coordinate_dtype if np.issubdtype(self.coordinate_dtype, np.floating) else np.dtype(np.float64)
         return replace(self, points=points, coordinate_dtype=kept)
-
-    def show(self, *, up: str | None = None, view: tuple[float, float] | None = None) -> None:
-        """Show the cloud in the viewer of `gppcs view`: below the cell of a notebook, otherwise in the browser.
-
-        Parameters
-        ----------
-        up : str, optional
-            The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
-        view : (azimuth, elevation), optional
-            Direction of the first view, in degrees. Guessed by default.
-
-        Raises
-        ------
-        InputError
-            If the cloud has no point with finite coordinates.
-        ParameterError
-            If `up` is no axis, or `view` is out of range.
-
-        Examples
-        --------
-        >>> gppcs.sample("bracket", n_points=2000).show(up="z")  # doctest: +SKIP
-        """
-        above.show(self, up=up, view=view)
 
     def to_open3d(self) -> Any:
         """Return the cloud as an object of Open3D, with all attributes.
@@ -377,31 +348,6 @@ class PointCloud(ComparedByValue):
 
         return pandas_of(self)
 
-    def to_laspy(self) -> Any:
-        """Return the cloud as data of laspy, with all attributes.
-
-        Returns
-        -------
-        laspy.LasData
-            A copy, as `gppcs.write` would write it to a LAS file and laspy read it: with the header and records of a
-            cloud that comes from LAS, otherwise with the point format that holds the most attributes; the others are
-            extra dimensions. Coordinates that are not whole multiples of a scale are rounded to the finest one.
-
-        Raises
-        ------
-        InputError
-            If LAS has no such type as an attribute.
-        OutputError
-            If a coordinate is NaN or infinite, or an attribute has a name that LAS cannot hold.
-
-        Examples
-        --------
-        >>> cloud = gppcs.PointCloud([[0, 0, 0], [0.25, 0, 0]], {"intensity": [7, 9]})
-        >>> cloud.to_laspy().intensity
-        array([7, 9], dtype=uint16)
-        """
-        return above.laspy_of(self)
-
     def non_finite(self) -> NDArray[np.int64]:
         """Return the indices of the points that have a NaN or infinite coordinate.
 
@@ -437,7 +383,7 @@ class PointCloud(ComparedByValue):
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
 
-CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `PointCloud.of`
+CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `from_object`
 
 
 def with_normals(cloud: PointCloud, normals: NDArray[np.float64]) -> PointCloud:
@@ -448,7 +394,7 @@ def with_normals(cloud: PointCloud, normals: NDArray[np.float64]) -> PointCloud:
 
 def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
     """Return the coordinates, (N, 3), if there are some and all are finite; errors call the cloud by a name."""
-    cloud = PointCloud.of(cloud)
+    cloud = PointCloud.from_object(cloud)
     if len(cloud) == 0:
         raise InputError(f"the {name} is empty: expected at least one point")
     if len(bad := cloud.non_finite()):

@@ -17,7 +17,7 @@ class Header(ComparedByValue):
     --------
     >>> cloud = gppcs.sample("sphere", n_points=100)
     >>> gppcs.write("sphere.las", cloud, lossy=True)  # which rounds coordinates
-    >>> isinstance(gppcs.read("sphere.las").header, gppcs.Header)
+    >>> gppcs.read("sphere.las").header.crs is None
     True
     """
 

@@ -47,8 +47,6 @@ class Summary:
     Examples
     --------
     >>> summary = gppcs.info([[0, 0, 0], [3, 0, 0], [3, 4, 0]])
-    >>> isinstance(summary, gppcs.Summary)
-    True
     >>> summary.diagonal
     5.0
     """
@@ -72,7 +70,7 @@ def info(cloud: CloudLike) -> Summary:
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like or object that `PointCloud.from_object` takes
         It may be empty, and coordinates may be NaN or infinite.
 
     Returns
@@ -94,7 +92,7 @@ def info(cloud: CloudLike) -> Summary:
     from gppcs.spatial.cells import first_occurrences
     from gppcs.spatial.kdtree import KdTree, nearest_distances
 
-    cloud = PointCloud.of(cloud)
+    cloud = PointCloud.from_object(cloud)
     bad = cloud.non_finite()
     points = np.delete(cloud.points, bad, axis=0) if len(bad) else cloud.points
     low = points.min(axis=0) if len(points) else np.full(3, np.nan)

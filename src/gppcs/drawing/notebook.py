@@ -1,85 +1,69 @@
-"""Shows clouds and results in a notebook: a small picture with a table, and the viewer."""
+"""Shows clouds and results in the viewer, in a notebook or in the browser."""
 
 from __future__ import annotations
 
-import base64
 import tempfile
 import webbrowser
 from html import escape
 from io import BytesIO
 from pathlib import Path
 
-import numpy as np
-
-from gppcs.clouds.cloud import PointCloud
-from gppcs.drawing.single import draw_single
+from gppcs.clouds.cloud import CloudLike
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.engine.progress import in_notebook
 from gppcs.engine.timer import in_words
-from gppcs.errors import InputError, MissingExtraError
+from gppcs.io.reading import as_cloud
 from gppcs.simplification import Result
 
-THUMBNAIL = (320, 240)  # pixels
-MOST_DRAWN = 50_000  # points; of a larger cloud, the small picture shows some
 HEIGHT = 720  # pixels of the viewer
-CELL = 'style="text-align:left;vertical-align:top"'
-
-
-def html_of(shown: PointCloud | Result) -> str:
-    """Return what a notebook shows of a cloud or a result."""
-    cloud = shown.cloud if isinstance(shown, Result) else shown
-    rows = {"points": f"{len(cloud):,}"}
-    if isinstance(shown, Result):
-        rows |= {"method": repr(shown.method), "time": in_words(shown.seconds)}
-    finite = cloud.points[cloud.finite_rows()]
-    if len(finite):
-        corners = {"low corner": finite.min(axis=0), "high corner": finite.max(axis=0)}
-        rows |= {name: "  ".join(f"{value:.6g}" for value in corner) for name, corner in corners.items()}
-    if len(finite) < len(cloud):
-        rows["not finite"] = f"{len(cloud) - len(finite):,}"
-    if cloud.attributes:
-        rows["attributes"] = ", ".join(f"{name} ({values.dtype})" for name, values in cloud.attributes.items())
-    cells = (f"<tr><th {CELL}>{escape(name)}</th><td {CELL}>{escape(value)}</td></tr>" for name, value in rows.items())
-    table = f"<table><caption {CELL}>{type(shown).__name__}</caption>{''.join(cells)}</table>"
-    return f'<div style="display:flex;flex-wrap:wrap;gap:1em">{_picture(cloud)}{table}</div>'
 
 
 def show(
-    shown: PointCloud | Result,
-    original: PointCloud | None = None,
+    cloud: CloudLike | Result,
+    original: CloudLike | None = None,
+    *,
     up: str | None = None,
     view: tuple[float, float] | None = None,
 ) -> None:
-    """Show a cloud or a result in the viewer: below the cell of a notebook, otherwise in the browser."""
+    """Show a cloud or a result in the viewer: below the cell of a notebook, otherwise in the browser.
+
+    Parameters
+    ----------
+    cloud : Result, PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes, optional
+        The cloud that was simplified. It is shown beside the other, with figures, as `gppcs report` does.
+    up : str, optional
+        The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
+    view : (azimuth, elevation), optional
+        Direction of the first view, in degrees. Guessed by default.
+
+    Raises
+    ------
+    InputError
+        If an argument is no cloud, or a cloud has no point with finite coordinates.
+    ParameterError
+        If `up` is no axis, or `view` is out of range.
+
+    Examples
+    --------
+    >>> import gppcs
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> gppcs.show(gppcs.simplify(cloud, ratio=0.1), cloud)  # doctest: +SKIP
+    """
     viewpoint = Viewpoint(up, view)
-    if isinstance(shown, Result):
-        named = Named(str(shown.method), shown.cloud, reason=shown.method.summary)
-        made = [("method", repr(shown.method)), ("time", in_words(shown.seconds))]
+    if isinstance(cloud, Result):
+        named = Named(str(cloud.method), cloud.cloud, reason=cloud.method.summary)
+        made = [("method", repr(cloud.method)), ("time", in_words(cloud.seconds))]
     else:
-        named, made = Named("cloud", shown), []
+        named, made = Named("cloud", as_cloud(cloud)), []
     if original is None:
         page = view_page([named], made, viewpoint)
     else:
-        page = report_page(Named("original", original), [named], made, viewpoint)
+        page = report_page(Named("original", as_cloud(original)), [named], made, viewpoint)
     content = BytesIO()
     page.write(content)
     (_embed if in_notebook() else _open)(content.getvalue())
-
-
-def _picture(cloud: PointCloud) -> str:
-    """Return a small picture as an element of HTML, or nothing if none can be drawn."""
-    if len(cloud) > MOST_DRAWN:
-        cloud = cloud.take(np.unique(np.random.default_rng(0).integers(len(cloud), size=MOST_DRAWN)))
-    image = BytesIO()
-    try:
-        drawn = draw_single(image, cloud, size=THUMBNAIL, bar=False)
-    except (InputError, MissingExtraError):
-        return ""
-    text = f"coloured by {drawn.colour}"
-    width, height = THUMBNAIL
-    content = base64.b64encode(image.getvalue()).decode()
-    return f'<img src="data:image/png;base64,{content}" width="{width}" height="{height}" alt="{text}" title="{text}">'
 
 
 def _embed(page: bytes) -> None:

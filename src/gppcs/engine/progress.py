@@ -33,7 +33,8 @@ class ProgressBar:
     Examples
     --------
     >>> import gppcs
-    >>> timer = gppcs.Timer(gppcs.ProgressBar())
+    >>> from gppcs.engine.progress import ProgressBar
+    >>> timer = gppcs.Timer(ProgressBar())
     >>> len(gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="fps", timer=timer).cloud)
     100
     """

@@ -40,7 +40,7 @@ class Listener(Protocol):
     ...         print(f"{steps} done")
     ...     def finished(self):
     ...         print("over")
-    >>> listener: gppcs.Listener = Printer()
+    >>> listener = Printer()
     >>> with gppcs.Timer(listener)("sum", total=2) as advanced:
     ...     advanced(2)
     sum: 2 steps

@@ -17,6 +17,7 @@ from gppcs.engine.timer import COMPILATION, Timer, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
 from gppcs.evaluation.report import Report
+from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
 from gppcs.simplification import Result, simplify
 
@@ -42,8 +43,6 @@ class Entry:
     --------
     >>> cloud = gppcs.sample("bracket", n_points=2000)
     >>> (entry,) = gppcs.compare(cloud, ["fps"], ratio=0.1)
-    >>> isinstance(entry, gppcs.Entry)
-    True
     >>> entry.result.method, entry.report.points_out
     (FarthestPoint(), 200)
     """
@@ -70,7 +69,7 @@ def compare(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         The original.
     methods : iterable of str or Method, optional
         Names from `gppcs.METHODS`, or methods with other parameters. By default all whose memory suffices.
@@ -109,7 +108,7 @@ def compare(
     True
     """
     chosen = checked_methods(METHODS if methods is None else methods, ratio, n_points, seed)
-    cloud, timer, counted = PointCloud.of(cloud), timer_of(timer), weights_of_detail(detail)
+    cloud, timer, counted = as_cloud(cloud), timer_of(timer), weights_of_detail(detail)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points

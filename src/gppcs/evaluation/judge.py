@@ -18,6 +18,7 @@ from gppcs.clouds.ranges import names_of_detail
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of, relative
+from gppcs.io.reading import as_cloud
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
@@ -49,9 +50,9 @@ def evaluate(
 
     Parameters
     ----------
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Finite coordinates.
-    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes
+    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.from_object` takes
         Finite coordinates, in the unit and frame of the original.
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
@@ -64,7 +65,7 @@ def evaluate(
     Returns
     -------
     Report
-        Lengths in the unit of the clouds. `gppcs.figures_of(gppcs.Report)` defines each figure.
+        Lengths in the unit of the clouds. `figures_of(gppcs.Report)` defines each figure.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def evaluate_mesh(
 
     Parameters
     ----------
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Finite coordinates.
     simplified : Mesh
         In the unit and frame of the original.
@@ -122,7 +123,7 @@ def evaluate_mesh(
     Returns
     -------
     MeshReport
-        Lengths in the unit of the cloud. `gppcs.figures_of(gppcs.MeshReport)` defines each figure.
+        Lengths in the unit of the cloud. `figures_of(MeshReport)` defines each figure.
 
     Raises
     ------
@@ -145,7 +146,7 @@ def evaluate_mesh(
     from gppcs.surface.local_surface import LocalSurface
 
     _require_measurable(require_mesh(simplified).vertices, "mesh")
-    original = PointCloud.of(original)
+    original = as_cloud(original)
     require_original(original, mesh)
     before = usable(original, "original cloud")
     frame = _Frame.of(before)
@@ -179,7 +180,7 @@ def evaluate_mesh(
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     """Raise an error if a cloud, (N, 3), or its surface, cannot be what results are compared with."""
-    points = usable(original, "original cloud")
+    points = usable(as_cloud(original), "original cloud")
     _require_measurable(points, "original cloud")
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
@@ -201,7 +202,7 @@ def judged(
     """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
     from gppcs.spatial.cells import first_occurrences
 
-    original, simplified = PointCloud.of(original), PointCloud.of(simplified)
+    original, simplified = as_cloud(original), as_cloud(simplified)
     before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
     _require_measurable(before, "original cloud")
     _require_measurable(after, "simplified cloud")

@@ -46,8 +46,6 @@ class MeshEntry:
     --------
     >>> cloud = gppcs.sample("sphere", n_points=3000)
     >>> (entry,) = gppcs.compare_meshes(cloud, n_points=100, ways=["mesh"])
-    >>> isinstance(entry, gppcs.MeshEntry)
-    True
     >>> entry.way, len(entry.mesh.vertices), entry.report.borders, entry.failure
     ('mesh', 100, 0, None)
     """
@@ -73,7 +71,7 @@ def compare_meshes(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Points on a surface.
     ratio : float
         The size M as a share of the N points, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.

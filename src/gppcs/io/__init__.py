@@ -2,7 +2,8 @@
 
 from gppcs.io.files import FORMATS, check_storable, format_to_write, losses, store, write
 from gppcs.io.format import Format
-from gppcs.io.reading import load, read, read_each
+from gppcs.io.las import to_laspy
+from gppcs.io.reading import as_cloud, load, read, read_each
 from gppcs.io.streams import COMPRESSIONS, inner_name, whole_output
 from gppcs.io.vpc import SUFFIX as VPC
 from gppcs.io.vpc import files_of
@@ -13,6 +14,7 @@ __all__ = [
     "FORMATS",
     "VPC",
     "Format",
+    "as_cloud",
     "check_distinct",
     "check_storable",
     "check_writable",
@@ -25,6 +27,7 @@ __all__ = [
     "read",
     "read_each",
     "store",
+    "to_laspy",
     "whole_file",
     "whole_output",
     "write",

@@ -112,7 +112,7 @@ def write(
     ----------
     path : str or path
         The file. Its suffix selects the format; a further suffix .gz or .zst compresses it. `-` is standard output.
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         The points and their attributes.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
@@ -162,7 +162,9 @@ def store(
     levels_by: str | None = None,
 ) -> list[str]:
     """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
-    cloud, force = PointCloud.of(cloud), flag("force", force)
+    from gppcs.io.reading import as_cloud
+
+    cloud, force = as_cloud(cloud), flag("force", force)
     chosen = format_to_write(path, format, ascii, levels_by)
     fit = chosen.fit(cloud)
     if not flag("lossy", lossy):

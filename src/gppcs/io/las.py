@@ -413,8 +413,8 @@ def store_coordinates(block: NDArray[Any], points: NDArray[np.float64], header: 
         block[axis] = np.rint((points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
 
 
-def laspy_of(cloud: PointCloud) -> Any:
-    """Make data of laspy, as `PointCloud.to_laspy` describes it."""
+def to_laspy(cloud: PointCloud) -> Any:
+    """Return a cloud as data of laspy, a `LasData`, as it would be written to a file and laspy would read it."""
     import laspy
 
     fit = FORMATS[0].fit(cloud)

@@ -7,11 +7,16 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import NamedTuple
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io.cloud_files import open_clouds
 from gppcs.io.format import Format
 from gppcs.io.query import Query
+
+
+def as_cloud(cloud: CloudLike) -> PointCloud:
+    """Return the cloud of a file, if it is a path, or of whatever `PointCloud.from_object` takes."""
+    return read(cloud) if isinstance(cloud, str | os.PathLike) else PointCloud.from_object(cloud)
 
 
 def read(

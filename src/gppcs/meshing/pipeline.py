@@ -18,6 +18,7 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
+from gppcs.io.reading import as_cloud
 from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.bounding import bound, thinned_by_quadrics
@@ -134,7 +135,7 @@ def mesh(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Points on a surface. Exact repeats count once.
     n_points : int, optional
         M, the number of vertices, at least 4. If fewer points are on the surface, all of these are. Give exactly one
@@ -200,7 +201,7 @@ def mesh(
         fill_holes=fill_holes,
     )  # fmt: skip
     with timer("preparation"):
-        cloud = PointCloud.of(cloud)
+        cloud = as_cloud(cloud)
         rows = cloud.finite_rows()
         bad = cloud.non_finite()
         check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)

@@ -42,8 +42,8 @@ class Parameter:
     Examples
     --------
     >>> import gppcs
-    >>> from gppcs.methods.parameters import parameters_of
-    >>> parameters_of(gppcs.Random)["seed"] == gppcs.Parameter("int", 0, "Seed of the permutation.")
+    >>> from gppcs.methods.parameters import Parameter, parameters_of
+    >>> parameters_of(gppcs.Random)["seed"] == Parameter("int", 0, "Seed of the permutation.")
     True
     """
 

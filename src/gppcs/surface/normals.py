@@ -41,9 +41,9 @@ def estimate_normals(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like or object that `PointCloud.from_object` takes
         Exact repeats of a point count once.
-    at : PointCloud, (M, 3) array-like, path or object that `PointCloud.of` takes, optional
+    at : PointCloud, (M, 3) array-like or object that `PointCloud.from_object` takes, optional
         Places on the surface where normals are wanted; by default the points themselves.
     neighbours : int, optional
         Number of points to which each quadric is fitted; with fewer than 6, the normal is the plane's. By default 18

@@ -37,7 +37,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like or object that `PointCloud.from_object` takes
         Exact repeats count once.
 
     Returns
@@ -57,7 +57,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
     >>> np.flatnonzero(mask)
     array([1000])
     """
-    cloud = PointCloud.of(cloud)
+    cloud = PointCloud.from_object(cloud)
     rows = cloud.finite_rows()
     found = np.zeros(len(cloud), dtype=np.bool_)
     if len(rows):

@@ -58,8 +58,8 @@ class Features(ComparedByValue):
     --------
     >>> import gppcs
     >>> features = gppcs.estimate_features(gppcs.sample("sphere", n_points=1000))
-    >>> isinstance(features, gppcs.Features), features.surface_variation.shape
-    (True, (1000,))
+    >>> features.surface_variation.shape
+    (1000,)
     """
 
     surface_variation: NDArray[np.float64]
@@ -72,7 +72,7 @@ def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.of` takes
+    cloud : PointCloud, (N, 3) array-like or object that `PointCloud.from_object` takes
     neighbours : int
         k: all neighbourhoods are balls of the same radius, which is chosen so that they hold about k points, the point
         itself included.
