@@ -32,7 +32,8 @@ def open_npy(file: BufferedReader) -> Reader:
         first, last = span or (0, n_points)
         for start in range(first, max(last, first + 1), n):
             part = slice(start, min(start + n, last))
-            yield cloud_of_columns({name: columns[name][part] for name in (columns if attributes else axes)})
+            # Copies, since the file may change.
+            yield cloud_of_columns({name: np.array(columns[name][part]) for name in (columns if attributes else axes)})
 
     def spans(n: int) -> list[Span]:
         return list(pairwise([*range(0, max(1, n_points - n + 1), n), n_points]))

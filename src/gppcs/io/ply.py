@@ -235,7 +235,7 @@ def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
                     raise ends_early(each.name, i, each.count)
         elif each.has_lists:
             start = file.tell()
-            file.seek(start + _walk(file.read(), each, header.order)[-1])
+            file.seek(start + _with_lists(file.read(), each, header.order)[1])
         else:
             size = each.record(header.order).itemsize
             check_length(file, size, each.count, each.name)
@@ -244,66 +244,33 @@ def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
 
 def _tables(file: BufferedReader, order: _Order | None, element: _Element) -> Iterator[dict[str, Column]]:
     """Yield an element as blocks of columns, one with lists as one block."""
-    return iter([_with_lists(file, element, order)]) if order else _text_tables(file, element)
+    return iter([_with_lists(file.read(), element, order)[0]]) if order else _text_tables(file, element)
 
 
-def _walk(data: bytes, element: _Element, order: _Order) -> NDArray[np.int64]:
-    """Return the offsets, in bytes, of each record and of the end of each of its lists, and last the element's end."""
-    lists = []  # of each list: bytes of scalars before it, its count, size of its items
-    scalars = 0
-    for each in element.properties:
-        if each.length is not None:
-            lists.append((scalars, struct.Struct(order + each.length.char), each.dtype.itemsize))
-            scalars = 0
-        else:
-            scalars += each.dtype.itemsize
-    position, starts = 0, []
+def _with_lists(data: bytes, element: _Element, order: _Order) -> tuple[dict[str, Column], int]:
+    """Return the columns of an element with lists, and its size in bytes."""
+    counts = {column.name: struct.Struct(order + column.length.char) for column in element.properties if column.length}
+    parts: dict[str, list[bytes]] = {column.name: [] for column in element.properties}
+    position = 0
     for i in range(element.count):
-        starts.append(position)
-        for before, count, item in lists:
-            position += before
-            length = count.unpack_from(data, position)[0] if position + count.size <= len(data) else 0
+        for column in element.properties:
+            length = 1
+            if count := counts.get(column.name):
+                length = count.unpack_from(data, position)[0] if position + count.size <= len(data) else 0
+                position += count.size
             if length < 0:
                 raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length}")
-            position += count.size + length * item
-            starts.append(position)
-        position += scalars
+            end = position + length * column.dtype.itemsize
+            parts[column.name].append(data[position:end])
+            position = end
         if position > len(data):
             raise ends_early(element.name, i, element.count)
-    return np.array([*starts, position])
-
-
-def _with_lists(file: BufferedReader, element: _Element, order: _Order) -> dict[str, Column]:
-    """Read an element with lists."""
-    data = file.read()
-    lists = len(element.properties) - len(element.scalars)
-    starts = _walk(data, element, order)[:-1].reshape(element.count, lists + 1)
-    raw = np.frombuffer(data, np.uint8)
-
-    def values(first: NDArray[np.int64], dtype: np.dtype[Any]) -> Column:
-        """Return the values of a type that begin at some bytes."""
-        found = raw[first[..., np.newaxis] + np.arange(dtype.itemsize)].view(dtype.newbyteorder(order))
-        return found[..., 0].astype(dtype)
-
-    columns: dict[str, Column] = {}
-    stretch = offset = 0
-    for each in element.properties:
-        first = starts[:, stretch] + offset
-        if each.length is None:
-            columns[each.name] = values(first, each.dtype)
-            offset += each.dtype.itemsize
-        else:
-            lengths = values(first, each.length).astype(np.int64)
-            places = _consecutive(first + each.length.itemsize, lengths, each.dtype.itemsize)
-            columns[each.name] = _lists(values(places, each.dtype), lengths)
-            stretch, offset = stretch + 1, 0
-    return columns
-
-
-def _consecutive(first: NDArray[np.int64], lengths: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-    """Return where the items of all lists begin, list by list, given where the first of each list begins."""
-    ends = np.cumsum(lengths)
-    return np.repeat(first - step * (ends - lengths), lengths) + step * np.arange(lengths.sum())
+    columns = {}
+    for column in element.properties:
+        values = np.frombuffer(b"".join(parts[column.name]), column.dtype.newbyteorder(order)).astype(column.dtype)
+        lengths = np.array([len(part) // column.dtype.itemsize for part in parts[column.name]], np.int64)
+        columns[column.name] = values if column.length is None else _lists(values, lengths)
+    return columns, position
 
 
 def _lists(items: Column, lengths: NDArray[np.int64]) -> Column:

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
+from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
@@ -286,30 +286,15 @@ def read_records(
     kept: Collection[str],
     span: Span | None = None,
 ) -> Iterator[PointCloud]:
-    """Read packed records in chunks, with some of their fields, block by block: a block fits the processor's cache."""
+    """Read packed records in chunks, with some of their fields."""
     check_length(file, record.itemsize, count, what)
-    if span:
-        file.seek(span[0] * record.itemsize, os.SEEK_CUR)
-        count = span[1] - span[0]
+    table = np.memmap(file, record, "r", file.tell(), count) if count else np.empty(0, record)
     axes = coordinate_names(record.names or ())
-    types = [(name, *type_and_shape(record[name])) for name in record.names or () if name in kept and name not in axes]
-    for start in range(0, max(count, 1), rows):
-        n = min(rows, count - start)
-        points = np.empty((n, 3))
-        attributes = {name: np.empty((n, *shape), dtype.newbyteorder("=")) for name, dtype, shape in types}
-        block = np.empty(min(n, BLOCK), record)
-        for axis in axes if not n else ():
-            check_coordinate(axis, block[axis])
-        for first in range(0, n, BLOCK):
-            part = block[: n - first]
-            file.readinto(part.view(np.uint8).data)
-            for axis, values in zip(axes, points.T, strict=True):
-                check_coordinate(axis, part[axis])
-                values[first : first + BLOCK] = part[axis]
-            for name, values in attributes.items():
-                values[first : first + BLOCK] = part[name]
-        kind = np.result_type(*(record[axis] for axis in axes)).newbyteorder("=")
-        yield PointCloud(points, attributes, kind)
+    first, last = span or (0, count)
+    for start in range(first, max(last, first + 1), rows):
+        part = table[start : min(start + rows, last)]
+        # Copies, since the file may change.
+        yield cloud_of_columns({name: np.array(part[name]) for name in part.dtype.names if name in (*axes, *kept)})
 
 
 def type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
