@@ -20,7 +20,7 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, column_name, columns_of, exact_type
 from gppcs.io.format import Format, Reader, Span, keeping
-from gppcs.io.meshes import triangles_of
+from gppcs.io.meshes import NO_FACES, triangles_of
 from gppcs.io.rows import (
     as_count,
     at_most,
@@ -37,17 +37,17 @@ from gppcs.io.rows import (
     write_rows,
 )
 
-_TYPES: dict[str, np.dtype[Any]] = {
-    **{name: np.dtype("i1") for name in ("char", "int8")},
-    **{name: np.dtype("u1") for name in ("uchar", "uint8")},
-    **{name: np.dtype("i2") for name in ("short", "int16")},
-    **{name: np.dtype("u2") for name in ("ushort", "uint16")},
-    **{name: np.dtype("i4") for name in ("int", "int32")},
-    **{name: np.dtype("u4") for name in ("uint", "uint32")},
-    **{name: np.dtype("f4") for name in ("float", "float32")},
-    **{name: np.dtype("f8") for name in ("double", "float64")},
+_NAMES: dict[np.dtype[Any], str] = {
+    np.dtype("i1"): "char",
+    np.dtype("u1"): "uchar",
+    np.dtype("i2"): "short",
+    np.dtype("u2"): "ushort",
+    np.dtype("i4"): "int",
+    np.dtype("u4"): "uint",
+    np.dtype("f4"): "float",
+    np.dtype("f8"): "double",
 }
-_NAMES = {dtype: name for name, dtype in reversed(_TYPES.items())}  # of two names of a type, the older one
+_TYPES = {name: dtype for dtype, older in _NAMES.items() for name in (older, dtype.name)}
 _Order = Literal["<", ">"]
 _ORDERS: dict[str, _Order | None] = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -61,9 +61,9 @@ class PlyHeader(Header):
 
     def contents(self) -> list[str]:
         """Return the numbers of comments and of lines of obj_info in words."""
-        words = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
-        counts = {kind: sum(line.split()[0] == kind for line in self.remarks) for kind in words}
-        return [f"{count} {words[kind][count > 1]}" for kind, count in counts.items() if count]
+        nouns = {"comment": ("comment", "comments"), "obj_info": ("line of obj_info", "lines of obj_info")}
+        counts = {kind: sum(line.split()[0] == kind for line in self.remarks) for kind in nouns}
+        return [f"{count} {nouns[kind][count > 1]}" for kind, count in counts.items() if count]
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,11 @@ class _Element:
 
     @property
     def scalars(self) -> list[_Property]:
-        return [each for each in self.properties if each.length is None]
+        return [column for column in self.properties if column.length is None]
 
     def record(self, order: _Order) -> np.dtype[Any]:
         """Return the structured type of the scalar properties, packed."""
-        return np.dtype([(each.name, each.dtype.newbyteorder(order)) for each in self.scalars])
+        return np.dtype([(column.name, column.dtype.newbyteorder(order)) for column in self.scalars])
 
 
 @dataclass
@@ -116,11 +116,12 @@ class _Header:
 
     def element(self, name: str) -> _Element:
         """Return an element; an empty one if there is none of the name."""
-        return next((each for each in self.elements if each.name == name), _Element(name, 0))
+        return next((element for element in self.elements if element.name == name), _Element(name, 0))
 
     def kept(self) -> PlyHeader | None:
         """Return what a cloud keeps of the header, or None if that is nothing."""
-        lists = {each.name: each.length for each in self.element("vertex").properties if each.length is not None}
+        columns = self.element("vertex").properties
+        lists = {column.name: column.length for column in columns if column.length is not None}
         return PlyHeader(tuple(self.remarks), lists) if self.remarks or lists else None
 
 
@@ -138,12 +139,12 @@ def open_ply(file: BufferedReader) -> Reader:
         _skip_to(file, header, vertices)
         clouds: Iterator[PointCloud]
         if header.order and not vertices.has_lists:
-            kept = [each.name for each in vertices.properties if attributes]
+            kept = [column.name for column in vertices.properties if attributes]
             clouds = read_records(file, vertices.record(header.order), vertices.count, n, "vertex", kept, span)
         else:
-            columns = [each.name for each in vertices.properties if attributes or each.name in axes]
+            names = [column.name for column in vertices.properties if attributes or column.name in axes]
             tables = _tables(file, header.order, vertices)
-            clouds = (cloud_of_columns({name: table[name] for name in columns}) for table in tables)
+            clouds = (cloud_of_columns({name: table[name] for name in names}) for table in tables)
             clouds = clouds if vertices.has_lists else at_most(n, clouds)
         for cloud in clouds:
             yield replace(cloud, header=header.kept())
@@ -157,15 +158,15 @@ def open_ply(file: BufferedReader) -> Reader:
 
     def triangles() -> NDArray[np.int64]:
         faces = header.element("face")
-        named = [each.name for each in faces.properties if each.length and each.dtype.kind in "iu"]
-        name = next((name for name in named if name in ("vertex_indices", "vertex_index")), None)
+        lists = [column.name for column in faces.properties if column.length and column.dtype.kind in "iu"]
+        name = next((name for name in lists if name in ("vertex_indices", "vertex_index")), None)
         if name is None or not faces.count:
-            return np.empty((0, 3), np.int64)
+            return NO_FACES
         file.seek(start)
         _skip_to(file, header, faces)
         [table] = _tables(file, header.order, faces)
-        lists = table[name]
-        return triangles_of(np.array([*map(len, lists)]), np.concatenate([*lists]).astype(np.int64))
+        polygons = table[name]
+        return triangles_of(np.array([*map(len, polygons)]), np.concatenate([*polygons]).astype(np.int64))
 
     elements = [element for element in header.elements if element.name not in ("vertex", "face") and element.count]
     return Reader(
@@ -206,7 +207,7 @@ def _take_header_line(header: _Header, line: str) -> None:
             header.elements.append(_Element(name, count))
         case ["property", *kinds, name] if header.elements and (new := _property(name, kinds)):
             element = header.elements[-1]
-            if any(each.name == name for each in element.properties):
+            if any(column.name == name for column in element.properties):
                 raise FileFormatError(
                     f"line {header.lines}: expected different names, found {name!r} twice in {element.name}"
                 )
@@ -227,19 +228,18 @@ def _property(name: str, kinds: list[str]) -> _Property | None:
 
 def _skip_to(file: BufferedReader, header: _Header, element: _Element) -> None:
     """Move the position in the file to the beginning of an element."""
-    for each in header.elements[: header.elements.index(element)]:
+    for skipped in header.elements[: header.elements.index(element)]:
         if not header.order:
-            for i in range(each.count):
-                header.lines += 1
+            for i in range(skipped.count):
                 if not file.readline():
-                    raise ends_early(each.name, i, each.count)
-        elif each.has_lists:
+                    raise ends_early(skipped.name, i, skipped.count)
+        elif skipped.has_lists:
             start = file.tell()
-            file.seek(start + _with_lists(file.read(), each, header.order)[1])
+            file.seek(start + _with_lists(file.read(), skipped, header.order)[1])
         else:
-            size = each.record(header.order).itemsize
-            check_length(file, size, each.count, each.name)
-            file.seek(each.count * size, os.SEEK_CUR)
+            size = skipped.record(header.order).itemsize
+            check_length(file, size, skipped.count, skipped.name)
+            file.seek(skipped.count * size, os.SEEK_CUR)
 
 
 def _tables(file: BufferedReader, order: _Order | None, element: _Element) -> Iterator[dict[str, Column]]:
@@ -298,31 +298,31 @@ def _text_tables(file: BufferedReader, element: _Element) -> Iterator[dict[str, 
 
 def _text_with_lists(file: BufferedReader, element: _Element) -> dict[str, Column]:
     """Read an element with lists of a text file."""
-    words: dict[str, list[list[str]]] = {column.name: [] for column in element.properties}
+    items: dict[str, list[list[str]]] = {column.name: [] for column in element.properties}
     n_read = 0
     for n_read, line in enumerate(islice(filter(is_row, lines_of(file)), element.count), 1):
         fields = iter(line.split())
         for column in element.properties:
             length = as_count(next(fields, "")) if column.length is not None else 1
-            items = [*islice(fields, length)]
-            if length is None or len(items) < length:
+            item = [*islice(fields, length)]
+            if length is None or len(item) < length:
                 raise FileFormatError(f"{element.name} {n_read}: expected more numbers, found {shortened(line)}")
-            words[column.name].append(items)
+            items[column.name].append(item)
         if next(fields, None) is not None:
             raise FileFormatError(f"{element.name} {n_read}: expected fewer numbers, found {shortened(line)}")
     if n_read < element.count:
         raise ends_early(element.name, n_read, element.count)
-    return {column.name: _values_of_words(column, words[column.name]) for column in element.properties}
+    return {column.name: _parsed(column, items[column.name]) for column in element.properties}
 
 
-def _values_of_words(column: _Property, words: list[list[str]]) -> Column:
-    """Return the values of a property of each record, given their words."""
+def _parsed(column: _Property, texts: list[list[str]]) -> Column:
+    """Return the values of a property, given the texts of its numbers for each record."""
     try:
-        items = np.array([float(word) for record in words for word in record])
+        numbers = np.array([float(text) for record in texts for text in record])
     except ValueError as error:
         raise FileFormatError(f"expected {column.label}, but {error}") from error
-    values = cast(items, column.dtype, f"{column.label}, value")
-    return values if column.length is None else _lists(values, np.array([len(record) for record in words], np.int64))
+    values = cast(numbers, column.dtype, f"{column.label}, value")
+    return values if column.length is None else _lists(values, np.array([len(record) for record in texts], np.int64))
 
 
 def write_ply(
@@ -339,28 +339,31 @@ def write_ply(
         f"format {'ascii' if ascii else 'binary_little_endian'} 1.0",
         *header.remarks,
         f"element vertex {len(cloud)}",
-        *(each.line for each, _ in fields),
+        *(column.line for column, _ in fields),
         *([] if faces is None else [f"element face {len(faces)}", "property list uchar int vertex_indices"]),
         "end_header\n",
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
     if ascii:
-        write_rows(file, [values.astype(each.dtype) if each.length is None else values for each, values in fields])
-    elif any(each.length is not None for each, _ in fields):
-        file.writelines(b"".join(row) for row in zip(*(_packed(*each) for each in fields), strict=True))
+        write_rows(file, [values if column.length else values.astype(column.dtype) for column, values in fields])
+    elif any(column.length is not None for column, _ in fields):
+        file.writelines(
+            b"".join(row) for row in zip(*(_packed(column, values) for column, values in fields), strict=True)
+        )
     else:
-        write_records(file, [(values, each.dtype) for each, values in fields])
+        write_records(file, [(values, column.dtype) for column, values in fields])
     if faces is not None and ascii:
         write_rows(file, list(faces.T), prefix="3 ")
     elif faces is not None:
         write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
 
 
-def _packed(kind: _Property, values: Iterable[Any]) -> Iterator[bytes]:
+def _packed(column: _Property, values: Iterable[Any]) -> Iterator[bytes]:
     """Yield the bytes of each vertex."""
     for value in values:
-        items = np.asarray(value, kind.dtype.newbyteorder("<")).tobytes()
-        yield items if kind.length is None else np.asarray(len(value), kind.length.newbyteorder("<")).tobytes() + items
+        items = np.asarray(value, column.dtype.newbyteorder("<")).tobytes()
+        length = b"" if column.length is None else np.asarray(len(value), column.length.newbyteorder("<")).tobytes()
+        yield length + items
 
 
 def _fields(cloud: PointCloud, header: PlyHeader) -> list[tuple[_Property, Column]]:
@@ -374,15 +377,14 @@ def _fields(cloud: PointCloud, header: PlyHeader) -> list[tuple[_Property, Colum
     ]
     for attribute in lists:
         name, values = column_name(attribute), cloud.attributes[attribute]
-        check_name(name, [each.name for each, _ in fields])
+        check_name(name, [column.name for column, _ in fields])
         items = np.concatenate([np.ravel(value) for value in values]) if len(values) else values.reshape(-1)
         longest = max(map(len, values), default=0)
         length = header.lists.get(attribute, np.min_scalar_type(longest))
         dtype = np.dtype("u1") if items.dtype.hasobject else _type_of(items)
-        held = np.empty(len(values), object)
-        for i, value in enumerate(values):
-            held[i] = value.astype(dtype)
-        fields.append((_Property(name, dtype, length), held))
+        typed = np.empty(len(values), object)
+        typed[:] = [value.astype(dtype) for value in values]
+        fields.append((_Property(name, dtype, length), typed))
     return fields
 
 
@@ -393,8 +395,11 @@ def _type_of(values: Column) -> np.dtype[Any]:
 
 def _is_lists(values: Column) -> bool:
     """Return whether an attribute holds an array of numbers of any length for each point."""
-    arrays = (isinstance(each, np.ndarray) and each.ndim == 1 and each.dtype.kind in "biuf" for each in values)
-    return values.dtype.hasobject and values.ndim == 1 and all(arrays)
+    return (
+        values.dtype.hasobject
+        and values.ndim == 1
+        and all(isinstance(v, np.ndarray) and v.ndim == 1 and v.dtype.kind in "biuf" for v in values)
+    )
 
 
 def _stored(cloud: PointCloud) -> PointCloud:
