@@ -347,9 +347,8 @@ def write_ply(
     if ascii:
         write_rows(file, [values if column.length else values.astype(column.dtype) for column, values in fields])
     elif any(column.length is not None for column, _ in fields):
-        file.writelines(
-            b"".join(row) for row in zip(*(_packed(column, values) for column, values in fields), strict=True)
-        )
+        packed = [_packed(column, values) for column, values in fields]
+        file.writelines(b"".join(row) for row in zip(*packed, strict=True))
     else:
         write_records(file, [(values, column.dtype) for column, values in fields])
     if faces is not None and ascii:
@@ -383,7 +382,8 @@ def _fields(cloud: PointCloud, header: PlyHeader) -> list[tuple[_Property, Colum
         length = header.lists.get(attribute, np.min_scalar_type(longest))
         dtype = np.dtype("u1") if items.dtype.hasobject else _type_of(items)
         typed = np.empty(len(values), object)
-        typed[:] = [value.astype(dtype) for value in values]
+        for i, value in enumerate(values):
+            typed[i] = value.astype(dtype)
         fields.append((_Property(name, dtype, length), typed))
     return fields
 

@@ -289,12 +289,12 @@ def read_records(
     """Read packed records in chunks, with some of their fields."""
     check_length(file, record.itemsize, count, what)
     table = np.memmap(file, record, "r", file.tell(), count) if count else np.empty(0, record)
-    axes = coordinate_names(record.names or ())
+    names = record.names or ()
+    read = [name for name in names if name in kept or name in coordinate_names(names)]
     first, last = span or (0, count)
     for start in range(first, max(last, first + 1), rows):
         part = table[start : min(start + rows, last)]
-        # Copies, since the file may change.
-        yield cloud_of_columns({name: np.array(part[name]) for name in part.dtype.names if name in (*axes, *kept)})
+        yield cloud_of_columns({name: np.array(part[name]) for name in read})  # copies, since the file may change
 
 
 def type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
