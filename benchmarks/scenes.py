@@ -29,7 +29,7 @@ from conditions import (
     SampleScene,
     ThinnedScene,
 )
-from gppcs.amounts.request import method_of
+from gppcs.amounts.options import method_of
 from quality import GP, Made, best_rival, shown
 
 RATIOS = (0.01, 0.03, 0.1)

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
-from gppcs.amounts.request import method_of
+from gppcs.amounts.options import method_of
 from gppcs.clouds.quantities import Amount
 from gppcs.evaluation.comparison import Entry, those_that_fit
 from gppcs.evaluation.report import Rebuilt, figures_of, relative

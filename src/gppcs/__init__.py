@@ -22,8 +22,7 @@ Clouds and meshes
     show                     show a cloud or a result in the browser or in a notebook
 
 Simplify, make a mesh
-    simplify, Result         choose exactly M points of a cloud
-    simplify_files           the same for files that may be larger than memory
+    simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
     mesh, MeshResult         make a light mesh straight from a dense cloud
 
 Measure

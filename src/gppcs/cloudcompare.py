@@ -11,7 +11,7 @@ import cccorelib  # type: ignore[import-not-found]
 import pycc  # type: ignore[import-not-found]
 
 import gppcs
-from gppcs.amounts.request import method_of
+from gppcs.amounts.options import method_of
 from gppcs.methods import DEFAULT, METHODS
 
 TITLE = "gppcs"

@@ -90,17 +90,6 @@ class MissingExtraError(GppcsError, ImportError):
     """
 
 
-class ClusterError(GppcsError, RuntimeError):
-    """The workers of a cluster cannot be reached, do not fit this program, or end.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> issubclass(gppcs.errors.ClusterError, RuntimeError)
-    True
-    """
-
-
 class OutputError(GppcsError, OSError):
     """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud.
 

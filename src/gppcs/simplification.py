@@ -1,26 +1,31 @@
-"""Simplify a cloud to the points asked for: the steps that all methods share."""
+"""Simplify a cloud, in memory or in files: the steps that all methods share."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.choice import choose_amount
-from gppcs.amounts.guide import Guide
-from gppcs.amounts.request import Request, require
+from gppcs.amounts.choice import choose
+from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
+from gppcs.amounts.options import Options, described_options, require
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
-from gppcs.errors import InputError, ParameterError, one_of
-from gppcs.io.reading import as_cloud
+from gppcs.errors import InputError, ParameterError
+from gppcs.io.cloud_files import CloudFiles, open_clouds
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
+from gppcs.streaming.beyond_memory import choose_beyond_memory
+from gppcs.streaming.plan import Plan, make_plan
+from gppcs.streaming.scratch import scratch_folder
+from gppcs.streaming.workers import map_over_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +35,7 @@ class Result(ComparedByValue):
     Attributes
     ----------
     indices : (M,) array, int64
-        The rows of the kept points in the input: unique, in the order chosen.
+        The indices of the kept points in the input: unique, in the order chosen.
     cloud : PointCloud
         The kept points in that order, with all their attributes. If the method moves points, these are the moved ones.
     method : Method
@@ -41,10 +46,12 @@ class Result(ComparedByValue):
     diagnostics : mapping of str to float
         Figures that the method reports about its run, such as fitted hyperparameters.
     outliers : (n,) array, int64, or None
-        The rows of the points that were left out as outliers, ascending. None if none were looked for.
+        The indices of the points that were dropped as outliers, ascending. None if none were looked for.
     ranked : bool
         Whether the first points are a simplification to fewer points: if the method ranks its points, and not all but
         repeats were kept.
+    points_in : int
+        Number of points among which was chosen: those of the input that were not dropped; 0 if that is not known.
 
     Examples
     --------
@@ -63,6 +70,7 @@ class Result(ComparedByValue):
     diagnostics: Mapping[str, float]
     outliers: NDArray[np.int64] | None = None
     ranked: bool = field(default=True, repr=False, compare=False)
+    points_in: int = field(default=0, repr=False, compare=False)
 
     def __repr__(self) -> str:
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
@@ -105,7 +113,7 @@ class Result(ComparedByValue):
 
 
 def simplify(
-    cloud: CloudLike,
+    cloud: CloudLike | Sequence[str | os.PathLike[str]],
     *,
     ratio: float | str | None = None,
     n_points: int | str | None = None,
@@ -121,99 +129,64 @@ def simplify(
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
+    drop_outliers: bool = False,
     normals: bool = False,
     scores: bool = False,
-    drop_outliers: bool = False,
     denoise: bool = False,
+    format: str | None = None,  # noqa: A002  # as NumPy and pandas say
+    columns: Sequence[str] | None = None,
+    inside: Sequence[Any] | str | os.PathLike[str] | None = None,
+    resolution: float | None = None,
+    only: str | None = None,
+    assume_same_crs: bool = False,
+    memory: int | str | None = None,
+    workers: int | str | Executor | None = None,
+    scratch: str | os.PathLike[str] | None = None,
     timer: Timer | None = None,
 ) -> Result:
-    """Choose M points of a cloud: a number, or as many as an accuracy, a spacing or a largest gap takes.
+    """Choose M points of a cloud: a number, or as many as a tolerance, a spacing or a largest gap takes.
 
-    A length is a number in the unit of the coordinates, or a text: with a unit, such as "0.5mm", or a share of the
-    diagonal of the bounding box, such as "0.02%".
+    Give one of `ratio`, `n_points`, `tolerance` and `spacing`, or `max_gap`. A length is a number in the unit of the
+    coordinates, or a text: with a unit, such as "0.5mm", or a percentage of the diagonal of the bounding box, such as
+    "0.02%". Points that exactly repeat others count as points, but are chosen last.
+
+    Files that fit into the memory allowed are read and simplified as clouds are. Of others, the methods "gp", "fps",
+    "voxel" and "random" store the points in temporary files and choose part by part: exactly as many points, as good
+    ones as in memory, but other ones. That needs all points in memory for `tolerance`, `max_gap`, `normals`, `denoise`,
+    and arrays as `keep` or `weight`.
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
-        The original points; they are not changed. A point that exactly repeats an earlier one counts as a point, but
-        such points are chosen last.
-    ratio : float or str, optional
-        M / N, above 0 and at most 1, such as 0.03 or "3%". M is rounded, and is at least 1. Give one of `ratio`,
-        `n_points`, `tolerance` and `spacing`, or `max_gap`.
-    n_points : int or str, optional
-        M, at least 1, such as 5000 or "5k". If the cloud has no more than M points, all are returned in their order.
-    tolerance : length, optional
-        The fewest points, up to 2 %, from whose local surface no original point is farther than this. Outliers, as
-        `gppcs.find_outliers` finds them, do not count. The points are the first ones of a ranking, if the method ranks
-        its points. The diagnostics tell the `largest_error`, and how many `points_set_aside` there are. A text such as
-        "2mm:p95" bounds another error of all points instead: ":mean", ":rms", ":p95" (95 % of the points are as near)
-        or ":max", the figures `surface_mean` to `surface_max` of `gppcs.Report`.
-    spacing : length, optional
-        As many points as have this spacing. What that means, `gppcs.METHODS[name].supports` says: for "gp" the mean
-        spacing on the measured surface.
-    max_gap : length, optional
-        Then points are added, each the farthest from all others, until no original point is farther than this from a
-        kept one. Without any other amount, as many points are chosen before as an even cover would need.
-    unit : str, optional
-        In which unit the coordinates are: "m", "mm", "ft" and so on. A length with a unit needs it, unless the
-        coordinate system of the cloud tells.
-    keep : str, (N,) array-like of bool, or array-like of int, optional
-        Points that are kept whatever happens: a condition such as "classification == 6", a mask or rows. They count in
-        M and come first in the result. The others are chosen where these are not (method "gp").
-    weight : str or (N,) array-like, optional
-        Multiplies the density of the kept points: an attribute or a number for each point, finite and not negative. No
-        point of weight 0 is kept, but those in `keep` (method "gp").
-    detail : str or mapping of str to float, optional
-        Attributes that count beside the shape, with their weights from 0 to 1000, such as {"rgb": 1, "intensity":
-        0.5}; a name alone has the weight 1. "rgb" stands for red, green and blue. A change by the whole range counts as
-        much as a sharp edge; noise of an attribute counts for nothing (method "gp").
-    quota : mapping of str to int, float or str, optional
-        How many of the kept points meet a condition: exact numbers such as {"classification == 6": 500}, or shares of
-        the M kept points such as {"classification == 6": "10%"}. Points that meet no condition share the rest. No point
-        may meet two (methods that rank their points).
-    group : str, optional
-        An attribute whose equal values make groups that are kept or dropped whole, such as "gps_time", the pulses of a
-        laser; where there is a "scanner_channel", each channel has its own. M is then as near to the number asked for
-        as whole groups allow. The diagnostics tell how many `groups` are kept (methods that rank their points).
-    method : str or Method
-        A name from `gppcs.METHODS`, or an instance of a method with your own parameters.
-    seed : int, optional
-        Replaces the seed of the method. Methods without a seed ignore it.
-    invalid : "error" or "drop"
-        What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
-    normals : bool
-        Whether to add normals as attributes `nx`, `ny` and `nz`, replacing any that exist. They come from
-        `gppcs.estimate_normals` on the whole cloud. A surface rebuilt with them lies closer to the
-        original than a surface rebuilt with normals estimated from the kept points alone.
-    scores : bool
-        Whether to add the method's own `attributes` of each kept point. They are zero for points that the method did
-        not choose itself, such as repeats.
-    drop_outliers : bool
-        Whether to leave out, before all else, the points that `gppcs.find_outliers` finds, also if they are in `keep`.
-        They do not count in N. The result has their rows.
-    denoise : bool
-        Whether to move the kept points onto the surface that all points observe with noise: the same as the parameter
-        `denoise` of the method. They have the attributes of the points at `indices`, but normals of that surface. Where
-        no noise is found, they stay. It does not go with `tolerance`, `max_gap`, `keep`, `quota` and `group` (method
-        "gp").
+    cloud : PointCloud, (N, 3) array-like, path, list of paths or object that `PointCloud.from_object` takes
+        The original points, which are not changed. Several files are one cloud: its points are those of the first, then
+        those of the second and so on. A virtual point cloud (.vpc) stands for the files that it lists.
+    OPTIONS
     timer : Timer, optional
         Measures the time of each stage, and reports progress to its listener.
 
     Returns
     -------
     Result
-        The same input gives the same result, for any number of threads. So does a shifted or scaled input, if
-        rounding does not change the differences of its coordinates.
+        The same input gives the same result, for any number of threads or workers. So does a shifted or scaled input,
+        if rounding does not change the differences of its coordinates.
 
     Raises
     ------
     InputError
-        If the cloud is empty, has a wrong shape or has coordinates that are not finite; if `scores` would replace an
-        attribute of the cloud; if `keep` means more than M points, or is a condition that none meets; if a weight is
-        negative or not finite; or if a length has a unit and that of the cloud is not known.
+        If the cloud is empty, has a wrong shape or coordinates that are not finite; if it does not have what the
+        options name; if a length has a unit and that of the cloud is not known; or if the work would take more memory
+        than allowed.
     ParameterError
-        If a parameter is outside its range, the method does not exist or cannot do what is asked for, or a condition
+        If an option is outside its range, the method does not exist or cannot do what is asked for, or a condition
         cannot be read.
+    FileFormatError
+        If a file is damaged, its format is unknown, or several files do not fit each other.
+    OutputError
+        If `scratch` does not exist, or its disk has too little space.
+    GppcsError
+        If the workers are lost.
+    OSError
+        If a file does not exist or cannot be read.
 
     Examples
     --------
@@ -227,107 +200,153 @@ def simplify(
     >>> fine = gppcs.simplify(cloud, tolerance="1%")
     >>> gppcs.evaluate(cloud, fine.cloud).surface_max <= 0.01 * gppcs.info(cloud).diagonal
     True
+    >>> gppcs.write("east.ply", cloud.take(range(1200)))
+    >>> gppcs.write("west.ply", cloud.take(range(1200, 2000)))
+    >>> len(gppcs.simplify(["east.ply", "west.ply"], n_points=500, memory="2GB").cloud)
+    500
     """
-    request = Request.of(
-        ratio=ratio, n_points=n_points, tolerance=tolerance, spacing=spacing, max_gap=max_gap,
-        unit=unit, keep=keep, weight=weight, detail=detail, quota=quota, group=group, method=method, seed=seed,
-        invalid=invalid, normals=normals, scores=scores, drop_outliers=drop_outliers, denoise=denoise,
-    )  # fmt: skip
-    return simplify_cloud(cloud, request, timer_of(timer))
+    options = Options(**{name: value for name, value in locals().items() if name not in ("cloud", "timer")})
+    timer = timer_of(timer)
+    paths = _paths(cloud)
+    if paths is None:
+        options.check_in_memory()
+        with timer("preparation"):
+            in_memory = PointCloud.from_object(cast(CloudLike, cloud))
+        return simplify_cloud(in_memory, options, timer)
+    with open_clouds(paths, options.format, options.columns, options.query, options.assume_same_crs) as files:
+        return simplify_files(files, options, make_plan(files, options), timer)
 
 
-def result_of(
-    selection: Selection, kept: PointCloud, method: Method, timer: Timer, outliers: NDArray[np.int64] | None
-) -> Result:
-    """Return the result of a run that kept some points, and left out outliers if some were looked for."""
-    ranked = Feature.RANKING in method.supports and selection.ranked
-    told = {} if outliers is None else {"outliers": float(len(outliers))}
-    figures = {**selection.diagnostics, **told}
-    return Result(selection.indices, kept, method, timer.seconds, figures, outliers, ranked)
+if simplify.__doc__:  # which `python -OO` removes
+    simplify.__doc__ = simplify.__doc__.replace("    OPTIONS\n", described_options())
 
 
-def simplify_cloud(cloud: CloudLike, request: Request, timer: Timer) -> Result:
-    """Simplify a cloud in memory."""
+def _paths(cloud: Any) -> list[str | os.PathLike[str]] | None:
+    """Return the paths that stand for a cloud, if they do."""
+    if isinstance(cloud, str | os.PathLike):
+        return [cloud]
+    is_list = isinstance(cloud, list | tuple) and len(cloud) > 0
+    return list(cloud) if is_list and all(isinstance(path, str | os.PathLike) for path in cloud) else None
+
+
+def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer) -> Result:
+    """Simplify a cloud in files as planned: in memory, or part by part."""
+    if plan.in_memory:
+        with timer("reading"):
+            cloud = files.read()
+        return simplify_cloud(cloud, options, timer)
+    if options.scores:
+        _check_scores(files.preview)
+    with (
+        scratch_folder(options.scratch_parent, plan.disk) as folder,
+        map_over_parts(options.workers, plan.threads) as map_parts,
+    ):
+        selection, kept, outliers, n = choose_beyond_memory(files, options, plan, folder, map_parts, timer)
+    if options.scores:
+        kept = _with_scores(kept, selection)
+    return _result(selection, kept, options.algorithm, timer, outliers, n)
+
+
+def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
+    """Simplify a cloud in memory: prepare its points, choose among them, and add what the options ask for."""
     from gppcs.spatial.scaling import Frame, bounds
 
-    outliers, method = None, request.method
     with timer("preparation"):
-        cloud = as_cloud(cloud)
-        if request.scores:
-            check_scores(cloud)
+        if options.scores:
+            _check_scores(cloud)
         points = cloud.points
-        low, high = bounds(points)
-        rows = None if np.isfinite([low, high]).all() else _finite_rows(cloud, request.invalid)
-    if request.drop_outliers:
-        from gppcs.surface.outliers import find_outliers
-
-        with timer("outliers"):
-            outliers = np.flatnonzero(find_outliers(cloud))
-        if len(outliers):
-            rows = np.setdiff1d(np.arange(len(cloud)) if rows is None else rows, outliers, assume_unique=True)
+        lower, upper = bounds(points)
+        indices = None if np.isfinite([lower, upper]).all() else _finite_indices(cloud, options.invalid)
+    outliers = None
+    if options.drop_outliers:
+        indices, outliers = _without_outliers(cloud, indices, timer)
     with timer("preparation"):
-        guide = Guide.of(cloud, rows, request) if request.guided else None
-        if rows is not None:
-            points = points[rows]
-            low, high = bounds(points)
-        frame = Frame.around(low, high)
+        constraints = Constraints()
+        if options.constrains_points:
+            usable = np.arange(len(cloud)) if indices is None else indices
+            constraints = Constraints.from_cloud(cloud, usable, options)
+            check_constraints(options, len(constraints.keep), WeightRange.from_weights(constraints.weights))
+        if indices is not None:
+            points = points[indices]
+            lower, upper = bounds(points)
+        frame = Frame.around(lower, upper)
         points = frame.local(points)
-        diagonal = float(np.linalg.norm(frame.local(high[np.newaxis])))
-        scale = Scale(diagonal, metres_of(request.unit, cloud.header), frame.exponent)
-    selection = choose_amount(points, request.amount, scale, guide, method, timer)
-    kept = cloud.take(selection.indices if rows is None else rows[selection.indices])
+        diagonal = float(np.linalg.norm(frame.local(upper[np.newaxis])))
+        scale = Scale(diagonal, metres_of(options.unit, cloud.header), frame.exponent)
+    selection = choose(points, options, constraints, scale, timer)
+    kept = cloud.take(selection.indices if indices is None else indices[selection.indices])
+    if options.denoises:
+        selection = _with_shifts(selection, points, frame.exponent)
     if selection.points is not None:
         kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
-        if request.denoise:
-            steps = np.ldexp(selection.points - points[selection.indices], frame.exponent)
-            selection = _with_shifts(selection, steps)
-    elif request.denoise:
-        raise InputError(
-            f"expected fewer points to keep than there are different ones with a weight above 0, found "
-            f"{len(selection.indices)}: denoising fits the kept points to the others; keep fewer"
-        )
-    if selection.normals is not None and (own := kept.normals()) is not None:
-        kept = with_normals(kept, _with_signs(selection.normals, own))
-    if request.normals:
+    if selection.normals is not None and (original := kept.normals()) is not None:
+        kept = with_normals(kept, _with_signs(selection.normals, original))
+    if options.normals:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
-    if request.scores:
-        kept = with_scores(kept, selection)
-    if rows is not None:
-        selection = replace(selection, indices=rows[selection.indices])
-    return result_of(selection, kept, method, timer, outliers)
+    if options.scores:
+        kept = _with_scores(kept, selection)
+    if indices is not None:
+        selection = replace(selection, indices=indices[selection.indices])
+    return _result(selection, kept, options.algorithm, timer, outliers, len(points))
+
+
+def _finite_indices(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
+    """Return the indices of the points with finite coordinates, if the others may be dropped."""
+    bad = cloud.non_finite()
+    check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
+    return np.delete(np.arange(len(cloud)), bad)
+
+
+def _without_outliers(
+    cloud: PointCloud, indices: NDArray[np.int64] | None, timer: Timer
+) -> tuple[NDArray[np.int64] | None, NDArray[np.int64]]:
+    """Return the indices without those of outliers, and the latter."""
+    from gppcs.surface.outliers import find_outliers
+
+    with timer("outliers"):
+        outliers = np.flatnonzero(find_outliers(cloud))
+    if len(outliers):
+        usable = np.arange(len(cloud)) if indices is None else indices
+        indices = np.setdiff1d(usable, outliers, assume_unique=True)
+    return indices, outliers
 
 
 def _with_estimated_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
     """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
     from gppcs.surface.normals import estimate_normals
 
-    places = points[selection.indices] if selection.points is None else selection.points
-    estimated = estimate_normals(points, places)
+    positions = points[selection.indices] if selection.points is None else selection.points
+    estimated = estimate_normals(points, positions)
     return with_normals(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
 
 
-def _with_shifts(selection: Selection, steps: NDArray[np.float64]) -> Selection:
-    """Return a selection that also tells how far its points have moved, given the steps, (M, 3)."""
-    shifts = np.sqrt(np.einsum("ij,ij->i", steps, steps))
-    found = {"moved_mean": float(shifts.mean()), "moved_largest": float(shifts.max())}
-    return dataclasses.replace(selection, diagnostics={**selection.diagnostics, **found})
+def _with_shifts(selection: Selection, points: NDArray[np.float64], exponent: int) -> Selection:
+    """Return a selection that also says how far its points have moved, from `points`, (N, 3)."""
+    if selection.points is None:
+        raise InputError(
+            f"expected fewer points to keep than there are different ones with a weight above 0, found "
+            f"{len(selection.indices)}: denoising fits the kept points to the others; keep fewer"
+        )
+    shifts = np.linalg.norm(np.ldexp(selection.points - points[selection.indices], exponent), axis=1)
+    diagnostics = {"moved_mean": float(shifts.mean()), "moved_largest": float(shifts.max())}
+    return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
 
 
-def _with_signs(normals: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_signs(normals: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return normals, (M, 3), with the signs of others, (M, 3)."""
-    return np.where(np.einsum("ij,ij->i", normals, others)[:, None] < 0.0, -normals, normals)
+    return np.where(np.einsum("ij,ij->i", normals, reference)[:, None] < 0.0, -normals, normals)
 
 
-def with_scores(kept: PointCloud, selection: Selection) -> PointCloud:
-    """Return the kept points with the method's attributes."""
-    carried = {name: np.zeros(len(kept), dtype=np.float32) for name in SCORES}
+def _with_scores(kept: PointCloud, selection: Selection) -> PointCloud:
+    """Return the kept points with the scores of the method; 0 for points that it did not choose."""
+    scores = {name: np.zeros(len(kept), dtype=np.float32) for name in SCORES}
     for name, values in selection.attributes.items():
-        carried[name][:] = values
-    return dataclasses.replace(kept, attributes={**kept.attributes, **carried})
+        scores[name][:] = values
+    return replace(kept, attributes={**kept.attributes, **scores})
 
 
-def check_scores(cloud: PointCloud) -> None:
+def _check_scores(cloud: PointCloud) -> None:
     """Check that scores can be added to a cloud."""
     if taken := sorted(set(SCORES) & set(cloud.attributes)):
         raise InputError(
@@ -336,20 +355,17 @@ def check_scores(cloud: PointCloud) -> None:
         )
 
 
-def _finite_rows(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
-    """Return the rows with finite coordinates; raise an error if there are none, or others that are not dropped."""
-    bad = cloud.non_finite()
-    check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-    return np.delete(np.arange(len(cloud)), bad)
-
-
-def check_usable(n: int, bad: int, first: int, invalid: str) -> None:
-    """Check that a cloud has points, and that those that are not finite may be dropped."""
-    one_of("invalid", invalid, ("error", "drop"))
-    if n == 0:
-        raise InputError("the cloud is empty: expected at least one point")
-    if bad and invalid == "error":
-        found = f"{bad} of {n} points have coordinates that are NaN or infinite, the first at index {first}"
-        raise InputError(f"{found}; drop them with invalid='drop'")
-    if bad == n:
-        raise InputError(f"none of the {n} points has finite coordinates")
+def _result(
+    selection: Selection,
+    kept: PointCloud,
+    method: Method,
+    timer: Timer,
+    outliers: NDArray[np.int64] | None,
+    n: int,
+) -> Result:
+    """Return the result of a choice among n points."""
+    is_ranked = Feature.RANKING in method.supports and selection.ranked
+    diagnostics = dict(selection.diagnostics)
+    if outliers is not None:
+        diagnostics["outliers"] = float(len(outliers))
+    return Result(selection.indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)

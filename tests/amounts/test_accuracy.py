@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.amounts.accuracy import Original, fewest_points
-from gppcs.clouds.quantities import MEASURES
+from gppcs.amounts.accuracy import distances_to, errors_of, fewest_points
+from gppcs.clouds.quantities import MEASURES, Scale, Tolerance
 from gppcs.engine.timer import Timer
 
 CLOUD = gppcs.sample("bracket", n_points=4000)
@@ -98,7 +98,7 @@ def test_a_tiny_tolerance_takes_all_points_and_a_large_one_a_single_point():
 def test_errors_are_those_of_evaluate():
     kept = CLOUD.points[::40]
     report = gppcs.evaluate(CLOUD, kept)
-    for measure, value in Original.of(CLOUD.points).errors(kept).items():
+    for measure, value in errors_of(distances_to(kept, CLOUD.points)).items():
         assert value == pytest.approx(getattr(report, f"surface_{measure}"), rel=1e-9)
 
 
@@ -106,17 +106,18 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
     """With an error of 1 / M, which does not come from any surface."""
     sizes = []
 
-    def distances(self, surface):
-        sizes.append(len(surface.tree.order))
-        return np.full(len(self.points), 1.0 / sizes[-1])
+    def distances(kept, points):
+        sizes.append(len(kept))
+        return np.full(len(points), 1.0 / sizes[-1])
 
-    monkeypatch.setattr(Original, "distances", distances)
+    monkeypatch.setattr("gppcs.amounts.accuracy.distances_to", distances)
     points, method = CLOUD.points[:3000], gppcs.FarthestPoint()
     for wanted in (1, 2, 37, 1000, 1500, 2900):
         sizes.clear()
-        selection, found = fewest_points(
-            points, 1.0 / wanted, "p95", lambda m: method(gppcs.Task(points, min(m, 2999))), True, 1, Timer()
-        )  # fmt: skip
+        tolerance, scale = Tolerance.of(f"{1.0 / wanted!r}:p95"), Scale(1.0, None, 0)
+        selection = fewest_points(
+            points, tolerance, scale, lambda m: method(gppcs.Task(points, min(m, 2999))), True, 1, Timer()
+        )
         assert wanted <= len(selection.indices) <= max(wanted + 1, 1.02 * wanted)
-        assert found.by_measure["p95"] <= 1.0 / wanted
+        assert selection.diagnostics["surface_p95"] <= 1.0 / wanted
         assert len(sizes) < 40

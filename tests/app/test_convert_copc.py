@@ -58,7 +58,7 @@ def test_all_points_are_written_level_by_level(gppcs_command, folder, method):
     for name, values in cloud.attributes.items():
         kept = found.attributes["scan_angle" if name == "scan_angle_rank" else name][order]
         np.testing.assert_array_equal(np.rint(kept * 0.006) if name == "scan_angle_rank" else kept, values)
-    ranking = gppcs.simplify_files("scan.vpc", n_points=N // 4, method=method, memory="1GB").cloud.points
+    ranking = gppcs.simplify("scan.vpc", n_points=N // 4, method=method, memory="1GB").cloud.points
     with laspy.CopcReader.open("scan.copc.laz") as reader:
         counts = [entry.point_count for entry in reader.root_page.entries.values()]
         assert sum(counts) == N
@@ -78,7 +78,7 @@ def test_simplify_writes_level_by_level_what_it_chose_first(gppcs_command, folde
     np.save("scan.npy", gppcs.sample("bracket", n_points=20_000).points.round(2))
     options = ["--points", "5000", "--memory", "1GB", "--quiet"]
     assert gppcs_command("simplify", "scan.npy", "-o", "small.copc.laz", *options)[0] == 0
-    chosen = gppcs.simplify_files("scan.npy", n_points=5000, memory="1GB").cloud.points
+    chosen = gppcs.simplify("scan.npy", n_points=5000, memory="1GB").cloud.points
     with laspy.CopcReader.open("small.copc.laz") as reader:
         for level, count in enumerate([ROOT, 5000]):  # the second has room for all
             seen = reader.query(level=range(level + 1))

@@ -110,7 +110,7 @@ def test_what_the_first_points_tell_is_told_before_all_else(
     refused, scan, large, monkeypatch, options, parts_of_message
 ):
     """Also where there is too little memory for the work."""
-    monkeypatch.setattr("gppcs.streaming.files.run", None)
+    monkeypatch.setattr("gppcs.app.runs.simplify_files", None)
     for memory in ("1MB", "1GB"):
         refused(("simplify", "scan.ply", "-o", "out.ply", "--memory", memory, *options), *parts_of_message)
 
@@ -120,7 +120,7 @@ def test_files_with_different_coordinate_systems(refused, two_systems, large):
     told = ("expected one coordinate system", "found UTM 32N and ETRS89", "assume_same_crs")
     refused((*merged, "--method", "fps"), "b.las: ", *told)
     refused((*merged, *LARGE), *told)
-    result = gppcs.simplify_files(["a.las", "b.las"], n_points=2, memory="1GB", assume_same_crs=True)
+    result = gppcs.simplify(["a.las", "b.las"], n_points=2, memory="1GB", assume_same_crs=True)
     assert len(result.cloud) == 2
 
 

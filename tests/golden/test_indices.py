@@ -53,10 +53,10 @@ def in_memory(name, method):
 
 
 def beyond_memory(name):
-    """The choice with the points on disk, which an executor asks for."""
+    """The choice with the points on disk, which workers ask for."""
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
         gppcs.write(f"{folder}/cloud.ply", cloud_of(name))
-        return digest(gppcs.simplify_files(f"{folder}/cloud.ply", ratio=0.05, executor=executor).indices)
+        return digest(gppcs.simplify(f"{folder}/cloud.ply", ratio=0.05, workers=executor).indices)
 
 
 def blas():

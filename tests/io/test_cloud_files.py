@@ -10,7 +10,7 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
-from gppcs.amounts.request import Request
+from gppcs.amounts.options import Options
 from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
 from gppcs.io import cloud_files, files
@@ -19,7 +19,8 @@ from gppcs.io.format import Reader
 from gppcs.io.las_header import LASZIP, read_header
 from gppcs.io.laz import chunks_of_points
 from gppcs.io.query import Query
-from gppcs.streaming.files import Work, run
+from gppcs.simplification import simplify_files
+from gppcs.streaming.plan import make_plan
 
 N = 1000
 
@@ -182,7 +183,7 @@ def test_values_of_extra_bytes_with_different_scales_become_one_attribute(tmp_pa
         scan["height"] = np.arange(3) * scale
         paths.append(tmp_path / f"{name}.las")
         scan.write(paths[-1])
-    kept = gppcs.simplify_files(paths, n_points=6, method="random").cloud
+    kept = gppcs.simplify(paths, n_points=6, method="random").cloud
     np.testing.assert_allclose(kept.attributes["height"], [0, 0.1, 0.2, 0, 0.001, 0.002])
 
 
@@ -310,7 +311,7 @@ def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypat
     whole = []
     monkeypatch.setattr(Reader, "read", lambda *given: whole.append(given))
     with pytest.raises(gppcs.InputError, match="of memory"):
-        gppcs.simplify_files(path, ratio=0.01, method="hc", memory="15MB")
+        gppcs.simplify(path, ratio=0.01, method="hc", memory="15MB")
     assert not whole
 
 
@@ -337,13 +338,12 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, 
     monkeypatch.setattr(files, "FORMATS", tuple(replace(known, open=counting(known.open)) for known in files.FORMATS))
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(cloud_files, "BLOCK", 16)
-    request = Request.of(n_points=100)
-    work = Work(10**9, None, None, Timer())
+    options = Options(n_points=100, memory=10**9)
     with open_clouds(
         [path], query=Query.of(**{"resolution": None, "polygon": None, "box": None, "only": None, **query})
     ) as both:
-        planned = work.planned(both, request)
-        run(both, request, work, planned)
+        planned = make_plan(both, options)
+        simplify_files(both, options, planned, Timer())
     assert planned.readings == (3 if query else 2)
     counted = sum(read)
     each = len(gppcs.read(path, **query)) if suffix != ".ply" and "box" in query else 20_000  # LAS yields no others

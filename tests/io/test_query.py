@@ -100,7 +100,7 @@ def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
     gppcs.write(tmp_path / "scan.las", cloud, lossy=True)
     options = {"only": "classification == 2 or z > 0"}
     read = gppcs.read(tmp_path / "scan.las", **options)
-    result = gppcs.simplify_files(tmp_path / "scan.las", memory="1GB", n_points=60, **options)
+    result = gppcs.simplify(tmp_path / "scan.las", memory="1GB", n_points=60, **options)
     assert len(result.indices) == 60
     assert result.cloud == read.take(result.indices)
 
@@ -112,7 +112,7 @@ def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
     ):
         gppcs.read(scan, only="klassification == 2")
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
-        gppcs.simplify_files(scan, n_points=5, only="z > 99")
+        gppcs.simplify(scan, n_points=5, only="z > 99")
 
 
 @given(st.integers(0, 10**6))

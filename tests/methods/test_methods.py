@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.amounts.request import method_of
+from gppcs.amounts.options import method_of
 from gppcs.methods.method import largest
 from gppcs.methods.parameters import parameters_of, with_settings
 

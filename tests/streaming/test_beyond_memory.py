@@ -15,11 +15,10 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.amounts.accuracy import surface_of
-from gppcs.amounts.request import Request
-from gppcs.errors import ClusterError
+from gppcs.amounts.options import Options
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.streaming.plan import plan
-from gppcs.streaming.workers import each_by
+from gppcs.streaming.plan import make_plan
+from gppcs.streaming.workers import map_over_parts
 
 MEMORY = "1GB"
 
@@ -30,7 +29,7 @@ def beyond_memory(monkeypatch):
     for method in gppcs.METHODS.values():
         monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr("gppcs.spatial.stored.BOX", 500)
-    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 3_000)
+    monkeypatch.setattr("gppcs.streaming.plan.CHUNK", 3_000)
     monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
     monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
     monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 2_000)
@@ -56,7 +55,7 @@ METHODS = ["gp", "fps", "voxel", "random", gppcs.Random(even=True)]
 @pytest.mark.parametrize("count", [1, 700, 9_000])
 def test_exactly_as_many_points_with_their_attributes(tmp_path, method, count):
     cloud = gppcs.sample("bracket", 20_000)
-    result = gppcs.simplify_files(written(tmp_path, cloud), n_points=count, method=method, memory=MEMORY)
+    result = gppcs.simplify(written(tmp_path, cloud), n_points=count, method=method, memory=MEMORY)
     assert len(np.unique(result.indices)) == len(result.indices) == count
     assert result.cloud == gppcs.read(tmp_path / "cloud.ply").take(result.indices)
 
@@ -67,7 +66,7 @@ def test_points_are_chosen_as_well_as_in_memory(tmp_path):
     ratios = []
     for name in ("bracket", "medallion", "terrain", "statue", "street"):
         cloud = gppcs.sample(name, 60_000)
-        found = gppcs.simplify_files(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
+        found = gppcs.simplify(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
         whole = gppcs.simplify(cloud, n_points=4_000)
         for count in (2_000, 4_000):
             few, all_at_once = (result.cloud.points[:count] for result in (found, whole))
@@ -81,7 +80,7 @@ def test_no_seam_shows(tmp_path):
     points = np.column_stack([np.random.default_rng(0).random((40_000, 2)), np.zeros(40_000)])
     path = written(tmp_path, gppcs.PointCloud(points))
     for method, gap in (("fps", 0.019), ("gp", 0.028)):
-        kept = gppcs.simplify_files(path, n_points=3_000, method=method, memory=MEMORY).cloud.points
+        kept = gppcs.simplify(path, n_points=3_000, method=method, memory=MEMORY).cloud.points
         assert cKDTree(kept).query(points)[0].max() < gap
 
 
@@ -93,10 +92,10 @@ def test_the_same_for_any_number_of_threads_files_and_chunks(tmp_path, monkeypat
         gppcs.write(name, cloud.take(rows))
     for threads, paths in ((1, path), (3, path), (2, names)):
         gppcs.set_threads(threads)
-        results.append(gppcs.simplify_files(paths, n_points=1_500, memory=MEMORY).indices)
+        results.append(gppcs.simplify(paths, n_points=1_500, memory=MEMORY).indices)
     gppcs.set_threads(None)
-    monkeypatch.setattr("gppcs.streaming.plan.ROWS", 1_700)
-    results.append(gppcs.simplify_files(path, n_points=1_500, memory=MEMORY).indices)
+    monkeypatch.setattr("gppcs.streaming.plan.CHUNK", 1_700)
+    results.append(gppcs.simplify(path, n_points=1_500, memory=MEMORY).indices)
     for other in results[1:]:
         np.testing.assert_array_equal(results[0], other)
 
@@ -106,9 +105,9 @@ def test_the_same_by_processes(tmp_path, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     path = written(tmp_path, gppcs.sample("bracket", 300_000))
-    own = gppcs.simplify_files(path, n_points=2_000, memory=MEMORY)
+    own = gppcs.simplify(path, n_points=2_000, memory=MEMORY)
     with ProcessPoolExecutor(2, get_context("spawn")) as executor:
-        others = gppcs.simplify_files(path, n_points=2_000, memory=MEMORY, executor=executor)
+        others = gppcs.simplify(path, n_points=2_000, memory=MEMORY, workers=executor)
     np.testing.assert_array_equal(own.indices, others.indices)
 
 
@@ -117,12 +116,12 @@ def test_points_to_keep_and_weights(tmp_path):
     cloud.attributes["side"] = (cloud.points[:, 0] > np.median(cloud.points[:, 0])).astype(np.float32)
     cloud.attributes["number"] = np.arange(20_000, dtype=np.int32)
     path = written(tmp_path, cloud)
-    kept = gppcs.simplify_files(path, n_points=1_000, keep="number < 50", memory=MEMORY)
+    kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", memory=MEMORY)
     assert sorted(kept.indices[:50]) == list(range(50))
     cloud.attributes["side"] = 1 + 9 * cloud.attributes["side"]
     gppcs.write(path, cloud, force=True)
-    weighed = gppcs.simplify_files(path, n_points=1_000, weight="side", memory=MEMORY)
-    plain = gppcs.simplify_files(path, n_points=1_000, memory=MEMORY)
+    weighed = gppcs.simplify(path, n_points=1_000, weight="side", memory=MEMORY)
+    plain = gppcs.simplify(path, n_points=1_000, memory=MEMORY)
     share = [(result.cloud.attributes["side"] > 5).mean() for result in (weighed, plain)]
     assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
 
@@ -131,9 +130,9 @@ def test_points_to_keep_and_weights(tmp_path):
 def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
     path = written(tmp_path, gppcs.sample("painted", 40_000))
     cloud, asked = gppcs.read(path), {"n_points": 3_000, "detail": "rgb"}
-    found = [gppcs.simplify(cloud, n_points=3_000), gppcs.simplify_files(path, memory=MEMORY, **asked)]
+    found = [gppcs.simplify(cloud, n_points=3_000), gppcs.simplify(path, memory=MEMORY, **asked)]
     with ProcessPoolExecutor(2, get_context("spawn")) as executor:
-        shared = gppcs.simplify_files(path, memory=MEMORY, executor=executor, **asked)
+        shared = gppcs.simplify(path, memory=MEMORY, workers=executor, **asked)
     np.testing.assert_array_equal(shared.indices, found[1].indices)
     monkeypatch.undo()
     found.append(gppcs.simplify(cloud, **asked))
@@ -149,7 +148,7 @@ def test_classes_are_borders(tmp_path):
     for low, high in ((2, 6), (9, 5)):
         classes = np.where(points[:, 0] < 0.5, low, high).astype(np.uint8)
         path = written(tmp_path, gppcs.PointCloud(points, {"classification": classes}))
-        found.append(gppcs.simplify_files(path, n_points=500, detail="classification", memory=MEMORY).indices)
+        found.append(gppcs.simplify(path, n_points=500, detail="classification", memory=MEMORY).indices)
     np.testing.assert_array_equal(*found)
     assert (np.abs(points[found[0], 0] - 0.5) < 0.05).mean() > 0.2
 
@@ -157,9 +156,9 @@ def test_classes_are_borders(tmp_path):
 def test_noise_of_an_attribute_draws_no_points(tmp_path):
     points = gppcs.sample("bracket", 20_000).points
     path = written(tmp_path, gppcs.PointCloud(points, {"noise": np.random.default_rng(0).random(20_000)}))
-    plain = gppcs.simplify_files(path, n_points=2_000, memory=MEMORY)
+    plain = gppcs.simplify(path, n_points=2_000, memory=MEMORY)
     with pytest.warns(UserWarning, match="the detail is only noise at this number of points"):
-        noisy = gppcs.simplify_files(path, n_points=2_000, detail="noise", memory=MEMORY)
+        noisy = gppcs.simplify(path, n_points=2_000, detail="noise", memory=MEMORY)
     np.testing.assert_array_equal(noisy.indices, plain.indices)
 
 
@@ -180,7 +179,7 @@ def test_quotas_are_exact(tmp_path, method, outliers):
     asked = {"method": method, "invalid": "drop", "drop_outliers": outliers > 0.0}
     asked |= {"keep": "kind == 6 and pulse < 100"} if method == "gp" else {}
     quota = {"kind == 6": 600, "kind == 2": "10%"}
-    found = gppcs.simplify_files(path, n_points=2_000, quota=quota, memory=MEMORY, **asked).cloud
+    found = gppcs.simplify(path, n_points=2_000, quota=quota, memory=MEMORY, **asked).cloud
     assert np.bincount(found.attributes["kind"]).tolist() == [0, 1_200, 200, 0, 0, 0, 600]
     assert np.isfinite(found.points).all()
 
@@ -190,7 +189,7 @@ def test_a_quota_of_all_of_a_class(tmp_path):
     cloud = gppcs.read(path)
     there = int((cloud.take(cloud.finite_rows()).attributes["kind"] == 2).sum())
     asked = {"n_points": 12_000, "quota": {"kind == 2": there}, "invalid": "drop"}
-    found = gppcs.simplify_files(path, memory=MEMORY, **asked).cloud
+    found = gppcs.simplify(path, memory=MEMORY, **asked).cloud
     assert ((found.attributes["kind"] == 2).sum(), len(found)) == (there, 12_000)
 
 
@@ -198,7 +197,7 @@ def test_a_quota_of_all_of_a_class(tmp_path):
 def test_groups_stay_whole(tmp_path, outliers):
     path = classed(tmp_path, outliers)
     asked = {"invalid": "drop", "drop_outliers": outliers > 0.0}
-    result = gppcs.simplify_files(path, n_points=2_000, group="pulse", memory=MEMORY, **asked)
+    result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **asked)
     assert len(result.indices) == pytest.approx(2_000, abs=4)
     usable = np.setdiff1d(gppcs.read(path).finite_rows(), result.outliers if outliers else [])
     pulses = gppcs.read(path).attributes["pulse"]
@@ -211,8 +210,7 @@ def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
     cloud = gppcs.sample("bracket", 20_000)
     path = written(tmp_path, cloud)
     found = {
-        method: gppcs.simplify_files(path, spacing=4.0, method=method, memory=MEMORY)
-        for method in ("gp", "fps", "voxel")
+        method: gppcs.simplify(path, spacing=4.0, method=method, memory=MEMORY) for method in ("gp", "fps", "voxel")
     }
     kept = found["fps"].cloud.points
     assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() >= 4.0
@@ -229,7 +227,7 @@ def test_cells_keep_the_same_points_as_in_memory(tmp_path, monkeypatch, keep):
     points = gppcs.sample("terrain", 20_000).points
     times = np.random.default_rng(0).permutation(20_000) * 1e9  # a number of type float32 would not do
     path = written(tmp_path, gppcs.PointCloud(points, {"time": times}))
-    found = gppcs.simplify_files(path, spacing="2 %", method=method, memory=MEMORY).indices
+    found = gppcs.simplify(path, spacing="2 %", method=method, memory=MEMORY).indices
     monkeypatch.undo()
     np.testing.assert_array_equal(found, gppcs.simplify(gppcs.read(path), spacing="2 %", method=method).indices)
 
@@ -241,7 +239,7 @@ def test_an_even_density_knows_no_parts(tmp_path):
     shares = np.zeros((2, 2))
     for even, seed in product((0, 1), range(8)):
         method = gppcs.Random(seed, bool(even))
-        found = gppcs.simplify_files(path, n_points=100, method=method, memory=MEMORY)
+        found = gppcs.simplify(path, n_points=100, method=method, memory=MEMORY)
         kept = [found.cloud.points, gppcs.simplify(points, n_points=100, method=method).cloud.points]
         shares[even] += [(each[:, 0] < 0.5).mean() / 8 for each in kept]
     np.testing.assert_allclose(shares, [[10 / 11] * 2, [0.5] * 2], atol=0.06)
@@ -251,7 +249,7 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     monkeypatch.setattr("gppcs.surface.outliers.PART", 4_000)
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
     path = written(tmp_path, cloud)
-    found = gppcs.simplify_files(path, n_points=500, drop_outliers=True, memory=MEMORY)
+    found = gppcs.simplify(path, n_points=500, drop_outliers=True, memory=MEMORY)
     expected = np.flatnonzero(gppcs.find_outliers(gppcs.read(path)))
     assert len(np.setxor1d(found.outliers, expected)) <= 0.03 * len(expected)
     assert not len(np.intersect1d(found.indices, found.outliers))
@@ -261,7 +259,7 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
 def test_repeats_are_chosen_last(tmp_path, method):
     points = np.repeat(np.random.default_rng(0).random((300, 3)), 20, axis=0)
     path = written(tmp_path, gppcs.PointCloud(points))
-    result = gppcs.simplify_files(path, n_points=400, method=method, memory=MEMORY)
+    result = gppcs.simplify(path, n_points=400, method=method, memory=MEMORY)
     assert len(np.unique(result.indices)) == 400
     assert len(np.unique(result.cloud.points, axis=0)) == 300
 
@@ -272,8 +270,8 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
     parts = (cloud.take(np.arange(4_000)), cloud.take(np.arange(4_000, 9_000)))
     path = [written(tmp_path, part, f"{number}.ply") for number, part in enumerate(parts)]
     with pytest.raises(gppcs.InputError, match=r"2 of 9000 points have coordinates .*, the first at index 5005"):
-        gppcs.simplify_files(path, n_points=9, memory=MEMORY)
-    result = gppcs.simplify_files(path, ratio=0.1, invalid="drop", memory=MEMORY)
+        gppcs.simplify(path, n_points=9, memory=MEMORY)
+    result = gppcs.simplify(path, ratio=0.1, invalid="drop", memory=MEMORY)
     assert len(result.indices) == 900
     assert np.isfinite(result.cloud.points).all()
 
@@ -296,7 +294,7 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
 )
 def test_what_needs_memory_says_so(tmp_path, asked, message):
     with pytest.raises(gppcs.InputError, match=message):
-        gppcs.simplify_files(written(tmp_path, gppcs.sample("bracket", 2_000)), memory=MEMORY, **asked)
+        gppcs.simplify(written(tmp_path, gppcs.sample("bracket", 2_000)), memory=MEMORY, **asked)
 
 
 def test_files_that_change_meanwhile_are_told(tmp_path, monkeypatch):
@@ -309,7 +307,7 @@ def test_files_that_change_meanwhile_are_told(tmp_path, monkeypatch):
 
     monkeypatch.setattr(gppcs.Random, "__call__", changed)
     with pytest.raises(gppcs.InputError, match="expected 9,000 points again, found 8,000: the files have changed"):
-        gppcs.simplify_files(path, n_points=9, method="random", memory=MEMORY)
+        gppcs.simplify(path, n_points=9, method="random", memory=MEMORY)
 
 
 def _end_at_once(item):
@@ -321,17 +319,16 @@ def _end_at_once(item):
 def test_a_lost_worker_is_told():
     with (
         ProcessPoolExecutor(1, get_context("spawn")) as executor,
-        pytest.raises(ClusterError, match="a worker process ended"),
-        each_by(executor, 1) as each,
+        pytest.raises(gppcs.GppcsError, match="the workers were lost"),
+        map_over_parts(executor, 1) as map_parts,
     ):
-        list(each(_end_at_once, [1]))
+        list(map_parts(_end_at_once, [1]))
 
 
 @pytest.mark.slow
 def test_a_lost_scheduler_is_told(tmp_path, monkeypatch):
     """It is killed while parts are worked on."""
     pytest.importorskip("distributed")
-    from gppcs.streaming.workers import scheduler_at
 
     def started(*words):
         command = [sys.executable, "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
@@ -354,11 +351,8 @@ def test_a_lost_scheduler_is_told(tmp_path, monkeypatch):
     store = module.sorted_by_boxes
     monkeypatch.setattr(module, "sorted_by_boxes", killed)
     try:
-        with (
-            pytest.raises(ClusterError, match="the workers or their scheduler were lost"),
-            scheduler_at(address) as many,
-        ):
-            gppcs.simplify_files(path, n_points=700, memory=MEMORY, executor=many)
+        with pytest.raises(gppcs.GppcsError, match="the workers were lost"):
+            gppcs.simplify(path, n_points=700, memory=MEMORY, workers=address)
     finally:
         worker.kill()
         scheduler.kill()
@@ -375,19 +369,14 @@ def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
     monkeypatch.setattr("gppcs.streaming.scan.write_run", full)
     path = written(tmp_path, gppcs.sample("bracket", 20_000))
     with pytest.raises(gppcs.errors.OutputError, match="of disk space for temporary files, found that it is full"):
-        gppcs.simplify_files(path, n_points=700, memory=MEMORY, scratch=tmp_path)
+        gppcs.simplify(path, n_points=700, memory=MEMORY, scratch=tmp_path)
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_executor_is_one():
-    with pytest.raises(gppcs.ParameterError, match="expected an executor with `map`"), each_by("dask", 1):
-        pass
 
 
 def test_the_plan_counts_what_the_search_for_outliers_takes(tmp_path, monkeypatch):
     """Places, a tree, two numbers for each point, and the neighbours of a batch."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 0)
     with CloudFiles([written(tmp_path, gppcs.sample("bracket", 9_000))]) as files:
-        requests = [Request.of(n_points=9, drop_outliers=drop) for drop in (False, True)]
-        without, searching = (plan(files, request, 10**10).memory for request in requests)
+        options = [Options(n_points=9, drop_outliers=drop, memory="10GB") for drop in (False, True)]
+        without, searching = (make_plan(files, each).memory for each in options)
     assert searching - without >= 100 * 9_000

@@ -1,83 +1,96 @@
-"""The fewest points whose local surface is as near to the original as somebody asks for."""
+"""The fewest points whose local surface is as near to the original points as a tolerance says."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.quantities import MEASURES, Measure
+from gppcs.clouds.quantities import MEASURES, Measure, Scale, Tolerance
 from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
 
 if TYPE_CHECKING:
     from gppcs.surface.local_surface import LocalSurface
 
-FIRST = 1000  # Points of the first ranking, by which the number of points is guessed.
-SPARE = 1.2  # Points of a ranking for each one that the guess says. A ranking that is too short costs another one.
-GROWTH = 100.0  # From one ranking to the next at most.
-SOME = 20_000  # Original points from which a guess is measured.
-FARTHEST = 0.15  # Share of the original points that may tell that a tolerance is missed. A 95th percentile takes 0.05.
-FALL = 1.0  # Errors fall about as the number of points to this power, where two of them do not tell.
-# The least and greatest power that two errors may tell. Those of few points tell little of those of many.
-FLATTEST, FLATTEST_AT_FIRST, STEEPEST = 0.25, 0.7, 4.0
-CLOSE = 1.02  # The fewest points are found up to this factor, and one point.
-SURE = 0.97  # A ranking is long enough if the guessed number is at most this share of its points.
-FEWER = 0.95  # So few points miss the tolerance.
+MINIMUM_EXPONENT, MAXIMUM_EXPONENT = 0.25, 4.0  # Bounds on the estimated exponent p in error ~ M^-p.
+MAXIMUM_STEP = 100.0  # Growth of the number of points from one estimate to the next.
+RESOLUTION = 1.02  # The result is at most this factor above the smallest number that reaches the tolerance.
 
 Points = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Original:
-    """The original points, from which errors are measured as `gppcs.evaluate` does."""
+def fewest_points(
+    points: Points,
+    tolerance: Tolerance,
+    scale: Scale,
+    choose: Callable[[int], Selection],
+    is_ranking: bool,
+    minimum: int,
+    timer: Timer,
+) -> Selection:
+    """Choose the fewest of the points, (N, 3), without repeats, whose local surface is within the tolerance.
 
-    # (N, 3): Each counts. In coordinates of about unit size, and in an order in which neighbours follow each other: so
-    # they find each other's surroundings in the cache.
-    points: Points
+    They are the fewest up to 2 %, and 5 % fewer points miss the tolerance; at least `minimum`. They are the first ones
+    of a ranking, if `choose` ranks points; otherwise each number of points is a choice of its own. Without a measure,
+    the largest distance counts, of all points but outliers.
+    """
+    from gppcs.surface.outliers import outliers_among
 
-    @classmethod
-    def of(cls, points: Points) -> Original:
-        """Put points, (N, 3), into such an order."""
-        from gppcs.spatial.kdtree import KdTree
+    outliers = np.zeros(len(points), dtype=np.bool_)
+    if tolerance.measure is None:
+        with timer("outliers"):
+            outliers = outliers_among(points)
+    judged = in_tree_order(points[~outliers] if outliers.any() else points)
+    search = _Search(
+        points=points,
+        judged=judged,
+        sample=_sample(judged),
+        tolerance=scale.inside(tolerance.length),
+        measure=tolerance.measure or "max",
+        choose=choose,
+        minimum=minimum,
+        timer=timer,
+    )
+    selection, errors = search.among_prefixes() if is_ranking else search.among_numbers()
+    diagnostics = {}
+    if tolerance.measure is None:
+        diagnostics["largest_error"] = scale.outside(errors["max"])
+        if outliers.any() and errors["max"]:
+            diagnostics["points_set_aside"] = float(np.count_nonzero(outliers))
+            with timer("accuracy"):
+                errors = errors_of(distances_to(search.positions(selection), in_tree_order(points)))
+    diagnostics |= {f"surface_{measure}": scale.outside(error) for measure, error in errors.items()}
+    return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
 
-        return cls(points[KdTree.build(points).order])
 
-    def some(self) -> Original:
-        """Return about `SOME` of the points, at random."""
-        if len(self.points) <= SOME:
-            return self
-        rows = np.random.default_rng(0).choice(len(self.points), SOME, replace=False, shuffle=False)
-        return Original(self.points[np.sort(rows)])
+def in_tree_order(points: Points) -> Points:
+    """Return points, (N, 3), so that neighbours follow each other: they find each other's surface in the cache."""
+    from gppcs.spatial.kdtree import KdTree
 
-    def errors(self, kept: Points) -> dict[Measure, float]:
-        """Return the distances from the points to the local surface of others. Shapes: kept (M, 3)."""
-        return _errors_of(self.distances(surface_of(kept)))
-
-    def distances(self, surface: LocalSurface) -> NDArray[np.float64]:
-        """Return the distance of each point to a local surface. Shapes: returns (N,)."""
-        return surface.nearest_to(self.points)[0]
-
-    def farthest(self, distances: NDArray[np.float64]) -> Original:
-        """Return the points of the largest distances, a share `FARTHEST` of them. Shapes: distances (N,)."""
-        n = len(self.points)
-        nearer = int((1.0 - FARTHEST) * n)
-        return Original(self.points[np.sort(np.argpartition(distances, nearer)[nearer:])])
+    return points[KdTree.build(points).order]
 
 
 def surface_of(kept: Points) -> LocalSurface:
-    """Return the local surface of places, (M, 3), which may repeat each other."""
+    """Return the local surface of positions, (M, 3), which may repeat each other."""
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
     return LocalSurface.of(kept[first_occurrences(kept)])
 
 
-def _errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
+def distances_to(kept: Points, points: Points) -> NDArray[np.float64]:
+    """Return the distance of points, (N, 3), to the local surface of others, (M, 3). Shapes: returns (N,)."""
+    return surface_of(kept).nearest_to(points)[0]
+
+
+def errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
+    """Return the errors that distances, (N,), make."""
     return {
         "mean": float(distances.mean()),
         "rms": float(np.sqrt((distances**2).mean())),
@@ -86,52 +99,18 @@ def _errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
     }
 
 
-def _error_at_least(some: NDArray[np.float64], n: int, measure: Measure) -> float:
-    """Return what the 95th percentile or the largest of n distances is at least, given some of them."""
+def _sample(points: Points) -> Points:
+    """Return at most 20,000 points at random, from which an error is estimated."""
+    if len(points) <= 20_000:
+        return points
+    indices = np.random.default_rng(0).choice(len(points), 20_000, replace=False, shuffle=False)
+    return points[np.sort(indices)]
+
+
+def _lower_bound(distances: NDArray[np.float64], n: int, measure: Measure) -> float:
+    """Return a lower bound of the 95th percentile or maximum of n distances, given the distances of a subset."""
     rank = 1 if measure == "max" else n - math.floor(0.95 * (n - 1))
-    return float(np.partition(some, -rank)[-rank]) if rank <= len(some) else 0.0
-
-
-@dataclass(frozen=True)
-class Errors:
-    """The errors of all points by measure; `largest` is that of all but those set aside, if it was asked for."""
-
-    by_measure: Mapping[Measure, float]
-    largest: float | None = None
-    set_aside: int = 0
-
-
-def fewest_points(
-    points: Points,
-    tolerance: float,
-    measure: Measure | None,
-    choose: Callable[[int], Selection],
-    ranks: bool,
-    least: int,
-    timer: Timer,
-) -> tuple[Selection, Errors]:
-    """Choose the fewest of at least `least` points, (N, 3), without repeats, whose local surface is near enough.
-
-    They are the fewest up to 2 %, and 5 % fewer points miss the tolerance. They are the first ones of a ranking, if the
-    method ranks its points; otherwise each number of points is a choice of its own. Without a measure, the largest
-    distance counts, of all points but outliers.
-    """
-    from gppcs.surface.outliers import outliers_among
-
-    aside = np.zeros(len(points), dtype=np.bool_)
-    if measure is None:
-        with timer("outliers"):
-            aside = outliers_among(points)
-    counted = Original.of(points[~aside] if aside.any() else points)
-    search = _Search(points, counted, counted.some(), tolerance, measure or "max", choose, least, timer)
-    selection, errors = search.ranked() if ranks else search.unranked()
-    if measure is not None:
-        return selection, Errors(errors)
-    largest, count = errors["max"], int(np.count_nonzero(aside))
-    if count and largest:
-        with timer("accuracy"):
-            errors = Original.of(points).errors(search.places(selection))
-    return selection, Errors(errors, largest, count)
+    return float(np.partition(distances, -rank)[-rank]) if rank <= len(distances) else 0.0
 
 
 @dataclass
@@ -139,125 +118,133 @@ class _Search:
     """The search for the fewest points, of which the local surface misses the original by at most a tolerance."""
 
     points: Points  # (N, 3), among which is chosen
-    whole: Original  # The points whose distances count
-    some: Original  # Some of these, from which a guess is measured
+    judged: Points  # whose distances count
+    sample: Points  # of these
     tolerance: float
     measure: Measure
     choose: Callable[[int], Selection]
-    least: int  # Points that are chosen at least
+    minimum: int
     timer: Timer
-    farthest: Original | None = None  # Points of the whole that may tell that a tolerance is missed
+    farthest: Points | None = None  # of the judged points, at the last exact measurement: mostly farthest again
 
-    def places(self, selection: Selection) -> Points:
-        """Return the places of the chosen points, (M, 3)."""
+    def positions(self, selection: Selection) -> Points:
+        """Return the positions of the chosen points, (M, 3)."""
         return self.points[selection.indices] if selection.points is None else selection.points
 
-    def judged(self, kept: Points) -> dict[Measure, float]:
-        """Judge first by the points that were farthest from other places: they are mostly so again."""
+    def errors(self, kept: Points) -> dict[Measure, float]:
+        """Return the errors of a choice; only a lower bound of one of them if that misses the tolerance already."""
+        n = len(self.judged)
         with self.timer("accuracy"):
-            surface = surface_of(kept)
             if self.farthest is not None:
-                error = _error_at_least(self.farthest.distances(surface), len(self.whole.points), self.measure)
+                error = _lower_bound(distances_to(kept, self.farthest), n, self.measure)
                 if error > self.tolerance:
                     return {self.measure: error}
-            distances = self.whole.distances(surface)
+            distances = distances_to(kept, self.judged)
             if self.measure in ("p95", "max"):
-                self.farthest = self.whole.farthest(distances)
-            return _errors_of(distances)
+                nearer = int(0.85 * n)  # the 95th percentile needs the farthest 5 %, here with a margin
+                self.farthest = self.judged[np.sort(np.argpartition(distances, nearer)[nearer:])]
+            return errors_of(distances)
 
-    def ranked(self) -> tuple[Selection, dict[Measure, float]]:
-        """Search among the first points of a ranking that is long enough."""
-        n, most = len(self.points), len(self.points) - 1
-        count = judged = max(min(FIRST, most), self.least)
-        before, error_before, flattest = 0, math.inf, FLATTEST_AT_FIRST
-        while 0 < count <= most:
-            ranking = self.choose(count)
-            places = self.places(ranking)
-            error = self._guessed(places[:judged])
-            if math.isinf(error_before):
-                before = judged // 2
-                error_before = self._guessed(places[:before])
-            power = _power(before, error_before, judged, error, flattest)
-            guess = self._crossing(judged, error, power)
-            if guess <= SURE * count or count == most:
-                enough, errors = self._fewest(lambda m, places=places: places[:m], guess, count, power)  # type: ignore[misc]
-                if errors[self.measure] <= self.tolerance:
-                    return _first_of(ranking, enough), errors
-            before, error_before, flattest = judged, error, FLATTEST
-            judged = min(max(round(guess), count), most)
-            count = n if count == most else min(math.ceil(SPARE * judged), most)
-        return self.choose(n), dict.fromkeys(MEASURES, 0.0)
-
-    def unranked(self) -> tuple[Selection, dict[Measure, float]]:
-        """Search among the choices of all numbers."""
-        known: dict[int, Selection] = {}
-
-        def places(m: int) -> Points:
-            if m not in known:
-                known[m] = self.choose(m)
-            return self.places(known[m])
-
-        enough, errors = self._fewest(places, FIRST, len(self.points), FALL)
-        return known[enough], errors
-
-    def _fewest(
-        self, places: Callable[[int], Points], begin: float, most: int, power: float
-    ) -> tuple[int, dict[Measure, float]]:
-        """Return the fewest points that reach the tolerance, if `most` do, and their errors; begin the search there."""
-        known: dict[int, dict[Measure, float]] = {}
-
-        def error(m: int) -> float:
-            if m not in known:
-                known[m] = self.judged(places(m))
-            return known[m][self.measure]
-
-        guess, enough = min(max(round(begin), self.least), most), most
-        while True:
-            enough = self._bracketed(error, guess, enough, power)
-            guess = math.floor(FEWER * enough)
-            if guess < self.least or error(guess) > self.tolerance:
-                error(enough)
-                return enough, known[enough]
-            enough = guess
-
-    def _bracketed(self, error: Callable[[int], float], guess: int, most: int, power: float) -> int:
-        """Return a number of points that reaches the tolerance, while a little fewer (`CLOSE`) miss it.
-
-        The search begins at a guess; `most` points are known to reach the tolerance. Each next number is a step from
-        the last one, to the other side of where the error should cross the tolerance, or close to there. Steps to the
-        same side grow, as the error may stay as it is for long.
-        """
-        few, enough, run, side = self.least - 1, most, 0, True
-        while enough > few + 1 and enough > CLOSE * few:
-            found = error(guess)
-            side, before = found <= self.tolerance, side
-            run = run + 1 if side == before else 1
-            step, crossing = CLOSE**2.0 ** max(0, run - 2), self._crossing(guess, found, power) * CLOSE**0.15
-            if side:
-                enough, guess = guess, math.ceil(min(guess / step, crossing))
-            else:
-                few, guess = guess, math.floor(max(guess * step, crossing))
-            least, largest = few + 1, enough - 1
-            if few >= self.least and enough < most:  # go on inside, not too near the ends
-                least, largest = (round(few * (enough / few) ** share) for share in (0.2, 0.8))
-            guess = min(max(guess, least, few + 1), largest, enough - 1)
-        return enough
-
-    def _crossing(self, count: int, error: float, power: float) -> float:
-        """Return the number of points where the error would be the tolerance, given that of another number."""
-        if error == 0.0:
-            return count / GROWTH
-        return count * min(max((error / self.tolerance) ** (1.0 / power), 1.0 / GROWTH), GROWTH)
-
-    def _guessed(self, kept: Points) -> float:
-        """Return about how large the error of some places is."""
+    def estimated_error(self, kept: Points) -> float:
+        """Return the error at the sample."""
         if not len(kept):
             return math.inf
         with self.timer("accuracy"):
-            return self.some.errors(kept)[self.measure]
+            return errors_of(distances_to(kept, self.sample))[self.measure]
+
+    def among_prefixes(self) -> tuple[Selection, dict[Measure, float]]:
+        """Search among the first points of a ranking, which is made longer until it suffices."""
+        n = len(self.points)
+        count = judged = max(min(1000, n - 1), self.minimum)
+        previous, previous_error = 0, math.inf
+        lower = 0.7  # of the exponent: estimates from few points are unreliable, so the first bound is tighter
+        while 0 < count < n:
+            ranking = self.choose(count)
+            positions = self.positions(ranking)
+            error = self.estimated_error(positions[:judged])
+            if math.isinf(previous_error):
+                previous = judged // 2
+                previous_error = self.estimated_error(positions[:previous])
+            exponent = _exponent(previous, previous_error, judged, error, lower)
+            estimate = self._crossing(judged, error, exponent)
+            if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
+                enough, errors = self._fewest(partial(_first, positions), estimate, count, exponent)
+                if errors[self.measure] <= self.tolerance:
+                    return _prefix(ranking, enough), errors
+            previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
+            judged = min(max(round(estimate), count), n - 1)
+            spare = 1.2  # longer than estimated, as a ranking that is too short costs another one
+            count = n if count == n - 1 else min(math.ceil(spare * judged), n - 1)
+        return self.choose(n), dict.fromkeys(MEASURES, 0.0)
+
+    def among_numbers(self) -> tuple[Selection, dict[Measure, float]]:
+        """Search among choices of all numbers of points."""
+        selections: dict[int, Selection] = {}
+
+        def positions(m: int) -> Points:
+            if m not in selections:
+                selections[m] = self.choose(m)
+            return self.positions(selections[m])
+
+        enough, errors = self._fewest(positions, 1000, len(self.points), exponent=1.0)
+        return selections[enough], errors
+
+    def _fewest(
+        self, positions: Callable[[int], Points], start: float, maximum: int, exponent: float
+    ) -> tuple[int, dict[Measure, float]]:
+        """Return the fewest points that reach the tolerance, if `maximum` do, and their errors."""
+        cache: dict[int, dict[Measure, float]] = {}
+
+        def error(m: int) -> float:
+            if m not in cache:
+                cache[m] = self.errors(positions(m))
+            return cache[m][self.measure]
+
+        estimate, enough = min(max(round(start), self.minimum), maximum), maximum
+        while True:
+            enough = self._bracketed(error, estimate, enough, exponent)
+            estimate = math.floor(0.95 * enough)
+            if estimate < self.minimum or error(estimate) > self.tolerance:
+                error(enough)
+                return enough, cache[enough]
+            enough = estimate
+
+    def _bracketed(self, error: Callable[[int], float], estimate: int, maximum: int, exponent: float) -> int:
+        """Return a number of points that reaches the tolerance, while a little fewer miss it.
+
+        Each next number is a step from the last one to the other side of where the error should cross the tolerance,
+        or close to there. Steps to the same side grow, as the error may stay as it is for long.
+        """
+        few, enough, steps, is_enough = self.minimum - 1, maximum, 0, True
+        while enough > few + 1 and enough > RESOLUTION * few:
+            value = error(estimate)
+            was_enough, is_enough = is_enough, value <= self.tolerance
+            steps = steps + 1 if is_enough == was_enough else 1
+            step = RESOLUTION**2.0 ** max(0, steps - 2)
+            crossing = self._crossing(estimate, value, exponent) * RESOLUTION**0.15
+            if is_enough:
+                enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
+            else:
+                few, estimate = estimate, math.floor(max(estimate * step, crossing))
+            lower, upper = few + 1, enough - 1
+            if few >= self.minimum and enough < maximum:  # bracketed: not too near the ends
+                lower, upper = (round(few * (enough / few) ** fraction) for fraction in (0.2, 0.8))
+            estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
+        return enough
+
+    def _crossing(self, count: int, error: float, exponent: float) -> float:
+        """Return the number of points where the error would be the tolerance, given that of another number."""
+        if error == 0.0:
+            return count / MAXIMUM_STEP
+        return count * min(max((error / self.tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
 
 
-def _first_of(ranking: Selection, count: int) -> Selection:
+def _first(positions: Points, count: int) -> Points:
+    """Return the first positions."""
+    return positions[:count]
+
+
+def _prefix(ranking: Selection, count: int) -> Selection:
     """Return the first points of a ranking."""
     return replace(
         ranking,
@@ -267,8 +254,8 @@ def _first_of(ranking: Selection, count: int) -> Selection:
     )
 
 
-def _power(few: int, error_of_few: float, many: int, error: float, flattest: float) -> float:
-    """Return the power of the number of points with which errors fall, from those of two numbers."""
+def _exponent(few: int, error_of_few: float, many: int, error: float, lower: float) -> float:
+    """Estimate p in error ~ M^-p from two numbers of points; 1 if the errors do not fall."""
     if not 0.0 < error < error_of_few < math.inf:
-        return FALL
-    return min(max(math.log(error_of_few / error) / math.log(many / few), flattest), STEEPEST)
+        return 1.0
+    return min(max(math.log(error_of_few / error) / math.log(many / few), lower), MAXIMUM_EXPONENT)

@@ -1,205 +1,199 @@
-"""Let a method choose what is asked for: a number of points, or as many as reach an accuracy, a spacing or a gap."""
+"""Let a method choose as many points as the options mean: a number, or what a tolerance, spacing or gap takes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.accuracy import Errors, fewest_points
-from gppcs.amounts.groups import choose_groups
-from gppcs.amounts.guide import Guide
-from gppcs.amounts.quotas import Parts
-from gppcs.clouds.quantities import Amount, Scale
+from gppcs.amounts.accuracy import fewest_points
+from gppcs.amounts.constraints import Constraints, WeightRange
+from gppcs.amounts.groups import choose_groups, group_numbers
+from gppcs.amounts.options import Options
+from gppcs.amounts.quotas import EXCLUDED, choose_quotas
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.lookup import numbers_in
+from gppcs.clouds.quantities import Length, Scale
+from gppcs.clouds.ranges import Details
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.methods import Feature, Method, Selection, Task
+from gppcs.methods import Feature, Selection, Task
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree, surface_area
 
-FEWEST_WITHOUT_GAPS = 2.0 / (3.0 * math.sqrt(3.0))  # Discs of radius 1 for each unit of area, if they cover a plane.
-
 Points = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
-def choose_amount(
-    points: Points, amount: Amount, scale: Scale, guide: Guide | None, method: Method, timer: Timer
-) -> Selection:
-    """Let the method choose as many of some points, (N, 3), as an amount means."""
+def choose(points: Points, options: Options, constraints: Constraints, scale: Scale, timer: Timer) -> Selection:
+    """Let the method choose as many of the points, (N, 3), as the options mean."""
+    amount, method = options.amount, options.algorithm
     count = amount.known_count(len(points))
-    if count is not None and count >= len(points) and guide is None and amount.max_gap is None:
+    if count is not None and count >= len(points) and not options.constrains_points and amount.max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
     with timer("repeats"):
-        among = _Places.of(points, guide)
-    chosen = partial(among.choose, method=method, timer=timer)
-    if count is not None and guide is not None:
-        if guide.parts is not None or guide.groups is not None:
-            return _choose_parts(count, guide, among, chosen)
-        check_count(count, among.fixed + len(among.again), len(_usable(points, guide)))
-    gap = None if amount.max_gap is None else scale.inside(amount.max_gap)
-    if amount.tolerance is not None:
-        selection, errors = fewest_points(
-            among.points, scale.inside(amount.tolerance.length), amount.tolerance.measure, chosen,
-            Feature.RANKING in method.supports, max(among.fixed, 1), timer,
-        )  # fmt: skip
-        selection = _with_errors(selection, errors, scale)
-    elif amount.spacing is not None:
-        selection = chosen(len(among.points), spacing=scale.inside(amount.spacing))
-    elif count is not None:
-        selection = chosen(count - len(among.again))
+        indices, repeats = _distinct(points, constraints)
+        task = _task(points, indices, len(constraints.keep) - len(repeats), options, constraints, timer)
+
+    def rank(n: int, spacing: float | None = None) -> Selection:
+        """Choose n distinct positions, or at most n with a spacing; all of them in their order."""
+        if n >= len(task.points) and spacing is None:
+            return Selection(np.arange(len(task.points)), ranked=False)
+        return method(replace(task, n_points=n, spacing=spacing))
+
+    def in_cloud(selection: Selection) -> Selection:
+        return replace(selection, indices=indices[selection.indices])
+
+    usable = constraints.usable(len(points))
+    if count is not None:
+        if not options.quotas and options.group is None:
+            check_count(count, len(constraints.keep), len(usable))
+        selection = choose_number(
+            count,
+            options,
+            constraints,
+            repeats,
+            lambda n: in_cloud(rank(n)),
+            lambda chosen, n: np.setdiff1d(usable, chosen)[:n],
+        )
     else:
-        assert gap is not None
-        selection = chosen(among.fewest_without_gaps(gap))
-    if among.rows is not None:
-        selection = replace(selection, indices=among.rows[selection.indices])
-    if among.fixed:
-        selection = with_repeats(selection, among.again, among.fixed)
-    if (missing := (count or 0) - len(selection.indices)) > 0:
-        selection = with_others(selection, np.setdiff1d(_usable(points, guide), selection.indices)[:missing])
-    return selection if gap is None else _without_gaps(points, _usable(points, guide), selection, gap, scale, timer)
+        if amount.tolerance is not None:
+            is_ranking = Feature.RANKING in method.supports
+            minimum = max(task.fixed, 1)
+            selection = fewest_points(task.points, amount.tolerance, scale, rank, is_ranking, minimum, timer)
+        elif amount.spacing is not None:
+            selection = rank(len(task.points), spacing=scale.inside(amount.spacing))
+        else:
+            assert amount.max_gap is not None
+            selection = rank(_number_of_discs(task.points, scale.inside(amount.max_gap), task.fixed))
+        selection = with_repeats(in_cloud(selection), repeats, task.fixed)
+    if amount.max_gap is None:
+        return selection
+    return _without_gaps(points, usable, selection, amount.max_gap, scale, timer)
 
 
-def _choose_parts(count: int, guide: Guide, among: _Places, chosen: Callable[[int], Selection]) -> Selection:
-    """Choose a number of points, of which each quota gets its own, or whole groups; `chosen` ranks places."""
-
-    def ranked(wanted: int) -> Selection:
-        assert among.rows is not None
-        selection = chosen(wanted)
-        return replace(selection, indices=among.rows[selection.indices])
-
-    if guide.parts is not None:
-        return choose_quotas(guide.parts, count, guide.keep, among.fixed, among.again, ranked)
-    assert guide.groups is not None
-    return choose_groups(guide.groups, int(guide.groups.max()) + 1, among.fixed, count, ranked)
-
-
-def choose_quotas(
-    parts: Parts,
+def choose_number(
     count: int,
-    keep: NDArray[np.int64],
-    fixed: int,
-    again: NDArray[np.int64],
-    chosen: Callable[[int], Selection],
+    options: Options,
+    constraints: Constraints,
+    repeats: Indices,
+    rank: Callable[[int], Selection],
+    others: Callable[[Indices, int], Indices],
 ) -> Selection:
-    """Choose a number of points, of which each quota gets its own.
+    """Choose a number of points: by quotas, in whole groups, or the first of a ranking.
 
-    `chosen` ranks a number of points, the first `fixed` of those to keep; others to keep repeat their places. Shapes:
-    keep (K,), again (k,).
+    `rank` chooses a number of distinct positions, those to keep first; `repeats` are indices to keep at the positions
+    of others. `others` returns a number of indices besides those that are chosen, where there are too few positions.
     """
-    numbers = parts.numbers(count, keep)
-    selection = replace(parts.choose(numbers - parts.count(again), fixed, chosen), ranked=False)
-    if fixed:
-        selection = with_repeats(selection, again, fixed)
-    return with_others(selection, parts.lacking(numbers, selection.indices))
+    fixed = len(constraints.keep) - len(repeats)
+    if options.group is not None:
+        return choose_groups(*_groups(constraints), fixed, count, rank)
+    if options.quotas:
+        assert constraints.labels is not None
+        selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
+        return with_others(with_repeats(selection, repeats, fixed), fill)
+    selection = with_repeats(rank(count - len(repeats)), repeats, fixed)
+    missing = count - len(selection.indices)
+    return with_others(selection, others(selection.indices, missing)) if missing > 0 else selection
 
 
-def _usable(points: Points, guide: Guide | None) -> NDArray[np.int64]:
-    """Return the rows of the points that may be kept."""
-    return np.arange(len(points)) if guide is None else guide.rows(len(points))
+def check_count(count: int, n_keep: int, n_usable: int) -> None:
+    """Check that there are as many points as are asked for, and that no more are to be kept."""
+    if count > n_usable:
+        raise InputError(f"expected at least {count:,} points of a weight above 0, found {n_usable:,}; ask for fewer")
+    if n_keep > count:
+        raise InputError(
+            f"{n_keep:,} points are to be kept whatever happens, but only {count:,} points are asked for; ask for at "
+            f"least {n_keep:,}, or mark fewer points to keep"
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class _Places:
-    """The places among which is chosen. The first `fixed` of them are kept.
-
-    `rows` are those of the places, None for all points; `again` are rows to keep at the same places.
-    """
-
-    points: Points
-    rows: NDArray[np.int64] | None
-    fixed: int
-    again: NDArray[np.int64]
-    weights: NDArray[np.float64] | None
-    detail: NDArray[np.float32] | None
-    values: NDArray[np.float64] | None
-
-    @classmethod
-    def of(cls, points: Points, guide: Guide | None) -> _Places:
-        """Return the different places of usable points, those to keep first."""
-        if guide is None:
-            first = first_occurrences(points)
-            rows = None if first.all() else np.flatnonzero(first)
-            return cls(points if rows is None else points[rows], rows, 0, np.empty(0, dtype=np.int64), None, None, None)
-        keep, usable = guide.keep, guide.rows(len(points))
-        rows = np.concatenate([keep, np.setdiff1d(usable, keep)]) if len(keep) else usable
-        first = first_occurrences(points.take(rows, axis=0))
-        among = first[: len(keep)]
-        again, rows = keep[~among], rows[first]
-        weights = None if guide.weights is None else guide.weights[rows]
-        if weights is not None:  # those of points that are kept anyway may be 0
-            weights = np.maximum(weights, weights[weights > 0.0].min())
-        detail = None if guide.detail is None else guide.detail.take(rows, axis=0)
-        values = None if guide.values is None else guide.values[rows]
-        return cls(points.take(rows, axis=0), rows, int(among.sum()), again, weights, detail, values)
-
-    def choose(self, wanted: int, method: Method, timer: Timer, spacing: float | None = None) -> Selection:
-        """Let a method choose a number of the places, or at most so many with a spacing; all of them in their order."""
-        if wanted >= len(self.points) and spacing is None:
-            return Selection(np.arange(len(self.points)), ranked=False)
-        return method(Task(self.points, wanted, spacing, self.fixed, self.weights, self.detail, self.values, timer))
-
-    def fewest_without_gaps(self, gap: float) -> int:
-        """Return how many points an even cover needs so that no point is farther from it than a length."""
-        area = surface_area(KdTree.build(self.points))
-        wanted = math.ceil(min(FEWEST_WITHOUT_GAPS * area / gap / gap, 1e18))
-        return min(max(wanted, self.fixed, 1), len(self.points))
-
-
-def with_repeats(selection: Selection, again: NDArray[np.int64], fixed: int) -> Selection:
-    """Return a selection with other rows to keep after the first points, and tell how many are kept in all."""
-    place = np.full(len(again), fixed)
+def with_repeats(selection: Selection, repeats: Indices, fixed: int) -> Selection:
+    """Return a selection with repeats to keep after its first `fixed` points, and the number of points to keep."""
+    if not fixed:
+        return selection
+    position = np.full(len(repeats), fixed)
     return replace(
         selection,
-        indices=np.insert(selection.indices, place, again),
-        diagnostics={**selection.diagnostics, "points_to_keep": float(fixed + len(again))},
-        attributes={name: np.insert(values, place, 0.0) for name, values in selection.attributes.items()},
+        indices=np.insert(selection.indices, position, repeats),
+        diagnostics={**selection.diagnostics, "points_to_keep": float(fixed + len(repeats))},
+        attributes={name: np.insert(values, position, 0.0) for name, values in selection.attributes.items()},
     )
 
 
-def with_others(selection: Selection, rows: NDArray[np.int64]) -> Selection:
-    """Return a selection with further rows behind, which the method did not choose: they repeat others."""
+def with_others(selection: Selection, indices: Indices) -> Selection:
+    """Return a selection with further points at its end, which the method did not choose."""
     return replace(
         selection,
-        indices=np.concatenate([selection.indices, rows]),
-        points=None if len(rows) else selection.points,
-        attributes={name: np.pad(values, (0, len(rows))) for name, values in selection.attributes.items()},
+        indices=np.concatenate([selection.indices, indices]),
+        points=None if len(indices) else selection.points,
+        attributes={name: np.pad(values, (0, len(indices))) for name, values in selection.attributes.items()},
     )
 
 
-def _with_errors(selection: Selection, errors: Errors, scale: Scale) -> Selection:
-    """Return a selection whose diagnostics also tell its errors, in the unit of the cloud."""
-    found = {f"surface_{name}": scale.outside(error) for name, error in errors.by_measure.items()}
-    if errors.largest is not None:
-        found = {"largest_error": scale.outside(errors.largest), **found}
-    if errors.set_aside:
-        found["points_set_aside"] = float(errors.set_aside)
-    return replace(selection, diagnostics={**selection.diagnostics, **found})
+def _groups(constraints: Constraints) -> tuple[Indices, int]:
+    """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
+    if constraints.labels is None:
+        groups = group_numbers(constraints.groups)
+        return groups, int(groups.max()) + 1
+    usable = constraints.labels != EXCLUDED
+    numbers = group_numbers([values[usable] for values in constraints.groups])
+    groups = np.full(len(usable), int(numbers.max()) + 1)
+    groups[usable] = numbers
+    return groups, int(numbers.max()) + 1
+
+
+def _distinct(points: Points, constraints: Constraints) -> tuple[Indices, Indices]:
+    """Return the indices of the distinct positions among which is chosen, those to keep first, and of repeats to keep.
+
+    Of several points at a position, it is the first one, or the first one to keep.
+    """
+    keep = constraints.keep
+    if constraints.weights is None and not len(keep):
+        return np.flatnonzero(first_occurrences(points)), keep
+    indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
+    is_first = first_occurrences(points.take(indices, axis=0))
+    return indices[is_first], keep[~is_first[: len(keep)]]
+
+
+def _task(
+    points: Points, indices: Indices, fixed: int, options: Options, constraints: Constraints, timer: Timer
+) -> Task:
+    """Return the task to choose among the points at some indices, (n,), the first of which are kept."""
+    cloud, attribute = PointCloud(points, constraints.columns), options.algorithm.reads_attribute
+    arrays: dict[str, Any] = {}
+    if constraints.weights is not None:
+        weights = WeightRange.from_weights(constraints.weights).relative(constraints.weights)[indices]
+        arrays["weights"] = np.maximum(weights, weights[weights > 0.0].min())  # those of points to keep may be 0
+    if options.details:
+        detail = Details.of(cloud, options.details).values(cloud)
+        arrays["detail"] = None if detail is None else detail.take(indices, axis=0)
+    if attribute is not None:
+        arrays["values"] = numbers_in(cloud, attribute, "to choose points by")[indices]
+    distinct = points if len(indices) == len(points) and not fixed else points.take(indices, axis=0)
+    return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays)
+
+
+def _number_of_discs(points: Points, radius: float, minimum: int) -> int:
+    """Return how many discs of a radius cover the surface of the points, in a hexagonal lattice."""
+    density = 2.0 / (3.0 * math.sqrt(3.0))  # discs of radius 1 for each unit of area
+    n = math.ceil(min(density * surface_area(KdTree.build(points)) / radius / radius, 1e18))
+    return min(max(n, minimum, 1), len(points))
 
 
 def _without_gaps(
-    points: Points, usable: NDArray[np.int64], selection: Selection, gap: float, scale: Scale, timer: Timer
+    points: Points, usable: Indices, selection: Selection, max_gap: Length, scale: Scale, timer: Timer
 ) -> Selection:
     """Add usable points, each the farthest from all others, until none is farther from one than a length."""
     kept = points[selection.indices] if selection.points is None else selection.points
     with timer("gaps"):
-        added, reached = fill_gaps(points[usable], kept, gap)
-    found = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(reached)}
-    extended = with_others(selection, usable[added])
+        added, gap = fill_gaps(points[usable], kept, scale.inside(max_gap))
+    diagnostics = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(gap)}
     moved = None if selection.points is None else np.concatenate([kept, points[usable[added]]])
-    return replace(extended, diagnostics={**selection.diagnostics, **found}, points=moved)
-
-
-def check_count(count: int, kept: int, usable: int) -> None:
-    """Check that there are as many points as are asked for, and that no more are to be kept."""
-    if count > usable:
-        raise InputError(f"expected at least {count:,} points of a weight above 0, found {usable:,}; ask for fewer")
-    if kept > count:
-        raise InputError(
-            f"{kept:,} points are to be kept whatever happens, but only {count:,} points are asked for; ask for at "
-            f"least {kept:,}, or mark fewer points to keep"
-        )
+    extended = with_others(selection, usable[added])
+    return replace(extended, diagnostics={**selection.diagnostics, **diagnostics}, points=moved)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,18 +16,15 @@ from gppcs.clouds.quantities import size_of
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.methods import Selection
 
-SURPLUS, MOST_GROWTH = 1.05, 4.0  # by which a ranking that lacks points of a part is made longer
+EXCLUDED = np.uint8(255)  # label of points that must not be kept
 
-LEFT_OUT = np.uint8(255)  # labels points that are not to be kept
-BLOCK = 1 << 20  # labels that are counted at once
-
-Rows = NDArray[np.int64]
+Indices = NDArray[np.int64]
 Labels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Quota:
-    """How many of the kept points meet a condition: a number (int), or a share of all kept points (float below 1)."""
+    """How many kept points meet a condition: a number (int), or a fraction of all kept points (float below 1)."""
 
     condition: Expression
     size: float | int
@@ -38,110 +35,108 @@ class Quota:
 
 
 def quotas_of(quota: Any) -> tuple[Quota, ...]:
-    """Check the argument `quota` of `gppcs.simplify`: numbers or shares of conditions."""
+    """Check the option `quota`: numbers or fractions of the kept points that meet conditions."""
     if not isinstance(quota, Mapping) or not quota:
         expected = "expected quota to be a mapping of conditions to numbers or shares of the kept points"
         raise ParameterError(f"{expected}, found {shown(quota)}")
+    if len(quota) >= EXCLUDED:
+        raise ParameterError(f"expected at most {EXCLUDED - 1} quotas, found {len(quota)}")
     return tuple(Quota(Expression.of(condition), _size(size)) for condition, size in quota.items())
 
 
-def _size(given: Any) -> float | int:
-    """Return the size of a quota: also 0, for none at all."""
-    if isinstance(given, str) and given.strip() in ("0", "0%"):
+def _size(value: Any) -> float | int:
+    """Return the size of a quota: also 0, for no points."""
+    if isinstance(value, str) and value.strip() in ("0", "0%"):
         return 0
-    return 0 if not isinstance(given, str | bool) and np.ndim(given) == 0 and given == 0 else size_of("quota", given)
+    is_zero = not isinstance(value, str | bool) and np.ndim(value) == 0 and value == 0
+    return 0 if is_zero else size_of("quota", value)
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """Points by the quotas that count for them."""
-
-    quotas: tuple[Quota, ...]
-    # (N,), for each point, the index of its quota; that behind the last one for points of no quota, which share the
-    # rest; `LEFT_OUT` for points that are not to be kept.
-    labels: Labels
-
-    @classmethod
-    def of(cls, cloud: PointCloud, rows: NDArray[Any] | slice, quotas: tuple[Quota, ...]) -> Parts:
-        """Look up which quota counts for each point of a cloud; only some rows may be kept."""
-        if len(quotas) >= LEFT_OUT:
-            raise ParameterError(f"expected at most {LEFT_OUT - 1} quotas, found {len(quotas)}")
-        labels = np.full(len(cloud), LEFT_OUT)
-        labels[rows] = len(quotas)
-        for index, quota in enumerate(quotas):
-            met = quota.condition.mask(cloud) & (labels != LEFT_OUT)
-            if (both := met & (labels < index)).any():
-                other = quotas[labels[np.argmax(both)]].condition.text
-                raise InputError(
-                    f"expected quotas that do not overlap, found {both.sum():,} points that meet both "
-                    f"{shown(other)} and {shown(quota.condition.text)}; narrow one of them"
-                )
-            labels[met] = index
-        return cls(quotas, labels)
-
-    def count(self, rows: Rows | None = None) -> Rows:
-        """Return the number of points of each part, of all or some rows, (len(quotas) + 1,)."""
-        labels, number = self.labels if rows is None else self.labels[rows], len(self.quotas) + 1
-        return sum(
-            (np.bincount(some, minlength=number)[:number] for some in np.array_split(labels, 1 + len(labels) // BLOCK)),
-            start=np.zeros(number, dtype=np.int64),
-        )
-
-    def numbers(self, count: int, keep: Rows) -> Rows:
-        """Return how many points each part gets, the last one what the quotas leave; check that this is possible."""
-        found, kept = self.count(), self.count(keep)
-        numbers = np.array([quota.number(count) for quota in self.quotas] + [0])
-        rest = count - int(numbers.sum())
-        if rest < 0:
+def quota_labels(cloud: PointCloud, usable: Indices, quotas: Sequence[Quota]) -> Labels:
+    """Return the index of the quota of each point, (N,): `len(quotas)` for none, `EXCLUDED` for unusable points."""
+    labels = np.full(len(cloud), EXCLUDED)
+    labels[usable] = len(quotas)
+    for index, quota in enumerate(quotas):
+        is_met = quota.condition.mask(cloud) & (labels != EXCLUDED)
+        is_met_twice = is_met & (labels < index)
+        if is_met_twice.any():
+            other = quotas[labels[np.argmax(is_met_twice)]].condition.text
             raise InputError(
-                f"expected quotas of at most the {count:,} points asked for, found {numbers.sum():,}; lower a quota, "
-                "or ask for more points"
+                f"expected quotas that do not overlap, found {is_met_twice.sum():,} points that meet both "
+                f"{shown(other)} and {shown(quota.condition.text)}; narrow one of them"
             )
-        numbers[-1] = rest
-        names = [f"points with {quota.condition.text}" for quota in self.quotas] + ["points of no quota"]
-        for name, wanted, there, fixed in zip(names, numbers, found, kept, strict=True):
-            if wanted > there:
-                raise InputError(f"expected at least {wanted:,} {name}, found {there:,}; change the quotas")
-            if fixed > wanted:
-                raise InputError(f"{fixed:,} {name} are to be kept whatever happens, but only {wanted:,} are asked for")
-        return numbers
-
-    def choose(self, numbers: Rows, fixed: int, chosen: Callable[[int], Selection]) -> Selection:
-        """Choose a number of points in each part, as far as there are so many. The first `fixed` ones are kept.
-
-        `chosen` ranks a number of all points. Each part gets the first of its own in one ranking, long enough for the
-        part that needs most, so that there are no seams where parts meet. A part that is wanted whole needs none.
-        Shapes: numbers (parts,).
-        """
-        there = self.count()
-        n, needed = int(there.sum()), np.where(numbers < there, numbers, 0)
-        wanted = max(1, fixed, min(n - 1, int(numbers.sum())))
-        while True:
-            selection = chosen(wanted)
-            found = self.count(selection.indices)
-            if (found >= needed).all() or wanted >= n - 1:
-                return _first_of_parts(selection, self.labels, numbers)
-            growth = min(float((needed / np.maximum(found, 1)).max()), MOST_GROWTH)
-            wanted = min(n - 1, math.ceil(SURPLUS * growth * wanted))
-
-    def lacking(self, numbers: Rows, kept: Rows) -> Rows:
-        """Return the first other rows, (k,), of each part that fill its number; they may repeat kept places."""
-        missing = numbers - self.count(kept)
-        found = [
-            np.setdiff1d(np.flatnonzero(self.labels == part), kept)[:number]
-            for part, number in enumerate(missing)
-            if number > 0
-        ]
-        return np.concatenate([np.empty(0, dtype=np.int64), *found])
+        labels[is_met] = index
+    return labels
 
 
-def _first_of_parts(selection: Selection, labels: Labels, numbers: Rows) -> Selection:
+def choose_quotas(
+    quotas: Sequence[Quota],
+    labels: Labels,
+    count: int,
+    keep: Indices,
+    repeats: Indices,
+    rank: Callable[[int], Selection],
+) -> tuple[Selection, Indices]:
+    """Choose points so that each quota gets its own; return also the indices that fill it with repeats.
+
+    `rank` ranks a number of points, the first of which are those of `keep` that do not repeat positions of others; the
+    latter are `repeats`. Each quota gets the first of its own in one ranking, which is long enough for the quota that
+    needs most, so that there are no seams. Shapes: labels (N,).
+    """
+    numbers = _numbers(quotas, labels, count, keep)
+    parts = len(quotas) + 1
+    n_points = _count(labels, parts)
+    n_ranked = numbers - _count(labels[repeats], parts)
+    needed = np.where(n_ranked < n_points, n_ranked, 0)  # all points of a quota need no ranking
+    n = int(n_points.sum())
+    length = max(1, len(keep) - len(repeats), min(n - 1, int(n_ranked.sum())))
+    while True:
+        selection = rank(length)
+        reached = _count(labels[selection.indices], parts)
+        if (reached >= needed).all() or length >= n - 1:
+            break
+        growth = min(float((needed / np.maximum(reached, 1)).max()), 4.0)
+        length = min(n - 1, math.ceil(1.05 * growth * length))  # a little longer: another ranking costs more
+    selection = replace(_first_of_parts(selection, labels, n_ranked), ranked=False)
+    taken = np.concatenate([selection.indices, repeats])
+    missing = numbers - _count(labels[taken], parts)
+    fill = [np.setdiff1d(np.flatnonzero(labels == part), taken)[: max(0, k)] for part, k in enumerate(missing)]
+    return selection, np.concatenate(fill)
+
+
+def _count(labels: Labels, parts: int) -> Indices:
+    """Return how many labels each part has, (parts,), counted in blocks to save memory."""
+    blocks = np.array_split(labels, 1 + len(labels) // (1 << 20))
+    return sum((np.bincount(block, minlength=parts)[:parts] for block in blocks), start=np.zeros(parts, dtype=np.int64))
+
+
+def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Indices) -> Indices:
+    """Return how many points each part gets, the last one what the quotas leave; check that this is possible."""
+    numbers = np.array([quota.number(count) for quota in quotas] + [0])
+    rest = count - int(numbers.sum())
+    if rest < 0:
+        raise InputError(
+            f"expected quotas of at most the {count:,} points asked for, found {numbers.sum():,}; lower a quota, "
+            "or ask for more points"
+        )
+    numbers[-1] = rest
+    n_points, n_kept = (_count(part, len(numbers)) for part in (labels, labels[keep]))
+    names = [f"points with {quota.condition.text}" for quota in quotas] + ["points of no quota"]
+    for name, number, n, fixed in zip(names, numbers, n_points, n_kept, strict=True):
+        if number > n:
+            raise InputError(f"expected at least {number:,} {name}, found {n:,}; change the quotas")
+        if fixed > number:
+            raise InputError(f"{fixed:,} {name} are to be kept whatever happens, but only {number:,} are asked for")
+    return numbers
+
+
+def _first_of_parts(selection: Selection, labels: Labels, numbers: Indices) -> Selection:
     """Return a selection without those points that are more than the number of their part, the last ones."""
-    of_chosen = labels[selection.indices]
-    order = np.argsort(of_chosen, kind="stable")
-    starts = np.searchsorted(of_chosen[order], np.arange(len(numbers)))
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order)) - starts[of_chosen[order]]
-    kept = place < numbers[of_chosen]
-    attributes = {name: values[kept] for name, values in selection.attributes.items()}
-    return replace(selection, indices=selection.indices[kept], attributes=attributes)
+    parts = labels[selection.indices]
+    order = np.argsort(parts, kind="stable")
+    starts = np.searchsorted(parts[order], np.arange(len(numbers)))
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order)) - starts[parts[order]]
+    is_kept = rank < numbers[parts]
+    attributes = {name: values[is_kept] for name, values in selection.attributes.items()}
+    return replace(selection, indices=selection.indices[is_kept], attributes=attributes)

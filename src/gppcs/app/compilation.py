@@ -11,7 +11,7 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
-from gppcs.amounts.request import Request
+from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.summary import info
 from gppcs.engine.timer import Timer
@@ -23,9 +23,9 @@ from gppcs.meshing.pipeline import mesh
 from gppcs.methods import METHODS
 from gppcs.methods.hc.clustering import hierarchical_clusters
 from gppcs.scans import sample
-from gppcs.simplification import simplify
+from gppcs.simplification import simplify, simplify_files
 from gppcs.spatial.kdtree import KdTree
-from gppcs.streaming.files import Work, run
+from gppcs.streaming.plan import make_plan
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.surface_variation import features_in_radius
 
@@ -69,11 +69,10 @@ def _beyond_memory(cloud: PointCloud) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scan.las"
         write(path, cloud, lossy=True)
-        work = Work(None, None, None, Timer())
         for method in ("gp", "fps", "voxel", "random"):
+            options = Options(n_points=len(cloud) // 50, method=method, drop_outliers=True)
             with CloudFiles([path]) as files:
-                request = Request.of(n_points=len(cloud) // 50, method=method, drop_outliers=True)
-                run(files, request, work, replace(work.planned(files, request), in_memory=False))
+                simplify_files(files, options, replace(make_plan(files, options), in_memory=False), Timer())
 
 
 def _loaded() -> list[Any]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gppcs import io
-from gppcs.amounts.request import Request
+from gppcs.amounts.options import Options
 from gppcs.app.levels import NAME as LEVEL
 from gppcs.app.levels import Levels
 from gppcs.app.outputs import Output
@@ -22,12 +22,9 @@ from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.query import Query
 from gppcs.methods.method import SCORES
-from gppcs.simplification import Result
-from gppcs.streaming.beyond_memory import Run
-from gppcs.streaming.files import Work, run
-from gppcs.streaming.plan import Plan
+from gppcs.simplification import Result, simplify_cloud, simplify_files
+from gppcs.streaming.plan import Plan, make_plan
 
 Values = np.ndarray[Any, Any]  # of an attribute
 
@@ -60,11 +57,9 @@ class Told:
 class Job:
     """What to do with each cloud."""
 
-    request: Request
+    options: Options
     levels: Levels | None
-    work: Work
-    input_format: str | None
-    query: Query | None
+    timer: Timer
     with_index: bool
     mark: str | None
     dry_run: bool
@@ -78,35 +73,40 @@ class Job:
             if not io.is_standard(each):
                 each.stat()  # a missing input is told before its name is taken for that of the output
         output.check(self.force)
-        work = replace(self.work, timer=Timer(self.work.timer.listener))
-        with CloudFiles(sources, self.input_format, query=self.query) as files:
-            planned = work.planned(files, self.request, None if self.mark is None else "add kept")
+        timer = Timer(self.timer.listener)
+        with CloudFiles(sources, self.options.format, query=self.options.query) as files:
+            planned = make_plan(files, self.options, None if self.mark is None else "add kept")
             if self.dry_run:
                 return told_of_plan(output, planned)
             head = files.preview
             self._note_other_unit(sources[0], head)
             self._check_storable(output, head)
-            done = run(files, self.request, work, planned)
+            if self.mark is None:
+                whole, result = None, simplify_files(files, self.options, planned, timer)
+            else:
+                with timer("reading"):
+                    whole = files.read()
+                result = simplify_cloud(whole, self.options, timer)
             unread = files.skipped()
-        with work.timer("writing"):
-            clouds = self._clouds(done, output)
-            lost = self._store(output, clouds, done.result.ranked and self.mark is None)
+        with timer("writing"):
+            clouds = self._clouds(result, whole, output)
+            lost = self._store(output, clouds, result.ranked and self.mark is None)
         note_left_out(output.targets[-1], [*unread, *lost])
-        self._note_size(sources[0], len(done.result.indices), done.points)
-        if done.result.diagnostics.get("moved_largest") == 0.0:
+        self._note_size(sources[0], len(result.indices), result.points_in)
+        if result.diagnostics.get("moved_largest") == 0.0:
             print_error(
                 f"note: {sources[0]}: --denoise moved no point: no noise was found, or none that differs from detail"
             )
-        unit = unit_of(head.header, self.request.unit)
-        return self._told(output, list(map(len, clouds)), done, planned.readings, unit)
+        unit = unit_of(head.header, self.options.unit)
+        return self._told(output, list(map(len, clouds)), result, planned.readings, unit)
 
     def _check_storable(self, output: Output, cloud: PointCloud) -> None:
         """Check that the output can hold points of a cloud with the attributes that the options add."""
         if self.mark is None:
             cloud = cloud.take(cloud.finite_rows())  # only these are kept
         zeros = np.zeros(len(cloud), np.float32)
-        names: tuple[str, ...] = NORMALS if self.request.normals else ()
-        names += SCORES if self.request.scores else ()
+        names: tuple[str, ...] = NORMALS if self.options.normals else ()
+        names += SCORES if self.options.scores else ()
         cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, zeros)})
         small = zeros.astype(np.uint8)
         cloud = self._with_attributes(cloud, output, zeros.astype(np.int64), small, small)
@@ -128,15 +128,13 @@ class Job:
                 )
         return replace(cloud, attributes={**cloud.attributes, **added})
 
-    def _clouds(self, done: Run, output: Output) -> list[PointCloud]:
+    def _clouds(self, result: Result, whole: PointCloud | None, output: Output) -> list[PointCloud]:
         """Return what goes to each file of an output."""
-        result = done.result
-        if self.mark is not None:
-            assert done.cloud is not None
-            kept = np.zeros(len(done.cloud), np.uint8)
+        if whole is not None:
+            kept = np.zeros(len(whole), np.uint8)
             kept[result.indices] = 1
-            return [self._with_attributes(done.cloud, output, kept, kept, kept)]
-        counts = self._counts(result, done.points) if self.levels else [len(result.indices)]
+            return [self._with_attributes(whole, output, kept, kept, kept)]
+        counts = self._counts(result, result.points_in) if self.levels else [len(result.indices)]
         level = np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
         cloud = self._with_attributes(result.cloud, output, result.indices, level, level)
         return [cloud] if len(output.targets) == 1 else [cloud.take(np.arange(count)) for count in counts]
@@ -174,15 +172,15 @@ class Job:
             raise
         return lost
 
-    def _told(self, output: Output, counts: list[int], done: Run, readings: int, unit: str | None) -> Told:
+    def _told(self, output: Output, counts: list[int], result: Result, readings: int, unit: str | None) -> Told:
         """Return what is told of a run that is done, with so many points in each file."""
-        result, kept = done.result, len(done.result.indices)
+        kept = len(result.indices)
         levels = list(zip(output.targets, counts, strict=True)) if len(counts) > 1 else []
         listed = {"levels": [{"output": str(file), "points_out": count} for file, count in levels]}
         record = {
             **_named(output),
             **(listed if levels else {}),
-            "points_in": done.points,
+            "points_in": result.points_in,
             "points_out": kept,
             "method": result.method.name,
             "parameters": dataclasses.asdict(result.method),
@@ -190,23 +188,23 @@ class Job:
             **record_of_run(result.diagnostics, result.seconds),
         }
         rows = {
-            "points": f"{done.points:,} in, {kept:,} out ({100 * kept / done.points:.3g} %)",
+            "points": f"{result.points_in:,} in, {kept:,} out ({100 * kept / result.points_in:.3g} %)",
             **{f"level {n}": f"{file}: {count:,} points" for n, (file, count) in enumerate(levels)},
             **({"points on disk": f"files read {readings} times"} if readings > 1 else {}),
             "method": str(result.method),
             **dict(self._in_words(name, value, unit) for name, value in result.diagnostics.items() if value),
             "time": time_in_words(result.seconds),
         }
-        line = f"{done.points:,} points in, {kept:,} out, {sum(result.seconds.values()):.2f} s"
+        line = f"{result.points_in:,} points in, {kept:,} out, {sum(result.seconds.values()):.2f} s"
         return Told(output, record, line, rows)
 
     def _in_words(self, name: str, value: float, unit: str | None) -> tuple[str, str]:
         """Return a diagnostic as a row of the table, with what was asked of it."""
         if name == "noise_in_spacings":
             meaning = next(words for most, words in NOISES if value <= most)
-            meaning = "after --denoise" if self.request.denoise else meaning
+            meaning = "after --denoise" if self.options.denoise else meaning
             return "noise", f"{100 * value:.2g} % of the spacing of the kept points ({meaning})"
-        amount, text = self.request.amount, number_in_words(value)
+        amount, text = self.options.amount, number_in_words(value)
         asked = {"largest_gap": amount.max_gap}
         if amount.tolerance is not None:
             measure = amount.tolerance.measure
@@ -219,9 +217,9 @@ class Job:
 
     def _note_size(self, source: Path, kept: int, points: int) -> None:
         """Print a note if fewer points are kept than were asked for, or if a tolerance is too small for the points."""
-        amount = self.request.amount
-        if amount.n_points is not None and kept < amount.n_points and self.request.group is None:
-            usable = " with finite coordinates" if self.request.invalid == "drop" else ""
+        amount = self.options.amount
+        if amount.n_points is not None and kept < amount.n_points and self.options.group is None:
+            usable = " with finite coordinates" if self.options.invalid == "drop" else ""
             asked = f"fewer than the {amount.n_points:,} asked for"
             print_error(f"note: {source}: all of its {kept:,} points{usable} were kept, {asked}")
         if amount.tolerance is not None and kept > 0.5 * points:
@@ -232,7 +230,7 @@ class Job:
 
     def _note_other_unit(self, source: Path, cloud: PointCloud) -> None:
         """Print a note if the unit that is given is not that of the input."""
-        unit = self.request.unit
+        unit = self.options.unit
         own, given = metres_of(None, cloud.header), metres_of(unit, cloud.header)
         if own is not None and given is not None and not math.isclose(own, given, rel_tol=1e-9):
             known = name_of_unit(own)
@@ -241,26 +239,32 @@ class Job:
 
 def told_of_plan(output: Output, plan: Plan) -> Told:
     """Return what is told of a run that is only planned."""
+    strategy = "in memory" if plan.in_memory else "with the points on disk"
     record = {
         **_named(output),
-        "points_in": plan.points,
-        "points_out": plan.kept,
-        "way": plan.way,
+        "points_in": plan.points_in,
+        "points_out": plan.points_out,
+        "way": strategy,
         "in_memory": plan.in_memory,
         "readings": plan.readings,
         "memory": plan.memory,
-        "memory_limit": plan.limit,
+        "memory_limit": plan.memory_limit,
         "disk": plan.disk,
     }
-    limit = "unknown" if plan.limit is None else size_of(plan.limit)
+    limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
         "plan": "nothing is done",
-        "points": f"{'' if plan.exact else 'about '}{plan.points:,} in, {plan.kept:,} out",
-        "way": plan.way,
+        "points": f"{'' if plan.is_counted else 'about '}{plan.points_in:,} in, {plan.points_out:,} out",
+        "way": strategy,
         "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
         **({"temporary files": f"about {size_of(plan.disk)}"} if plan.disk else {}),
     }
-    return Told(output, record, f"{plan.way}, about {size_of(plan.memory)}", rows)
+    return Told(
+        output,
+        record,
+        f"{('in memory' if plan.in_memory else 'with the points on disk')}, about {size_of(plan.memory)}",
+        rows,
+    )
 
 
 def _named(output: Output) -> dict[str, Any]:

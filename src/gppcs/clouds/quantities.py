@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
@@ -91,6 +92,18 @@ def _percentage(name: str, text: str) -> float:
         return float(Fraction(percent["number"]) / 100) if percent else float(text)
     except (ValueError, OverflowError):
         raise ParameterError(f"expected {name} to be a share, such as 0.03 or 3%, found {shown(text)}") from None
+
+
+def bytes_of(memory: int | str) -> int:
+    """Return a number of bytes that is written with a unit, such as 4GB or 512 MiB."""
+    text = str(memory) if isinstance(memory, int | str) and not isinstance(memory, bool) else ""
+    match = re.fullmatch(r"\s*(\d+|\d*\.\d+)\s*([kmgt]?)(i?)b?\s*", text, re.IGNORECASE | re.ASCII)
+    if match and (match[2] or not match[3]):
+        exponent = "kmgt".find(match[2].lower()) + 1 if match[2] else 0
+        exact = Decimal(match[1]) * (1024 if match[3] else 1000) ** exponent  # floats could overflow
+        if round(exact) > 0 and (match[2] or exact == round(exact)):
+            return round(exact)
+    raise ParameterError(f"expected an amount of memory such as 4GB or 512MB, found {shown(memory)}")
 
 
 @dataclass(frozen=True)

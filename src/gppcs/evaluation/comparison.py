@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
-from gppcs.amounts.request import Request
+from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Amount
@@ -142,7 +142,7 @@ def checked_methods(
     """Return methods with all their parameters, after checking that these are in their ranges."""
     if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
-    chosen = [Request.of(ratio=ratio, n_points=n_points, method=method, seed=seed).method for method in methods]
+    chosen = [Options(ratio=ratio, n_points=n_points, method=method, seed=seed).algorithm for method in methods]
     if not chosen:
         raise ParameterError("expected at least one method to compare, found none")
     return chosen

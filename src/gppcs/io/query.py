@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from io import BufferedReader
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.errors import FileFormatError, InputError, ParameterError, number, shown
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, number, shown
 from gppcs.io.format import Format, Reader
 from gppcs.io.polygons import Polygons, read_polygons
 
@@ -91,6 +92,37 @@ class Query:
         if self.only is not None:
             inside &= self.only.mask(cloud)
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
+
+
+def box_and_polygon(inside: Any) -> tuple[list[float] | None, Path | None]:
+    """Return the limits of a box and the file of polygons that an argument `inside` names: one of them, or both.
+
+    A text with commas that names no file is a box.
+    """
+    if inside is None:
+        return None, None
+    is_list = isinstance(inside, list | tuple) and any(isinstance(part, str | os.PathLike) for part in inside)
+    parts = inside if is_list else [inside]
+    boxes: list[Any] = []
+    files: list[Path] = []
+    for part in parts:
+        if isinstance(part, str) and "," in part and not Path(part).exists():
+            boxes.append([_as_number(limit) for limit in part.split(",")])
+        elif isinstance(part, str | os.PathLike) and part != "":
+            files.append(file_path(part))
+        else:
+            boxes.append(part)
+    if len(boxes) > 1 or len(files) > 1:
+        raise ParameterError("expected inside with at most one box and one file, found two of a kind")
+    return boxes[0] if boxes else None, files[0] if files else None
+
+
+def _as_number(text: str) -> Any:
+    """Return the number that a text means, or the text itself."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def restricted(known: Format, file: BufferedReader, columns: Sequence[str] | None, query: Query | None) -> Reader:

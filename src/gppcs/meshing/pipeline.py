@@ -17,7 +17,7 @@ from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
-from gppcs.errors import NoSurfaceError, ParameterError, flag, shown, whole_number
+from gppcs.errors import NoSurfaceError, ParameterError, flag, one_of, shown, whole_number
 from gppcs.io.reading import as_cloud
 from gppcs.meshing.assembly import PIECE_TRIANGLES, assembled, largest_pieces, without_scraps
 from gppcs.meshing.assignment import Assignment
@@ -192,7 +192,7 @@ def mesh(
     >>> result.mesh.vertices.shape, (cloud.points[result.indices] == result.mesh.vertices).all()
     ((500, 3), np.True_)
     """
-    from gppcs.simplification import check_usable
+    from gppcs.amounts.constraints import check_finite
 
     timer, effort = timer_of(timer), _effort_of(effort, keep)
     moved = flag("moved", moved) or effort > 0
@@ -204,7 +204,8 @@ def mesh(
         cloud = as_cloud(cloud)
         rows = cloud.finite_rows()
         bad = cloud.non_finite()
-        check_usable(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
+        one_of("invalid", invalid, ("error", "drop"))
+        check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
         points, corner, exponent = normalised(cloud.points[rows] if len(bad) else cloud.points)
         chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
         count = size.vertices(len(points))

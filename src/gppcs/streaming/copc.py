@@ -15,7 +15,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.request import Request
+from gppcs.amounts.options import Options
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io import copc_writing as copc
 from gppcs.io import las
@@ -26,8 +27,8 @@ from gppcs.io.files import refuse_losses
 from gppcs.io.format import shift_in_words
 from gppcs.io.las_header import LasHeader
 from gppcs.io.streams import whole_output
-from gppcs.streaming.files import Work, run
-from gppcs.streaming.plan import Plan
+from gppcs.simplification import simplify_files
+from gppcs.streaming.plan import Plan, make_plan
 from gppcs.streaming.scratch import scratch_folder
 
 BLOCK = 1 << 20  # Points that are sorted at once.
@@ -93,39 +94,36 @@ def _record_type(layout: las.Layout) -> np.dtype[Any]:
 
 
 def write_beyond_memory(
-    target: Path, files: CloudFiles, levels_by: str | None, drop: bool, work: Work, force: bool, lossy: bool
+    target: Path, files: CloudFiles, options: Options, timer: Timer, force: bool, lossy: bool
 ) -> list[str] | None:
     """Write a COPC file of files, and return in words what it does not hold; None if they fit into memory."""
-    request = Request.of(
-        n_points=copc.ranked_of(files.n_points), method=levels_by or copc.ORDERS[0],
-        invalid="drop" if drop else "error",
-    )  # fmt: skip
-    planned = work.planned(files, request)
+    options = replace(options, n_points=copc.ranked_of(files.n_points))
+    planned = make_plan(files, options)
     if planned.in_memory:
         return None
     unread = files.skipped()
-    dropped, lost = _write(target, files, planned, request, work, force, lossy)
+    dropped, lost = _write(target, files, planned, options, timer, force, lossy)
     invalid = [f"points with NaN or infinite coordinates ({dropped:,})"] if dropped else []
     return [*unread, *invalid, *lost]
 
 
 def _write(
-    target: Path, files: CloudFiles, planned: Plan, request: Request, work: Work, force: bool, lossy: bool
+    target: Path, files: CloudFiles, planned: Plan, options: Options, timer: Timer, force: bool, lossy: bool
 ) -> tuple[int, list[str]]:
     """Write a COPC file, and return how many points were not finite, and in words what the file does not hold."""
     head = files.preview
     layout = las.layout_to_write(copc.FORMAT.fit(head.take(head.finite_rows())).cloud)
     row = _record_type(layout).itemsize + head.points.itemsize * head.points.shape[1]
-    ranked = run(files, request, work, planned).result
-    with scratch_folder(work.scratch, planned.points * row) as folder, whole_output(target, force) as file:
-        with work.timer("points to disk", planned.points) as advanced:
-            drop = request.invalid == "drop"
+    ranked = simplify_files(files, options, planned, timer)
+    with scratch_folder(None, planned.points_in * row) as folder, whole_output(target, force) as file:
+        with timer("points to disk", planned.points_in) as advanced:
+            drop = options.invalid == "drop"
             stored = _stored(target, files, folder, ranked.indices, drop, lossy, advanced)
-        with work.timer("levels"):
+        with timer("levels"):
             codes = stored.summary.cube.codes(las.multiples(ranked.cloud.points, *_grid(stored.summary.header)))
             cells = Cells.around(codes, stored.summary.counts["count"])
             pieces = _sorted_by_nodes(stored, divided(cells, cells.places(codes), _others(stored, cells)))
-        with work.timer("writing", planned.points) as advanced, open(stored.path, "rb") as scratch:
+        with timer("writing", planned.points_in) as advanced, open(stored.path, "rb") as scratch:
             records = _nodes(scratch, stored.summary.layout.record, pieces, advanced)
             keys = np.unique(pieces[:, 0]).tolist()
             copc.write_octree(file, stored.summary, keys, ranked.cloud.points[:ROOT], records)

@@ -10,232 +10,279 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.guide import ChunkGuide, WeightRange
-from gppcs.amounts.request import Request
+from gppcs.amounts.constraints import Constraints, WeightRange
+from gppcs.amounts.options import Options
+from gppcs.amounts.quotas import EXCLUDED
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.ranges import Details
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
 from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.row_sample import place_hashes
+from gppcs.spatial.row_sample import HASHES, place_hashes
 from gppcs.spatial.scaling import Frame, bounds
-from gppcs.spatial.stored import Run, StoredPoints, boxes_for, write_run
-from gppcs.streaming.records import Columns, raw_field, raw_kind
+from gppcs.spatial.stored import RECORD, Run, StoredPoints, boxes_for, write_run
+from gppcs.streaming import plan
 
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
-SPARE = 1.1  # Sampled points for each one wanted, so that there are hardly ever too few.
-MOST_SAMPLED = 4 * SAMPLED  # In memory, where there are more points than were expected.
-HASHES = float(2**64)
+SPARE = 1.1  # Sampled points for each one needed, so that there are hardly ever too few.
 RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
-NO_ROWS = np.empty(0, dtype=np.int64)
 
-
-class Chunk(NamedTuple):
-    """A chunk of points on disk: the file, the row of its first point, and how many of its points are stored."""
-
-    name: str
-    first: int
-    stored: int
+Indices = NDArray[np.int64]
 
 
 @dataclass
 class Overview:
-    """What the first reading finds out about a cloud, or about a part of it."""
+    """What the first reading finds out about a cloud, or about a part of it. Overviews of parts are merged."""
 
     count: int = 0  # points
-    bad: int = 0  # points that are not finite
-    first_bad: int = 0  # the row of the first of these
-    # Corners (3,) of the bounding box of the stored points.
-    low: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
-    high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
+    n_bad: int = 0  # points that are not finite
+    first_bad: int = 0  # the index of the first of these
+    # (3,), corners of the bounding box of the stored points.
+    lower: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
+    upper: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
     columns: JointColumns = field(default_factory=JointColumns)
-    # Rows (k,) and places (k, 3) of the points to keep.
-    keep: NDArray[np.int64] = field(default_factory=lambda: NO_ROWS)
-    places: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    # Indices (k,) and positions (k, 3) of the points to keep.
+    keep: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    keep_points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
-    chunks: list[Chunk] = field(default_factory=list)
-    # A random sample (m, 3) of the stored points, and the random numbers (m,) by which it was drawn.
+    # The files of the chunks on disk, each with the index of its first point and the number of its stored points.
+    chunks: list[tuple[str, int, int]] = field(default_factory=list)
+    # A random sample (m, 3) of the stored points with their attributes, and the numbers (m,) by which it was drawn.
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
-    values: dict[str, NDArray[Any]] = field(default_factory=dict)  # attributes of the sample
-    labels: list[NDArray[np.uint8]] = field(default_factory=list)  # quotas of each chunk
-    groups: list[Sequence[NDArray[Any]]] = field(default_factory=list)  # what makes groups in each chunk
-    counts: list[int] = field(default_factory=list)  # points of each source
+    sample_columns: dict[str, NDArray[Any]] = field(default_factory=dict)
+    # Of each chunk: the quotas of its points, and what makes groups. Of each source: the number of points.
+    labels: list[NDArray[np.uint8]] = field(default_factory=list)
+    groups: list[Sequence[NDArray[Any]]] = field(default_factory=list)
+    source_counts: list[int] = field(default_factory=list)
 
     @property
     def stored(self) -> int:
         """Number of points that are stored."""
-        return sum(chunk.stored for chunk in self.chunks)
+        return sum(count for _, _, count in self.chunks)
 
     def add(self, other: Overview) -> None:
-        """Take note of the next points."""
-        if other.bad and not self.bad:
+        """Add the overview of the next points."""
+        if other.n_bad and not self.n_bad:
             self.first_bad = self.count + other.first_bad
         self.columns.merge(other.columns)
-        self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         self.keep = np.concatenate([self.keep, self.count + other.keep])
-        self.places = np.concatenate([self.places, other.places])
+        self.keep_points = np.concatenate([self.keep_points, other.keep_points])
         self.weights = self.weights.followed_by(other.weights)
-        self.chunks += [chunk._replace(first=self.count + chunk.first) for chunk in other.chunks]
+        self.chunks += [(name, self.count + first, count) for name, first, count in other.chunks]
         self.hashes = np.concatenate([self.hashes, other.hashes])
         self.sample = np.concatenate([self.sample, other.sample])
-        for name, values in other.values.items():
-            self.values[name] = np.concatenate([self.values[name], values]) if name in self.values else values
-        if len(self.hashes) > MOST_SAMPLED:
-            some = np.argpartition(self.hashes, MOST_SAMPLED // 2)[: MOST_SAMPLED // 2]
-            self.hashes, self.sample = self.hashes[some], self.sample[some]
-            self.values = {name: values[some] for name, values in self.values.items()}
+        for name, values in other.sample_columns.items():
+            earlier = self.sample_columns.get(name)
+            self.sample_columns[name] = values if earlier is None else np.concatenate([earlier, values])
+        if len(self.hashes) > 4 * SAMPLED:  # there are more points than were expected
+            smallest = np.argpartition(self.hashes, 2 * SAMPLED)[: 2 * SAMPLED]
+            self.hashes, self.sample = self.hashes[smallest], self.sample[smallest]
+            self.sample_columns = {name: values[smallest] for name, values in self.sample_columns.items()}
         self.labels += other.labels
         self.groups += other.groups
-        self.counts.append(other.count)
-        self.count, self.bad = self.count + other.count, self.bad + other.bad
+        self.source_counts.append(other.count)
+        self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
 
 
 def read_all(
-    sources: Sequence[CloudFiles], folder: Path, rows: int, about: int, guide: ChunkGuide, each: Each, timer: Timer
+    sources: Sequence[CloudFiles], folder: Path, about: int, options: Options, map_parts: Each, timer: Timer
 ) -> Overview:
     """Read all points of files, or of parts of files, once in chunks, and store the usable ones in a folder."""
-    seen, share = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
-    with timer("reading", about) as advanced:
-        for found in each(partial(_read, folder, rows, share, guide), list(enumerate(sources))):
-            seen.add(found)
-            advanced(found.count)
-    return seen
+    overview, fraction = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
+    with timer("reading", about) as on_progress:
+        read = partial(_read, folder, plan.CHUNK, fraction, options)
+        for part in map_parts(read, list(enumerate(sources))):
+            overview.add(part)
+            on_progress(part.count)
+    return overview
 
 
-def _read(folder: Path, rows: int, share: float, guide: ChunkGuide, source: tuple[int, CloudFiles]) -> Overview:
+def _read(folder: Path, n: int, fraction: float, options: Options, source: tuple[int, CloudFiles]) -> Overview:
     """Read a source, and store its usable points."""
-    place, seen = source[0], Overview()
+    overview = Overview()
     with source[1] as files:
-        for number, cloud in enumerate(files.chunks(True, rows)):
-            seen.add(_look(cloud, folder / f"{place}-{number}.raw", share, guide))
-    return replace(seen, counts=[])
+        for number, cloud in enumerate(files.chunks(True, n)):
+            overview.add(_read_chunk(cloud, folder / f"{source[0]}-{number}.raw", fraction, options))
+    return replace(overview, source_counts=[])
 
 
-def _look(cloud: PointCloud, path: Path, share: float, guide: ChunkGuide) -> Overview:
-    """Look at a chunk, and store its usable points in a file."""
-    seen = Overview(count=len(cloud))
-    seen.columns.add(cloud)
-    usable = guide.of_chunk(cloud)
-    places = cloud.points[usable.rows]
-    if not np.isfinite(bounds(cloud.points)).all():
-        bad = cloud.non_finite()
-        seen.bad, seen.first_bad = len(bad), int(bad[0])
-    seen.weights = usable.known
-    seen.labels = [] if usable.labels is None else [usable.labels]
-    seen.groups = [usable.groups] if usable.groups else []
-    if len(places):
-        records = np.empty(len(places), dtype=raw_kind(usable.weights is not None, usable.columns))
-        records["row"], records["place"] = usable.rows, places
-        if usable.weights is not None:
-            records["weight"] = usable.weights
-        for name, values in usable.columns.items():
-            records[raw_field(name)] = values
-        records.tofile(path)
-        seen.chunks = [Chunk(path.name, 0, len(places))]
-        seen.low, seen.high = bounds(places)
-        seen.keep, seen.places = usable.rows[usable.keep], places[usable.keep]
-        hashes = place_hashes(places)
-        some = np.flatnonzero(hashes < share * HASHES) if share < 1.0 else np.arange(len(hashes))
-        seen.hashes, seen.sample = hashes[some], places[some]
-        seen.values = {name: values[some] for name, values in usable.columns.items()}
-    return seen
+def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options) -> Overview:
+    """Return the overview of a chunk, and store its usable points in a file."""
+    overview, finite = Overview(count=len(cloud)), cloud.finite_rows()
+    overview.columns.add(cloud)
+    constraints = Constraints.from_cloud(cloud, finite, options)
+    if len(finite) < len(cloud):
+        overview.n_bad, overview.first_bad = len(cloud) - len(finite), int(cloud.non_finite()[0])
+    overview.weights = WeightRange.from_weights(constraints.weights)
+    if options.quotas or options.group is not None:
+        labels = np.full(len(cloud), EXCLUDED)
+        labels[finite] = 0 if constraints.labels is None else constraints.labels
+        overview.labels = [labels]
+    if options.group is not None:
+        overview.groups = [[_scattered(values, finite, len(cloud)) for values in constraints.groups]]
+    usable = constraints.usable(len(finite))
+    points = cloud.points[finite[usable]]
+    if not len(points):
+        return overview
+    records = np.empty(len(points), dtype=_raw_type(constraints.weights is not None, len(constraints.columns)))
+    records["row"], records["place"] = finite[usable], points
+    if constraints.weights is not None:
+        records["weight"] = constraints.weights[usable]
+    for number, values in enumerate(constraints.columns.values()):
+        records["columns"][:, number] = values[usable]
+    records.tofile(path)
+    overview.chunks = [(path.name, 0, len(points))]
+    overview.lower, overview.upper = bounds(points)
+    overview.keep, overview.keep_points = finite[constraints.keep], cloud.points[finite[constraints.keep]]
+    hashes = place_hashes(points)
+    sampled = np.flatnonzero(hashes < fraction * HASHES) if fraction < 1.0 else np.arange(len(hashes))
+    overview.hashes, overview.sample = hashes[sampled], points[sampled]
+    overview.sample_columns = {name: values[usable[sampled]] for name, values in constraints.columns.items()}
+    return overview
+
+
+def _scattered(values: NDArray[Any], indices: Indices, n: int) -> NDArray[Any]:
+    """Return n values, of which those at some indices are given."""
+    scattered = np.zeros(n, values.dtype)
+    scattered[indices] = values
+    return scattered
+
+
+def _raw_type(is_weighted: bool, n_columns: int) -> np.dtype[Any]:
+    """Return the type of the records of points as they are read."""
+    weight: list[Any] = [("weight", np.float64)] if is_weighted else []
+    return np.dtype([*RECORD.descr, *weight, ("columns", np.float64, (n_columns,))])
 
 
 def sorted_by_boxes(
-    seen: Overview, folder: Path, frame: Frame, request: Request, each: Each, timer: Timer
+    overview: Overview, folder: Path, frame: Frame, options: Options, map_parts: Each, timer: Timer
 ) -> StoredPoints:
     """Sort the stored points by boxes, in the coordinates of a frame."""
-    order = np.argsort(seen.hashes, kind="stable")
-    sample = frame.local(seen.sample[order][: round(SPARE * SAMPLED)])
+    order = np.argsort(overview.hashes, kind="stable")
+    sample = frame.local(overview.sample[order][: round(SPARE * SAMPLED)])
     sample = sample[first_occurrences(sample)][:SAMPLED]
-    boxes = boxes_for(sample, seen.stored)
-    columns = Columns.of(PointCloud(seen.sample, seen.values), seen.weights, request)
-    counts = np.zeros(len(boxes), dtype=np.int64)
-    groups, runs = _grouped(seen.chunks), []
-    with timer("boxes", seen.stored) as advanced:
-        sort = partial(_sort, folder, boxes, frame, columns)
-        for group, (run, of_group) in zip(groups, each(sort, groups), strict=True):
+    boxes = boxes_for(sample, overview.stored)
+    cloud = PointCloud(overview.sample, overview.sample_columns)
+    details = Details.of(cloud, options.details) if options.details else None
+    record = _sorted_type(overview.weights, details, options)
+    counts, runs = np.zeros(len(boxes), dtype=np.int64), []
+    groups = _grouped(overview.chunks)
+    names = list(overview.sample_columns)
+    with timer("boxes", overview.stored) as on_progress:
+        fill = partial(_fill, names, overview.weights, details, options.algorithm.reads_attribute)
+        sort = partial(_sort, folder, boxes, frame, record, _raw_type(overview.weights.n > 0, len(names)), fill)
+        for group, (run, run_counts) in zip(groups, map_parts(sort, groups), strict=True):
             runs.append(run)
-            counts += of_group
-            for chunk in group:
-                (folder / chunk.name).unlink()
-                advanced(chunk.stored)
-    return StoredPoints(folder, boxes, counts, tuple(runs), columns.kind, sample, seen.weights.mean_share)
+            counts += run_counts
+            for name, _, count in group:
+                (folder / name).unlink()
+                on_progress(count)
+    return StoredPoints(folder, boxes, counts, tuple(runs), record, sample, overview.weights.mean)
 
 
-def _grouped(chunks: Sequence[Chunk]) -> list[list[Chunk]]:
+def _sorted_type(weights: WeightRange, details: Details | None, options: Options) -> np.dtype[Any]:
+    """Return the type of the records of points that are sorted by boxes: what a method needs of each."""
+    more: list[Any] = [("weight", np.float64)] if weights.n else []
+    if details and details.width:
+        more.append(("detail", np.float32, (details.width,)))
+    if options.algorithm.reads_attribute is not None:
+        more.append(("value", np.float64))
+    return np.dtype([*RECORD.descr, *more])
+
+
+def _fill(
+    names: Sequence[str],
+    weights: WeightRange,
+    details: Details | None,
+    attribute: str | None,
+    records: NDArray[Any],
+    raw: NDArray[Any],
+) -> None:
+    """Fill records that are going to be sorted, given those that were read."""
+    records["row"], records["place"] = raw["row"], raw["place"]
+    columns = {name: raw["columns"][:, number] for number, name in enumerate(names)}
+    if weights.n:
+        relative = weights.relative(np.ascontiguousarray(raw["weight"]))
+        records["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
+    if details and details.width:
+        records["detail"] = details.values(PointCloud(raw["place"], columns))
+    if attribute is not None:
+        records["value"] = columns[attribute]
+
+
+def _grouped(chunks: Sequence[tuple[str, int, int]]) -> list[list[tuple[str, int, int]]]:
     """Return the chunks in groups of about as many points as a run should have."""
-    groups: list[list[Chunk]] = []
+    groups: list[list[tuple[str, int, int]]] = []
+    room = 0
     for chunk in chunks:
-        if groups and sum(each.stored for each in groups[-1]) + chunk.stored <= RUN:
-            groups[-1].append(chunk)
-        else:
-            groups.append([chunk])
+        if chunk[2] > room:
+            groups.append([])
+            room = max(RUN, chunk[2])
+        groups[-1].append(chunk)
+        room -= chunk[2]
     return groups
 
 
 def _sort(
-    folder: Path, boxes: Boxes, frame: Frame, columns: Columns, group: Sequence[Chunk]
-) -> tuple[Run, NDArray[np.int64]]:
+    folder: Path,
+    boxes: Boxes,
+    frame: Frame,
+    record: np.dtype[Any],
+    raw: np.dtype[Any],
+    fill: Any,
+    group: Sequence[tuple[str, int, int]],
+) -> tuple[Run, Indices]:
     """Sort some chunks into a run, and return it with the number of its points in each box."""
-    records, begin = np.empty(sum(chunk.stored for chunk in group), columns.kind), 0
-    for chunk in group:
-        some = records[begin : begin + chunk.stored]
-        columns.fill(some, np.fromfile(folder / chunk.name, dtype=columns.raw))
-        some["row"] += chunk.first
-        begin += chunk.stored
+    records, begin = np.empty(sum(count for _, _, count in group), record), 0
+    for name, first, count in group:
+        chunk = records[begin : begin + count]
+        fill(chunk, np.fromfile(folder / name, dtype=raw))
+        chunk["row"] += first
+        begin += count
     records["place"] = frame.local(np.ascontiguousarray(records["place"]))
-    return write_run(folder, group[0].name.replace(".raw", ".run"), boxes, records)
+    return write_run(folder, group[0][0].replace(".raw", ".run"), boxes, records)
 
 
 def take(
-    sources: Sequence[CloudFiles], seen: Overview, rows: NDArray[np.int64], chunk: int, each: Each, timer: Timer
+    sources: Sequence[CloudFiles], overview: Overview, indices: Indices, map_parts: Each, timer: Timer
 ) -> PointCloud:
-    """Read some points, (n,), with all their attributes, in the order of their rows given."""
-    order = np.argsort(rows)
-    asked, first = [], 0
-    for files, count in zip(sources, seen.counts, strict=True):
-        some = slice(*np.searchsorted(rows[order], [first, first + count]))
-        asked.append(_Taken(files, count, rows[order][some] - first, chunk))
+    """Read the points at some indices, (n,), with all their attributes, in this order."""
+    order = np.argsort(indices)
+    tasks, first = [], 0
+    for files, count in zip(sources, overview.source_counts, strict=True):
+        within = slice(*np.searchsorted(indices[order], [first, first + count]))
+        tasks.append((files, count, indices[order][within] - first, plan.CHUNK))
         first += count
-    with timer("kept points", seen.count) as advanced:
-        clouds = []
-        for part, cloud in zip(asked, each(_take, asked), strict=True):
+    clouds = []
+    with timer("kept points", overview.count) as on_progress:
+        for task, cloud in zip(tasks, map_parts(_take, tasks), strict=True):
             clouds += [cloud] if cloud is not None else []
-            advanced(part.points)
-    return seen.columns.joined(clouds).take(np.argsort(order))
+            on_progress(task[1])
+    return overview.columns.joined(clouds).take(np.argsort(order))
 
 
-class _Taken(NamedTuple):
-    """Which rows, (n,), ascending, to take of a source of so many points that is read in chunks."""
-
-    files: CloudFiles
-    points: int
-    rows: NDArray[np.int64]
-    chunk: int
-
-
-def _take(asked: _Taken) -> PointCloud | None:
-    """Read some points of a source; None if it has none of them and need not be read."""
-    if not len(asked.rows):
+def _take(task: tuple[CloudFiles, int, Indices, int]) -> PointCloud | None:
+    """Read the points of a source at some indices, (n,), ascending; None if there are none."""
+    files, count, indices, n = task
+    if not len(indices):
         return None
     first, clouds, columns = 0, [], JointColumns()
-    with asked.files as files:
-        for cloud in files.chunks(True, asked.chunk):
-            begin, end = np.searchsorted(asked.rows, [first, first + len(cloud)])
+    with files:
+        for cloud in files.chunks(True, n):
+            begin, end = np.searchsorted(indices, [first, first + len(cloud)])
             columns.add(cloud)
-            clouds.append(cloud.take(asked.rows[begin:end] - first))
+            clouds.append(cloud.take(indices[begin:end] - first))
             first += len(cloud)
-    if first != asked.points:
-        raise InputError(
-            f"expected {asked.points:,} points again, found {first:,}: the files have changed meanwhile; start anew"
-        )
+    if first != count:
+        raise InputError(f"expected {count:,} points again, found {first:,}: the files have changed meanwhile")
     return columns.joined(clouds)

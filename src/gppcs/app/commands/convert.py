@@ -49,11 +49,9 @@ def convert(
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
+    from gppcs.amounts.options import Options
     from gppcs.io.cloud_files import open_clouds
     from gppcs.streaming.copc import write_beyond_memory
-    from gppcs.streaming.files import Work
-    from gppcs.streaming.sizes import bytes_of
-    from gppcs.streaming.workers import executor_of
 
     timer = started(quiet)
     chosen = io.format_to_write(target, output_format, ascii, levels_by)
@@ -64,9 +62,11 @@ def convert(
     check_output(target, [source, *files], force)
     part = (input_format, names_of(columns), query, assume_same_crs)
     if has_levels and levels_by != "order" and not io.is_standard(source):
-        with executor_of(workers) as executor, open_clouds([source], *part) as clouds:
-            work = Work(None if memory is None else bytes_of(memory), None, executor, timer)
-            left_out = write_beyond_memory(target, clouds, levels_by, bool(drop), work, force, lossy)
+        ranked = Options(
+            n_points=1, method=levels_by or "gp", invalid="drop" if drop else "error", memory=memory, workers=workers
+        )
+        with open_clouds([source], *part) as clouds:
+            left_out = write_beyond_memory(target, clouds, ranked, timer, force, lossy)
         if left_out is not None:
             note_left_out(target, left_out)
             return

@@ -26,7 +26,7 @@ def methods(
     as_json: bool = options.JSON,
 ) -> None:
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
-    from gppcs.amounts.request import method_of
+    from gppcs.amounts.options import method_of
 
     chosen = list(METHODS.values()) if name is None else [type(method_of(name))]
     if as_json:

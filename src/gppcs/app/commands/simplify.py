@@ -118,12 +118,9 @@ def simplify(
     If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
     for standard input, or for standard output with --to.
     """
-    from gppcs.amounts.request import Request, method_of
+    from gppcs.amounts.options import Options, method_of
     from gppcs.app.runs import Job
     from gppcs.io import check_distinct
-    from gppcs.streaming.files import Work
-    from gppcs.streaming.sizes import bytes_of
-    from gppcs.streaming.workers import executor_of
 
     timer = started(quiet, threads)
     amount: dict[str, Any] = {"ratio": ratio, "n_points": points, "tolerance": tolerance, "spacing": spacing}
@@ -133,32 +130,31 @@ def simplify(
     added, mark = _added(add)
     excluded = {**amount, "add kept": mark, "quota": quota, "group": group}
     wanted = None if levels is None else _checked_levels(levels, excluded, chosen)
-    request = Request.of(
+    request = Options(
         **amount | (wanted.finest if wanted else {}), unit=unit, keep=keep, weight=weight,
         detail=options.weights_of(detail),
         quota=None if quota is None else dict(map(_numbered, quota)), group=group, method=chosen,
         invalid="drop" if "invalid" in dropped else "error", normals="normals" in added, scores="scores" in added,
-        drop_outliers="outliers" in dropped, denoise=denoise,
+        drop_outliers="outliers" in dropped, denoise=denoise, format=input_format, inside=inside or None, only=only,
+        memory=memory, workers=workers,
     )  # fmt: skip
     if dry_run and request.amount.ratio is None and request.amount.n_points is None:
         raise ParameterError(
             "expected --ratio or --points with --dry-run, as the number of points is known only after the work"
         )
-    if mark is not None and request.method.moves_points:
+    if mark is not None and request.algorithm.moves_points:
         raise ParameterError(
             "expected --add kept with a method that moves no points, as it writes them where they were"
         )
-    limit, (query, files) = None if memory is None else bytes_of(memory), options.query_of(inside, only)
+    _, files = options.query_of(inside, only)
     outputs = outputs_of(inputs, output, output_format, len(wanted.sizes) if wanted else 0)
     written = [target for each in outputs for target in each.targets]
     sources = [source for each in outputs for source in each.sources]
     check_distinct(written, [*inputs, *sources, *files])
     by_source = {each.sources[0]: each for each in outputs}
-    with executor_of(workers) as executor:
-        work = Work(limit, None, executor, timer)
-        job = Job(request, wanted, work, input_format, query, "index" in added, mark, dry_run, force, lossy)
-        several = len(outputs) > 1
-        for_each(by_source, lambda source: _print(job.run(by_source[source]), dry_run, several, quiet, as_json))
+    job = Job(request, wanted, timer, "index" in added, mark, dry_run, force, lossy)
+    several = len(outputs) > 1
+    for_each(by_source, lambda source: _print(job.run(by_source[source]), dry_run, several, quiet, as_json))
 
 
 def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_json: bool) -> None:
@@ -188,7 +184,7 @@ def _added(given: str | None) -> tuple[list[str], str | None]:
 
 def _checked_levels(text: str, excluded: dict[str, Any], method: Method) -> Levels:
     """Return the levels, after checking that they fit the other options."""
-    from gppcs.amounts.request import require
+    from gppcs.amounts.options import require
 
     for name, value in excluded.items():
         if value is not None:

@@ -1,0 +1,179 @@
+"""The class `Constraints`: what users require of single points, of a cloud in memory or of a chunk of one in files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.groups import group_columns
+from gppcs.amounts.options import Options
+from gppcs.amounts.quotas import quota_labels
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.lookup import as_floats, check_named, numbers_in
+from gppcs.clouds.ranges import columns_of_detail
+from gppcs.errors import InputError, ParameterError, shown
+
+MINIMUM_WEIGHT = 1e-4  # Relative to the largest. Smaller ones count as this: wider spacings would only take time.
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """What the options require of n points. Methods that only choose a number of points need not know of them."""
+
+    # (K,), ascending: indices of the points that are kept whatever happens.
+    keep: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    # (n,), as the user gives them: points of weight 0 are kept only if they are in `keep`.
+    weights: NDArray[np.float64] | None = None
+    # (n, ...), the attributes that count as detail, or that the method reads.
+    columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    labels: NDArray[np.uint8] | None = None  # (n,), the quota of each point; see `quota_labels`
+    groups: Sequence[NDArray[Any]] = ()  # (n,) each, the attributes whose equal values make groups
+
+    @classmethod
+    def from_cloud(cls, cloud: PointCloud, indices: NDArray[np.int64], options: Options) -> Constraints:
+        """Look up what the options require of the points of a cloud at some indices, (n,)."""
+        keep = _keep_mask(cloud, options.keep)[indices]
+        weights, usable = None, indices
+        if options.weight is not None:
+            weights = _weights(cloud, options.weight)[indices]
+            usable = indices[keep | (weights > 0.0)]
+        columns = {name: values[indices] for name, values in required_columns(cloud, options).items()}
+        labels = quota_labels(cloud, usable, options.quotas)[indices] if options.quotas else None
+        groups = group_columns(cloud, options.group) if options.group is not None else []
+        return cls(np.flatnonzero(keep), weights, columns, labels, [values[indices] for values in groups])
+
+    def usable(self, n: int) -> NDArray[np.int64]:
+        """Return the indices, ascending, of those of the n points that may be kept."""
+        if self.weights is None:
+            return np.arange(n)
+        mask = self.weights > 0.0
+        mask[self.keep] = True
+        return np.flatnonzero(mask)
+
+
+class WeightRange(NamedTuple):
+    """Statistics of weights, which can be merged over chunks."""
+
+    n: int = 0
+    n_bad: int = 0  # negative or not finite
+    first_bad: int = 0  # the index of the first of these
+    bad_value: float = math.nan
+    maximum: float = 0.0  # of the other weights
+    n_positive: int = 0
+    total: float = 0.0  # of the positive weights, relative to the maximum
+
+    @classmethod
+    def from_weights(cls, weights: NDArray[np.float64] | None) -> WeightRange:
+        """Measure weights, (n,)."""
+        if weights is None:
+            return cls()
+        is_good = (weights >= 0.0) & np.isfinite(weights)
+        bad = np.flatnonzero(~is_good)
+        first, value = (int(bad[0]), float(weights[bad[0]])) if len(bad) else (0, math.nan)
+        positive = weights[is_good & (weights > 0.0)]
+        maximum = float(positive.max(initial=0.0))
+        total = float((positive / (maximum or 1.0)).sum())
+        return cls(len(weights), len(bad), first, value, maximum, len(positive), total)
+
+    def followed_by(self, other: WeightRange) -> WeightRange:
+        """Return the statistics of these weights and others behind them."""
+        if self.n_bad:
+            first, value = self.first_bad, self.bad_value
+        else:
+            first, value = self.n + other.first_bad, other.bad_value
+        maximum = max(self.maximum, other.maximum)
+        total = sum(part.total * (part.maximum / (maximum or 1.0)) for part in (self, other))
+        n_positive = self.n_positive + other.n_positive
+        return WeightRange(self.n + other.n, self.n_bad + other.n_bad, first, value, maximum, n_positive, total)
+
+    @property
+    def mean(self) -> float:
+        """Mean of the positive weights, relative to the maximum."""
+        return self.total / self.n_positive if self.n_positive else 1.0
+
+    def relative(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return weights, (n,), relative to the maximum, 0 or at least `MINIMUM_WEIGHT`."""
+        return np.where(weights > 0.0, np.maximum(weights / self.maximum, MINIMUM_WEIGHT), 0.0)
+
+
+def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> None:
+    """Check that the condition of points to keep is met, and that weights are some."""
+    if isinstance(options.keep, str) and not n_keep:
+        raise InputError(
+            f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit keep"
+        )
+    if options.weight is None:
+        return
+    if weights.n_bad:
+        raise InputError(
+            f"expected finite weights from 0 on, found {weights.bad_value:g} at index {weights.first_bad} and "
+            f"{weights.n_bad - 1} more"
+        )
+    if not weights.maximum:
+        raise InputError("expected a weight above 0 of at least one point, found 0 of all")
+
+
+def check_finite(n: int, n_bad: int, first_bad: int, invalid: str) -> None:
+    """Check that a cloud has points, and that those that are not finite may be dropped."""
+    if n == 0:
+        raise InputError("the cloud is empty: expected at least one point")
+    if n_bad and invalid == "error":
+        raise InputError(
+            f"{n_bad} of {n} points have coordinates that are NaN or infinite, the first at index {first_bad}; drop "
+            "them with invalid='drop'"
+        )
+    if n_bad == n:
+        raise InputError(f"none of the {n} points has finite coordinates")
+
+
+def required_columns(cloud: PointCloud, options: Options) -> dict[str, NDArray[Any]]:
+    """Return the attributes that count as detail or that the method reads, with their types, (N, ...)."""
+    names = columns_of_detail(cloud, options.details)
+    attribute = options.algorithm.reads_attribute
+    if attribute is not None:
+        check_named(attribute, cloud.attributes, "to choose points by")
+        names.append(attribute)
+    return {name: cloud.attributes[name] for name in names}
+
+
+def _keep_mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
+    """Return which points, (N,), are to be kept."""
+    mask = np.zeros(len(cloud), dtype=np.bool_)
+    if keep is None:
+        return mask
+    if isinstance(keep, str):
+        return Expression.of(keep).mask(cloud)
+    expected = f"expected keep to be a condition, a mask of the {len(cloud):,} points, or indices"
+    try:
+        values = np.asarray(keep)
+    except ValueError:
+        raise ParameterError(f"{expected}, found {shown(keep)}") from None
+    if values.dtype == np.bool_ and values.shape == (len(cloud),):
+        return values
+    if values.ndim != 1 or not (np.issubdtype(values.dtype, np.integer) or values.size == 0):
+        raise ParameterError(f"{expected}, found {shown(keep)}")
+    outside = (values < 0) | (values >= len(cloud))
+    if outside.any():
+        raise ParameterError(f"{expected} from 0 to {len(cloud) - 1}, found {values[outside][0]}")
+    mask[values.astype(np.int64)] = True
+    return mask
+
+
+def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
+    """Return the weight of each point, (N,)."""
+    if isinstance(weight, str):
+        return numbers_in(cloud, weight, "to weigh its points by")
+    expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
+    try:
+        values = np.asarray(weight)
+    except ValueError:
+        raise ParameterError(f"{expected}, found {shown(weight)}") from None
+    if values.shape != (len(cloud),) or values.dtype.kind not in "biuf":
+        raise ParameterError(f"{expected}, found {shown(weight)}")
+    return as_floats(values)

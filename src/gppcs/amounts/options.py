@@ -1,0 +1,331 @@
+"""The options of a simplification: one dataclass, which `gppcs.simplify` and `gppcs simplify` fill."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from numpy.typing import ArrayLike
+
+from gppcs.amounts.quotas import Quota, quotas_of
+from gppcs.clouds.expressions import Expression
+from gppcs.clouds.quantities import Amount, bytes_of, metres_of
+from gppcs.clouds.ranges import weights_of_detail
+from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown, whole_number
+from gppcs.methods import DEFAULT, METHODS, Feature, Method
+from gppcs.methods.parameters import parameters_of, with_settings
+
+if TYPE_CHECKING:
+    from gppcs.io.query import Query
+
+
+def _option(default: Any, text: str, for_files: bool = False) -> Any:
+    """Declare an option with its help text; some are only for clouds in files."""
+    return field(default=default, metadata={"help": text, "for_files": for_files})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Options:
+    """What is asked of a simplification, whatever the cloud; checked as far as that is possible without it."""
+
+    ratio: float | str | None = _option(
+        None, "Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%."
+    )
+    n_points: int | str | None = _option(
+        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are no more, all are kept in order."
+    )
+    tolerance: float | str | None = _option(
+        None,
+        "Keep the fewest points whose local surface no original point is farther from than this, outliers aside: "
+        "0.5 (in the unit of the coordinates), 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind it, it "
+        "bounds that error instead; with :max, outliers count, too. In place of a number.",
+    )
+    spacing: float | str | None = _option(
+        None,
+        "Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of a number. "
+        + " ".join(
+            f"{name}: {method.supports[Feature.SPACING]}"
+            for name, method in METHODS.built_in.items()
+            if Feature.SPACING in method.supports
+        ),
+    )
+    max_gap: float | str | None = _option(
+        None,
+        "Add points until each original point has a kept one within this distance. Alone, or beside another amount.",
+    )
+    unit: str | None = _option(
+        None,
+        "Unit of the coordinates, such as m or mm, for lengths with a unit. By default, the coordinate system of the "
+        "cloud tells it.",
+    )
+    keep: str | ArrayLike | None = _option(
+        None,
+        "Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'; in Python "
+        "also those of a mask or of indices. They count in the number of points and come first, and the others are "
+        "chosen where these are not (method gp).",
+    )
+    weight: str | ArrayLike | None = _option(
+        None,
+        "Multiply the density of the kept points by this attribute, from 0 on; in Python also by a number for each "
+        "point. No point of weight 0 is kept, but those to keep (method gp).",
+    )
+    detail: str | Mapping[str, float] | None = _option(
+        None,
+        "Let this attribute count beside the shape: rgb (red, green and blue), a number such as intensity, or classes. "
+        "The weight, from 0 to 1000, is 1 if none is given (method gp).",
+    )
+    quota: Mapping[str, float | str] | None = _option(
+        None,
+        "Keep exactly this number of points that meet a condition, or this share of the kept points, such as "
+        "10% with 'classification == 6'. The other points share the rest (methods that rank their points).",
+    )
+    group: str | None = _option(
+        None,
+        "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time. There "
+        "are then as near to the number of points as whole groups allow (methods that rank their points).",
+    )
+    method: str | Method = _option(DEFAULT, "The method: its name, or in Python an instance with other parameters.")
+    seed: int | None = _option(None, "Seed of random numbers. Methods without random numbers ignore it.")
+    invalid: Literal["error", "drop"] = _option(
+        "error", "What to do with points that have NaN or infinite coordinates: stop with an error, or drop them."
+    )
+    drop_outliers: bool = _option(
+        False,
+        "Drop, before all else, the points that neither their neighbours nor the surface explain, also if they are to "
+        "be kept. They do not count in ratios.",
+    )
+    normals: bool = _option(
+        False,
+        "Add normals that are estimated from all points of the input, to rebuild a surface; those of closed pieces "
+        "point outward, of flat pieces along +z.",
+    )
+    scores: bool = _option(
+        False, "Add the score and the standard deviation of each point when it was chosen; 0 for repeats (method gp)."
+    )
+    denoise: bool = _option(
+        False,
+        "Move the kept points onto the surface that all points observe with noise. They keep their attributes, but get "
+        "normals of that surface if the input has normals (method gp).",
+    )
+    format: str | None = _option(None, "Format of the files, by its suffix. By default, the content tells.", True)
+    columns: Sequence[str] | None = _option(None, "Names of the columns of a text table, with x, y and z.", True)
+    inside: Sequence[Any] | str | os.PathLike[str] | None = _option(
+        None,
+        "Read only the points in a box, xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax, or inside the polygons "
+        "of a GeoJSON file, in the coordinate system of the input; or both.",
+        True,
+    )
+    resolution: float | None = _option(
+        None, "Read a COPC file only down to the level on which neighbours are about that far from each other.", True
+    )
+    only: str | None = _option(
+        None,
+        "Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and "
+        "z > 2.5'.",
+        True,
+    )
+    assume_same_crs: bool = _option(False, "Give all files the coordinate system of the first one.", True)
+    memory: int | str | None = _option(
+        None,
+        "How much memory to use, such as 2GB; half of what is free by default. The points of a larger cloud go to "
+        "temporary files, where other points are chosen than in memory, but equally good ones.",
+        True,
+    )
+    workers: int | str | Executor | None = _option(
+        None,
+        "Share the work among this many processes of this machine, in place of threads, or among the workers of a "
+        "Dask scheduler, such as tcp://10.0.0.5:8786; in Python also of an executor of concurrent.futures.",
+        True,
+    )
+    scratch: str | os.PathLike[str] | None = _option(
+        None, "An existing folder for temporary files, by default the system's.", True
+    )
+
+    def __post_init__(self) -> None:
+        one_of("invalid", self.invalid, ("error", "drop"))
+        for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
+            flag(name, getattr(self, name))
+        if self.group is not None and not isinstance(self.group, str):
+            raise ParameterError(f"expected group to be the name of an attribute, found {shown(self.group)}")
+        self._check_features()
+        self._check_denoised()
+        if self.unit is not None:
+            metres_of(self.unit, None)
+        if isinstance(self.keep, str):
+            Expression.of(self.keep)
+        _ = self.memory_limit, self.query, self.scratch_parent
+        _check_workers(self.workers)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a worker needs, to which no executor can be sent."""
+        return {**vars(self), "workers": None}
+
+    @cached_property
+    def amount(self) -> Amount:
+        """What decides how many points are kept."""
+        return Amount.of(self.ratio, self.n_points, self.tolerance, self.spacing, self.max_gap)
+
+    @cached_property
+    def algorithm(self) -> Method:
+        """The method, with the seed and the denoising that the options set."""
+        method = method_of(self.method, self.seed)
+        if self.denoise:
+            require(method, Feature.DENOISE)
+            method = with_settings(method, {"denoise": True})
+        return method
+
+    @cached_property
+    def denoises(self) -> bool:
+        """Whether points are moved onto the surface below their noise."""
+        return Feature.DENOISE in self.algorithm.supports and self.algorithm.moves_points
+
+    @cached_property
+    def details(self) -> Mapping[str, float]:
+        """The attributes that count beside the shape, with their weights."""
+        return {} if self.detail is None else weights_of_detail(self.detail)
+
+    @cached_property
+    def quotas(self) -> tuple[Quota, ...]:
+        """How many points meet conditions."""
+        return () if self.quota is None else quotas_of(self.quota)
+
+    @cached_property
+    def query(self) -> Query | None:
+        """Which points of the files are read; None for all."""
+        if self.inside is None and self.resolution is None and self.only is None:
+            return None
+        from gppcs.io.query import Query, box_and_polygon
+
+        box, polygon = box_and_polygon(self.inside)
+        return Query.of(box, self.resolution, self.only, polygon)
+
+    @cached_property
+    def memory_limit(self) -> int | None:
+        """How many bytes the process may hold, if that is limited."""
+        return None if self.memory is None else bytes_of(self.memory)
+
+    @cached_property
+    def scratch_parent(self) -> Path | None:
+        """The folder for temporary files, if it is named."""
+        return None if self.scratch is None else file_path(self.scratch)
+
+    @property
+    def constrains_points(self) -> bool:
+        """Whether anything is asked of single points; see `Constraints`."""
+        by_name = self.details or self.quotas or self.group or self.algorithm.reads_attribute
+        return self.keep is not None or self.weight is not None or bool(by_name)
+
+    @property
+    def needs_memory(self) -> str | None:
+        """The option for which all points have to be in memory, if any."""
+        reasons = {
+            "tolerance": self.amount.tolerance is not None,
+            "max_gap": self.amount.max_gap is not None,
+            "denoise": self.denoises,
+            "normals": self.normals,
+            "keep": self.keep is not None and not isinstance(self.keep, str),
+            "weight": self.weight is not None and not isinstance(self.weight, str),
+        }
+        return next((name for name, is_set in reasons.items() if is_set), None)
+
+    def check_in_memory(self) -> None:
+        """Check that no option is given that is only for clouds in files."""
+        for option in fields(self):
+            if option.metadata["for_files"] and getattr(self, option.name) != option.default:
+                raise ParameterError(f"expected {option.name} with a cloud in files, found one in memory")
+
+    def _check_features(self) -> None:
+        """Check that the method can do what is asked for, and that the options go together."""
+        amount = self.amount
+        features = {
+            Feature.SPACING: amount.spacing is not None,
+            Feature.KEEP: self.keep is not None,
+            Feature.WEIGHT: self.weight is not None,
+            Feature.DETAIL: bool(self.details),
+            Feature.RANKING: bool(self.quotas) or self.group is not None,
+            Feature.SCORES: self.scores,
+        }
+        for feature, is_needed in features.items():
+            if is_needed:
+                require(self.algorithm, feature)
+        if amount.spacing is not None and (self.keep is not None or self.weight is not None):
+            raise ParameterError(
+                "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a "
+                "spacing"
+            )
+        if features[Feature.RANKING] and (amount.known_count(1) is None or amount.max_gap is not None):
+            raise ParameterError(
+                "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or "
+                "largest gap"
+            )
+        if self.quotas and self.group:
+            raise ParameterError("expected either quotas or a group, found both; ask for one")
+
+    def _check_denoised(self) -> None:
+        """Check that what is asked for can be had of denoised points."""
+        refused = ("tolerance", "max_gap", "keep", "quota", "group")  # of denoised points, all are off the surface
+        for name in refused if self.denoises else ():
+            if getattr(self, name) is not None:
+                raise ParameterError(f"expected denoise without {name}, found both")
+
+
+def described_options() -> str:
+    """Return the options as a docstring of a function lists them."""
+    texts = []
+    for option in fields(Options):
+        kind = str(option.type).replace(" | None", ", optional").replace(" | ", " or ")
+        texts.append(f"    {option.name} : {kind}\n")
+        texts.append(textwrap.indent(textwrap.fill(option.metadata["help"], 112), " " * 8) + "\n")
+    return "".join(texts)
+
+
+def require(method: Method, feature: Feature) -> None:
+    """Check that a method has a feature."""
+    if feature in method.supports:
+        return
+    verbs = {
+        Feature.SPACING: "takes a spacing",
+        Feature.KEEP: "keeps given points",
+        Feature.WEIGHT: "weighs points",
+        Feature.DETAIL: "looks at attributes",
+        Feature.RANKING: "ranks its points",
+        Feature.DENOISE: "can denoise its points",
+        Feature.SCORES: "scores its points",
+    }
+    alternatives = " or ".join(repr(name) for name, other in METHODS.items() if feature in other.supports)
+    raise ParameterError(f"expected a method that {verbs[feature]}, found {method.name!r}; use {alternatives}")
+
+
+def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method of that name, or the method itself, with a seed and other parameters."""
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS)}")
+        method = METHODS[method]()
+    if not isinstance(method, Method):
+        raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
+    if settings:
+        method = with_settings(method, settings)
+    if seed is not None and "seed" in parameters_of(method):
+        return replace(method, seed=seed)
+    if seed is not None:
+        whole_number("the seed", seed, 0)
+    return method
+
+
+def _check_workers(workers: Any) -> None:
+    """Check that workers are a number of processes, the address of a scheduler, or an executor."""
+    if workers is None or isinstance(workers, Executor) or (isinstance(workers, str) and "://" in workers):
+        return
+    is_text = isinstance(workers, str) and workers.isascii() and workers.isdigit()
+    if isinstance(workers, bool) or not (is_text or isinstance(workers, int)) or not 1 <= int(workers) <= 10_000:
+        raise ParameterError(
+            "expected workers to be a number of processes from 1 to 10,000, the address of a Dask scheduler such as "
+            f"tcp://10.0.0.5:8786, or an executor of concurrent.futures, found {shown(workers)}"
+        )
