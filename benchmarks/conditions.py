@@ -409,7 +409,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
 
 def mean_to_local_surface(places: Array, kept: Array) -> float:
     """Return the mean distance of places, (Q, 3), from the local surface of kept points, (M, 3)."""
-    return float(LocalSurface.of(kept).nearest_to(places)[0].mean())
+    return float(LocalSurface.from_points(kept).nearest_to(places)[0].mean())
 
 
 def distances_from(reference: Reference, kept: Array, normals: Array | None) -> dict[str, float]:

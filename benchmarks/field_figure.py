@@ -26,7 +26,7 @@ from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.gp.local import algorithm
 from gppcs.gp.local.posterior import condition, posterior
 
-PICTURE = Path(__file__).parents[1] / "docs" / "local-field.png"
+PICTURE = Path(__file__).parents[1] / "research" / "local-field.png"
 POINTS, KEPT = 200_000, 3_000
 METHOD = gppcs.LocalGP()
 
@@ -70,9 +70,8 @@ def last_stage(cloud: gppcs.PointCloud) -> LastStage:
     with patch.object(algorithm, "local_field", fields), patch.object(algorithm, "extend", choices):
         gppcs.simplify(cloud, n_points=KEPT, method=METHOD)
     (tree, features, *_), field = fields.last
-    (*_, chosen, _, neighbours, error_weight, _), (kept, *_) = choices.last
-    given_chosen = condition(field, tree, chosen, neighbours)
-    variances = posterior(field, given_chosen, error_weight).variances
+    (*_, chosen, _, neighbours, error_weight), (kept, *_) = choices.last
+    _, variances, _ = posterior(field, condition(field, tree, chosen, neighbours), error_weight)
     roughness = np.sqrt(features.surface_variation)
     return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), chosen, kept)
 
@@ -83,9 +82,9 @@ class Recorded:
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the function."""
-        result = self.function(*arguments)
+        result = self.function(*arguments, **named)
         self.last = arguments, result
         return result
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -15,88 +16,82 @@ import conditions
 import gppcs
 import report
 from conditions import SMALLER, Condition
-from gppcs.gp.local import algorithm, candidates, density, greedy, placement
-from gppcs.methods import gp
+from gppcs.gp.local import beyond_memory, greedy, settings  # the first imports all stages
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface import noise, quadrics
+from gppcs.surface import noise
 
 FACTORS = (0.5, 2.0)
 ROUNDING = 1e-12  # a mean distance below this, in diagonals, is only rounding
-LIMITS = {"SHARE": (0.0, 0.99), "feature_weight": (0.0, 1.0), "SPARE": (1.0, 2.0)}
+LIMITS = {"feature_weight": (0.0, 1.0)}
 
 
 class Constant(NamedTuple):
-    """A constant of a module, or a parameter of the method if there is no module."""
+    """A constant of a module, or, in small letters, a parameter of the method."""
 
-    module: Any
     name: str
     meaning: str
     unit: str
+    module: Any = settings
 
     def value(self) -> Any:
         """Return its value."""
-        return getattr(self.module or gppcs.LocalGP(), self.name)
+        if self.name.islower():
+            return getattr(gppcs.LocalGP(), self.name)
+        return getattr(greedy if self.name == "PART_POINTS" else self.module, self.name)
 
     def times(self, factor: float) -> Any:
         """Return its value times a factor, whole if it is whole and not 0."""
         value = self.value()
         if isinstance(value, tuple):
-            return tuple(factor * each for each in value)
+            return tuple(factor * part for part in value)
         if isinstance(value, int):
             return max(1, round(factor * value))
         return float(np.clip(factor * value, *LIMITS.get(self.name, (0.0, np.inf))))
 
+    def change(self, value: Any) -> None:
+        """Change it for good, in all modules that use it."""
+        for name, module in list(sys.modules.items()):
+            if name.startswith("gppcs.") and vars(module).get(self.name) == self.value() and self.name in vars(module):
+                setattr(module, self.name, value)
+
 
 CONSTANTS = (
-    Constant(None, "feature_weight", "how much denser points are on features", "-"),
-    Constant(None, "lengthscale", "of the Matérn kernel", "desired spacings"),
-    Constant(None, "neighbours", "chosen points that a posterior is conditioned on", "points"),
-    Constant(None, "candidates", "cells of the grid in a square of the target spacing", "cells"),
-    Constant(gp, "DENSITY_POWER", "power of the roughness that the density goes as", "-"),
-    Constant(gp, "NORMAL_WEIGHT", "distance of two normals at a right angle", "desired spacings"),
-    Constant(density, "ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
-    Constant(algorithm, "NUGGET", "variance of an observation without noise", "prior variances"),
-    Constant(algorithm, "NEAREST", "points of a neighbourhood where candidates are all points", "points"),
-    Constant(algorithm, "GRADATION", "growth of the desired spacing with distance", "-"),
-    Constant(density, "GROUP_SIZE", "points that have one limit of that growth", "points"),
-    Constant(density, "LEAST_ROUGHNESS", "of flat places", "-"),
-    Constant(density, "EDGE_ROUGHNESS", "roughness on a right-angled edge", "-"),
-    Constant(density, "WEIGHT_POWER", "power of the users' weights", "-"),
-    Constant(density, "FINEST", "candidates with weights", "times those without"),
-    Constant(candidates, "FIRST_STAGE", "points of the first stage", "points"),
-    Constant(candidates, "ENOUGH", "candidates for each point to keep", "candidates"),
-    Constant(candidates, "TOO_MANY", "occupied cells for each that the area has room for", "cells"),
-    Constant(candidates, "DISTANCES", "within which a lone candidate has no other", "target spacings"),
-    Constant(candidates, "OUTLIERS", "of lone candidates, those lone within twice the distance", "-"),
-    Constant(candidates, "HARMLESS", "lone candidates that may stay", "points to keep"),
-    Constant(greedy, "SPARE", "points chosen for each one wanted", "-"),
-    Constant(greedy, "POINTS", "candidates of a part that chooses at once with others", "candidates"),
-    Constant(placement, "PASSES", "of the placement", "-"),
-    Constant(placement, "MOST", "points of a cell", "points"),
-    Constant(placement, "PROJECTED", "points of a cell where noise matters", "points"),
-    Constant(placement, "IN_BALL", "points that the tangent plane of the placement is fitted to", "points"),
-    Constant(placement, "REACH", "how far a point goes at once", "distances to three nearest chosen points"),
-    Constant(placement, "PULL", "weight of the middle of the cell", "-"),
-    Constant(placement, "WIDER", "by which the largest gap may grow", "-"),
-    Constant(placement, "AGREEING", "cosine between the planes of a cell and the fan of its point", "-"),
-    Constant(placement, "THROUGH", "share of a cell on the other side of a thin wall", "-"),
-    Constant(placement, "PARALLEL", "cosine of planes on both sides of a thin wall", "-"),
-    Constant(placement, "STEEP", "squared sine of the slope of a way through it", "-"),
-    Constant(placement, "TRIED", "points of a cell around which the triangles are tried", "points"),
-    Constant(placement, "TRIED_BY_DETAIL", "the same with attributes", "points"),
-    Constant(placement, "JUDGED", "points of a cell whose distance from the triangles is measured", "points"),
-    Constant(candidates, "LARGE", "points of the sample that is surveyed, at least", "points"),
-    Constant(candidates, "PER_POINT", "points of that sample for each point to keep", "points"),
-    Constant(noise, "NEIGHBOURS", "points of a quadric", "points"),
-    Constant(quadrics, "STEEPEST", "squared slope of a quadric, at most", "-"),
-    Constant(noise, "FEWEST", "points within the target spacing from which on noise is measured", "points"),
-    Constant(noise, "THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits"),
-    Constant(noise, "DETAIL", "what is detail, not noise: ratio of two relative levels", "-"),
-    Constant(noise, "CLEAN", "noise that changes nothing", "target spacings"),
-    Constant(noise, "TOLERATED", "noise whose observations are as uncertain as the prior", "target spacings"),
-    Constant(noise, "LARGEST", "variance of an observation at most", "prior variances"),
-    Constant(noise, "SAMPLES", "points on which the noise is measured", "points"),
-    Constant(noise, "SHARE", "of the points, the share whose distance tells the level of the noise", "-"),
+    Constant("feature_weight", "how much denser points are on features", "-"),
+    Constant("lengthscale", "of the Matérn kernel", "desired spacings"),
+    Constant("neighbours", "chosen points that a posterior is conditioned on", "points"),
+    Constant("candidates", "cells of the grid in a square of the target spacing", "cells"),
+    Constant("DENSITY_POWER", "power of the roughness that the density goes as", "-"),
+    Constant("NORMAL_WEIGHT", "distance of two normals at a right angle", "desired spacings"),
+    Constant("ROUNDNESS_POWER", "how fast flat faces with edges lower these two", "-"),
+    Constant("NUGGET", "variance of an observation without noise", "prior variances"),
+    Constant("GRADATION", "growth of the desired spacing with distance", "-"),
+    Constant("MIN_ROUGHNESS", "of flat places", "-"),
+    Constant("EDGE_ROUGHNESS", "roughness on a right-angled edge", "-"),
+    Constant("WEIGHT_POWER", "power of the users' weights", "-"),
+    Constant("MAX_REFINEMENT", "candidates with weights", "times those without"),
+    Constant("FIRST_STAGE", "points of the first stage", "points"),
+    Constant("MIN_CANDIDATES", "candidates for each point to keep", "candidates"),
+    Constant("MAX_CELLS", "occupied cells for each that the area has room for", "cells"),
+    Constant("ISOLATION", "within which an isolated candidate has no other", "target spacings"),
+    Constant("OUTLIERS", "of isolated candidates, those isolated within twice the distance", "-"),
+    Constant("PART_POINTS", "candidates of a part that chooses at once with others", "candidates"),
+    Constant("CELL_POINTS", "points of a cell", "points"),
+    Constant("NOISY_CELL_POINTS", "points of a cell where noise matters", "points"),
+    Constant("PLANE_POINTS", "points that the tangent plane of the placement is fitted to", "points"),
+    Constant("MAX_STEP", "how far a point goes at once", "distances to three nearest chosen points"),
+    Constant("PULL", "weight of the middle of the cell", "-"),
+    Constant("GAP_GROWTH", "by which the largest gap may grow", "-"),
+    Constant("TRIALS", "points of a cell around which the triangles are tried", "points"),
+    Constant("SAMPLE_SIZE", "points of the sample that is surveyed, at least", "points"),
+    Constant("SAMPLED_PER_POINT", "points of that sample for each point to keep", "points"),
+    Constant("NEIGHBOURS", "points of a quadric", "points", noise),
+    Constant("FEWEST", "points within the target spacing from which on noise is measured", "points", noise),
+    Constant("THICK", "noise above which quadrics are fitted to twice the points", "radii of the fits", noise),
+    Constant("DETAIL", "what is detail, not noise: ratio of two relative thicknesses", "-", noise),
+    Constant("CLEAN", "noise that changes nothing", "target spacings", noise),
+    Constant("TOLERATED", "noise whose observations are as uncertain as the prior", "target spacings", noise),
+    Constant("LARGEST", "variance of an observation at most", "prior variances", noise),
+    Constant("SAMPLES", "points on which the noise is measured", "points", noise),
 )
 
 
@@ -117,10 +112,10 @@ def changed(change: tuple[int, float] | None, chosen: Sequence[Condition]) -> di
     method = gppcs.LocalGP()
     if change:
         constant, value = CONSTANTS[change[0]], CONSTANTS[change[0]].times(change[1])
-        if constant.module:
-            setattr(constant.module, constant.name, value)
-        else:
+        if constant.name.islower():
             method = replace(method, **{constant.name: value})
+        else:
+            constant.change(value)
     return {each.name: judged(each, method) for each in chosen}
 
 
@@ -158,9 +153,9 @@ def main() -> None:
         (
             "Figures are multiples of those with the usual constants, in the geometric mean over all clouds. Below 1, "
             "the change is an improvement.",
-            "The first four are parameters of the method. Beyond memory there are three more constants: parts of "
-            "131,072 candidates, halos of 6 target spacings "
-            "(research/experiments.md), and 16 parts on which noise and scale are measured.",
+            f"The first four are parameters of the method. Beyond memory there are two more constants: parts of "
+            f"{beyond_memory.PART:,} candidates, and halos of {beyond_memory.HALO:g} target spacings "
+            "(research/experiments.md).",
         ),
         whole=len(chosen) == len(SMALLER),
     )

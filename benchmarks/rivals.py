@@ -19,7 +19,7 @@ import report
 from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
 from gppcs.methods.wlop.projection import project
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest_unused import nearest_unused
+from gppcs.spatial.queries import nearest_unused
 
 RATIO = 0.03
 REPEATS = 5

@@ -60,7 +60,7 @@ def test_distances_equal_their_definitions(pair):
     assert report.mean_distance == pytest.approx(distance.min(axis=1).mean())
     assert report.chamfer == pytest.approx((distance.min(axis=1) ** 2).mean() + (distance.min(axis=0) ** 2).mean())
     assert report.diagonal == pytest.approx(np.linalg.norm(np.ptp(original, axis=0)))
-    distances, _ = LocalSurface.of(simplified).nearest_to(original)
+    distances, _ = LocalSurface.from_points(simplified).nearest_to(original)
     assert report.surface_mean == pytest.approx(distances.mean())
     assert report.surface_rms == pytest.approx(np.sqrt((distances**2).mean()))
     assert report.surface_p95 == pytest.approx(np.quantile(distances, 0.95))
@@ -75,7 +75,7 @@ def plane_normals(points, k=12):
 
 def test_the_feature_error_is_the_mean_of_distance_times_angle(pair):
     original, simplified = pair
-    distances, normals = LocalSurface.of(simplified).nearest_to(original)
+    distances, normals = LocalSurface.from_points(simplified).nearest_to(original)
     cosines = np.abs(np.einsum("ij,ij->i", plane_normals(original), normals)) / np.linalg.norm(normals, axis=1)
     expected = (distances * np.arccos(np.minimum(cosines, 1))).mean()
     assert gppcs.evaluate(original, simplified).feature_error == pytest.approx(expected, rel=1e-4)

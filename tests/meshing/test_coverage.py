@@ -10,7 +10,7 @@ from gppcs.spatial.kdtree import KdTree
 def cover_of(points, normals):
     tree = KdTree.build(points)
     reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
-    return Cover(tree.points, tree.low, tree.high, np.ascontiguousarray(normals[tree.order]), reaches), tree
+    return Cover(tree.points, tree.lower, tree.upper, np.ascontiguousarray(normals[tree.order]), reaches), tree
 
 
 @pytest.fixture(scope="module")

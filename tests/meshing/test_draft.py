@@ -24,7 +24,7 @@ def cube(n, seed=0):
 def draft():
     """A ball of 4,000 dense points, and a mesh of 300 of them."""
     points, _, _ = ball(4000)
-    dense = DensePoints.of(points, 300, np.empty(0, dtype=np.int64))
+    dense = DensePoints.from_points(points, 300, np.empty(0, dtype=np.int64))
     level = np.arange(0, 3900, 13)
     return Draft.of(dense, False, level, np.zeros(300, dtype=bool), hull(dense.places[level]))
 

@@ -91,7 +91,7 @@ def test_an_exchange_lowers_the_energy_with_as_many_vertices(fine):
 
 def test_a_draft_is_left_as_it_was_and_another_one_is_nearer():
     points, _, _ = ball(4000)
-    dense = DensePoints.of(points, 300, np.empty(0, dtype=np.int64))
+    dense = DensePoints.from_points(points, 300, np.empty(0, dtype=np.int64))
     level = np.arange(0, 3900, 13)
     draft = Draft.of(dense, True, level, np.zeros(300, dtype=bool), hull(dense.places[level]))
     assigned = draft.flip()

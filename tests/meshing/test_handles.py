@@ -38,7 +38,7 @@ def cut(faces, vertices, normals):
     """The mesh without its small handles, where the vertices are all points."""
     tree = KdTree.build(vertices)
     reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
-    cover = Cover(tree.points, tree.low, tree.high, normals[tree.order], reaches)
+    cover = Cover(tree.points, tree.lower, tree.upper, normals[tree.order], reaches)
     return without_small_handles(faces, vertices, normals, reaches[np.argsort(tree.order)], cover)
 
 

@@ -8,7 +8,7 @@ import gppcs
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.spatial.nearest_triangles import nearest_triangles
+from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
 from shapes import faults, torus
@@ -238,7 +238,7 @@ def test_outliers_and_points_on_no_piece_are_left_out_of_a_tolerance_and_counted
 
 def test_the_mesh_within_a_tolerance_tells_how_far_it_strays(ball):
     result = gppcs.mesh(ball, tolerance=1.0)
-    expected = LocalSurface.of(ball.points).nearest_to(result.mesh.vertices)[0].max()
+    expected = LocalSurface.from_points(ball.points).nearest_to(result.mesh.vertices)[0].max()
     assert result.diagnostics["back_distance"] == pytest.approx(expected)
 
 

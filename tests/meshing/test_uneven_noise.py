@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.uneven_noise import UnevenNoise
+from gppcs.meshing.uneven_noise import projected_across, uneven_noise
 from gppcs.spatial.kdtree import KdTree
 
 SIGMA = 0.004  # standard deviation of the noise at the far end of the wall
@@ -28,7 +28,7 @@ def wall(n, seed=0, steps=True):
 def test_noise_is_measured_at_each_place():
     points, sigma = wall(50_000, steps=False)
     tree = KdTree.build(points)
-    ratio = UnevenNoise.of(tree).noise / sigma[tree.order]
+    ratio = uneven_noise(tree)[0] / sigma[tree.order]
     assert np.median(ratio) == pytest.approx(1, abs=0.1)
     assert np.quantile(ratio, 0.1) > 0.6
     assert np.quantile(ratio, 0.9) < 1.6
@@ -37,7 +37,7 @@ def test_noise_is_measured_at_each_place():
 def test_projections_lie_on_the_surface_and_their_normals_across_it():
     points, sigma = wall(50_000)
     tree = KdTree.build(points)
-    feet, normals, _ = UnevenNoise.of(tree).projected(tree)
+    feet, normals, _ = projected_across(tree, uneven_noise(tree)[1])
     inner = (np.abs(feet[:, :2] - 0.5) < 0.45).all(axis=1)
     assert np.median(np.abs(feet[inner, 2]) / sigma[tree.order][inner]) < 0.5
     assert np.quantile(np.abs(normals[inner, 2]), 0.1) > 0.98
@@ -46,16 +46,16 @@ def test_projections_lie_on_the_surface_and_their_normals_across_it():
 def test_noise_of_the_same_thickness_everywhere_is_not_uneven():
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
-    assert UnevenNoise.of(KdTree.build(points)) is None
+    assert uneven_noise(KdTree.build(points)) is None
 
 
 @pytest.mark.parametrize("name", ["bracket", "statue"])
 def test_clean_clouds_have_no_noise(name):
-    assert UnevenNoise.of(KdTree.build(gppcs.sample(name, n_points=50_000).points)) is None
+    assert uneven_noise(KdTree.build(gppcs.sample(name, n_points=50_000).points)) is None
 
 
 def test_few_points_cannot_tell_noise():
-    of_many, of_few = (UnevenNoise.of(KdTree.build(gppcs.sample("room", n_points=n).points)) for n in (50_000, 5_000))
+    of_many, of_few = (uneven_noise(KdTree.build(gppcs.sample("room", n_points=n).points)) for n in (50_000, 5_000))
     assert of_many
     assert of_few is None
 
@@ -87,7 +87,7 @@ def test_a_room_seen_by_a_depth_camera_has_few_pieces():
 def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(shared_data):
     """No noise was found in every 4th point."""
     points = gppcs.read(shared_data / "nyu_basement.ply").points
-    levels = [np.sqrt((UnevenNoise.of(KdTree.build(points[::k])).noise ** 2).mean()) for k in (4, 2, 1)]
+    levels = [np.sqrt((uneven_noise(KdTree.build(points[::k]))[0] ** 2).mean()) for k in (4, 2, 1)]
     assert max(levels) < 1.4 * min(levels)
 
 

@@ -35,7 +35,7 @@ def test_equals_the_plain_algorithm(n, n_others, with_first, on_grid, seed, data
     points, others = everything[:n], everything[n:]
     first = data.draw(st.integers(0, n - 1)) if with_first else None
     n_points = data.draw(st.integers(1, n))
-    indices, distances = farthest_points(points, n_points, first=first, others=others)
+    indices, distances = farthest_points(points, n_points, first=first, before=others)
     expected, expected_distances = plain_farthest_points(points, n_points, first, others)
     np.testing.assert_array_equal(indices, expected)
     np.testing.assert_array_equal(distances, expected_distances)
@@ -54,7 +54,7 @@ def test_gaps_are_filled_as_by_farthest_points_among_all(seed, sides, gap):
     """On a coarse grid, many points are equally far, and many repeat others."""
     points = np.random.default_rng(seed).integers(0, sides, (150, 3)) / sides
     kept = points[:3]
-    expected, _ = farthest_points(points, 150, others=kept, least=np.nextafter(gap, np.inf))
+    expected, _ = farthest_points(points, 150, before=kept, minimum=np.nextafter(gap, np.inf))
     added, reached = fill_gaps(points, kept, gap)
     np.testing.assert_array_equal(added, expected)
     assert reached <= gap

@@ -37,13 +37,13 @@ def test_boxes_hold_their_points_tightly(n):
     tree = KdTree.build(points)
     np.testing.assert_array_equal(np.sort(tree.order), np.arange(n))
     np.testing.assert_array_equal(points[tree.order].T, tree.points)
-    leaves = len(tree.low) // 2
+    leaves = len(tree.lower) // 2
     for level in range(leaves.bit_length()):
         nodes = 1 << level
         for j in range(nodes):
             inside = tree.points[:, n * j // nodes : n * (j + 1) // nodes]
-            np.testing.assert_array_equal(tree.low[nodes + j], inside.min(axis=1))
-            np.testing.assert_array_equal(tree.high[nodes + j], inside.max(axis=1))
+            np.testing.assert_array_equal(tree.lower[nodes + j], inside.min(axis=1))
+            np.testing.assert_array_equal(tree.upper[nodes + j], inside.max(axis=1))
 
 
 @given(st.sampled_from(SHAPES), st.integers(1, 500), st.floats(0, 2), st.integers(0, 99))
@@ -51,12 +51,14 @@ def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, see
     rng = np.random.default_rng(seed)
     tree = KdTree.build(KINDS[shape](rng, n))
     low, high = np.sort(rng.standard_normal((2, 3)), axis=0)
-    found = np.empty(len(tree.low) // 2, dtype=np.int64)
-    found = found[: leaves_near(tree.low, tree.high, low, high, radius**2, found)] - len(tree.low) // 2
-    leaf = np.searchsorted(n * np.arange(1, len(tree.low) // 2 + 1) // (len(tree.low) // 2), np.arange(n), side="right")
+    found = np.empty(len(tree.lower) // 2, dtype=np.int64)
+    found = found[: leaves_near(tree.lower, tree.upper, low, high, radius**2, found)] - len(tree.lower) // 2
+    leaf = np.searchsorted(
+        n * np.arange(1, len(tree.lower) // 2 + 1) // (len(tree.lower) // 2), np.arange(n), side="right"
+    )
     away = np.maximum(np.maximum(low - tree.points.T, tree.points.T - high), 0.0)
     assert set(leaf[(away**2).sum(axis=1) <= radius**2]) <= set(found.tolist())
-    gaps = np.maximum(np.maximum(tree.low - high, low - tree.high), 0.0)[len(tree.low) // 2 :]
+    gaps = np.maximum(np.maximum(tree.lower - high, low - tree.upper), 0.0)[len(tree.lower) // 2 :]
     assert sorted(found.tolist()) == np.flatnonzero((gaps**2).sum(axis=1) <= radius**2).tolist()
 
 
@@ -64,8 +66,8 @@ def test_no_point_near_a_box_is_outside_the_leaves_near_it(shape, n, radius, see
 def test_a_tree_over_sorted_points_has_their_boxes(n):
     built = KdTree.build(np.random.default_rng(n).random((n, 3)))
     over = KdTree.over(built.points, built.order)
-    np.testing.assert_array_equal(over.low[1:], built.low[1:])
-    np.testing.assert_array_equal(over.high[1:], built.high[1:])
+    np.testing.assert_array_equal(over.lower[1:], built.lower[1:])
+    np.testing.assert_array_equal(over.upper[1:], built.upper[1:])
     np.testing.assert_array_equal(KdTree.over(built.points).order, np.arange(n))
 
 

@@ -36,19 +36,19 @@ def test_a_part_and_its_halo_do_not_depend_on_the_runs(tmp_path_factory, cuts, w
     for part in parts:
         near = points.near(part, width, repeats=repeats)
         inside = (own >= part.first) & (own < part.last)
-        around = (np.abs(POINTS - (part.low + part.high) / 2) <= (part.high - part.low) / 2 + width).all(axis=1)
+        around = (np.abs(POINTS - (part.lower + part.upper) / 2) <= (part.upper - part.lower) / 2 + width).all(axis=1)
         expected = inside | around if width else inside
         if not repeats:
             expected[-100:] = False
-        np.testing.assert_array_equal(near.rows, np.flatnonzero(expected))
-        np.testing.assert_array_equal(near.points, POINTS[near.rows])
-        np.testing.assert_array_equal(near.inside, inside[near.rows])
+        np.testing.assert_array_equal(near.indices, np.flatnonzero(expected))
+        np.testing.assert_array_equal(near.points, POINTS[near.indices])
+        np.testing.assert_array_equal(near.inside, inside[near.indices])
 
 
 def test_rows_are_left_out(tmp_path):
     left = np.arange(0, 3_000, 7)
     points = without(stored_in(tmp_path, [1_000]), left, map)
-    rows = np.concatenate([points.near(part, repeats=True).rows for part in points.parts(500)])
+    rows = np.concatenate([points.near(part, repeats=True).indices for part in points.parts(500)])
     np.testing.assert_array_equal(np.sort(rows), np.setdiff1d(np.arange(3_000), left))
 
 

@@ -29,7 +29,7 @@ def test_in_a_plane_the_fans_are_the_delaunay_triangulation():
     points = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
     inner = {i for i in range(len(points)) if 0.03 < points[i, 0] < 0.8 and abs(points[i, 1] - 0.5) < 0.3}
     expected = {tuple(sorted(triangle)) for triangle in Delaunay(points[:, :2]).simplices.tolist()}
-    found = triangles(LocalSurface.of(points))
+    found = triangles(LocalSurface.from_points(points))
     found, expected = ({triangle for triangle in each if inner.issuperset(triangle)} for each in (found, expected))
     assert any(len({i < 1600 for i in triangle}) == 2 for triangle in expected)
     assert found == expected
@@ -40,7 +40,7 @@ def test_on_a_sphere_the_distance_is_that_to_the_inscribed_hull(sphere):
     points, queries = sphere[:2000], sphere[2000:12_000]
     equations = ConvexHull(points).equations
     expected = (queries @ equations[:, :3].T + equations[:, 3]).max(axis=1)
-    distances, _ = LocalSurface.of(points).nearest_to(queries)
+    distances, _ = LocalSurface.from_points(points).nearest_to(queries)
     assert distances.mean() == pytest.approx(expected.mean(), rel=0.02)
     assert np.median(np.abs(distances - expected)) < 1e-12
 
@@ -53,7 +53,7 @@ def test_the_sagitta_and_the_normals_of_a_lattice_on_a_cylinder():
     half = np.pi / 40
     between = np.stack([np.cos(angles + half), np.sin(angles + half), np.full(40, 1.0)], axis=1)
     turn = rotation(0)
-    distances, normals = LocalSurface.of(points @ turn).nearest_to(between @ turn)
+    distances, normals = LocalSurface.from_points(points @ turn).nearest_to(between @ turn)
     np.testing.assert_allclose(distances, 1 - np.cos(half), rtol=1e-9)
     cosines = np.einsum("ij,ij->i", normals, between * [1, 1, 0] @ turn) / np.linalg.norm(normals, axis=1)
     assert np.abs(cosines).min() > np.cos(np.radians(1))
@@ -63,7 +63,7 @@ def test_two_sheets_are_not_joined():
     points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
     points[1000:, 2] = 0.2  # six spacings
     between = np.concatenate([0.2 + 0.6 * np.random.default_rng(1).random((500, 2)), np.full((500, 1), 0.1)], axis=1)
-    np.testing.assert_allclose(LocalSurface.of(points).nearest_to(between)[0], 0.1)
+    np.testing.assert_allclose(LocalSurface.from_points(points).nearest_to(between)[0], 0.1)
 
 
 @pytest.mark.parametrize("n", [1, 2, 9])
@@ -71,7 +71,7 @@ def test_points_of_a_line_span_no_more_than_the_line(n):
     points = np.outer(np.arange(float(n)), [1, 2, 3])
     queries = 20 * np.random.default_rng(0).random((100, 3))
     line = distances_to_triangles(queries, points[None, [0, -1, -1]])
-    distances = LocalSurface.of(points).nearest_to(queries)[0]
+    distances = LocalSurface.from_points(points).nearest_to(queries)[0]
     assert (distances >= line - 1e-9).all()
     assert (distances <= cdist(queries, points).min(axis=1)).all()
 
@@ -81,7 +81,7 @@ def test_points_of_a_line_span_no_more_than_the_line(n):
 
 def corners_of_the_origin(*others):
     half = [(-x / 2, y / 2, 0) for x in range(4) for y in range(-3, 4)]
-    surface = LocalSurface.of(np.array([*half, *others]))
+    surface = LocalSurface.from_points(np.array([*half, *others]))
     order = surface.tree.order
     place = int(np.flatnonzero(order == half.index((0, 0, 0)))[0])
     return {int(order[j]) - len(half) for j in surface.corners[place].ravel() if j >= 0}

@@ -32,7 +32,7 @@ def test_smooth_surfaces_are_quiet(sphere):
         tree = KdTree.build(points)
         noise = Noise.measure(tree, n_points, spacing)
         assert noise.quiet
-        assert noise.level <= most
+        assert noise.sigma <= most
         feet, variances = noise.observe(points)
         assert feet is None
         assert (variances == 0).all()
@@ -41,8 +41,8 @@ def test_smooth_surfaces_are_quiet(sphere):
 @pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
 def test_the_level_is_about_that_of_the_noise(sigma):
     """Found: 0.88 to 0.98 of it, as a point pulls its quadric along; balls of 30 points have a radius of 0.022."""
-    level = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).level
-    assert 0.85 * sigma < level < 1.1 * sigma
+    found = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).sigma
+    assert 0.85 * sigma < found < 1.1 * sigma
 
 
 def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
@@ -68,7 +68,7 @@ def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_sp
     points = rough_plane(0.01, 4_000)
     most = int(np.pi * len(points) / FEWEST)
     assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
-    assert Noise.measure(KdTree.build(points), most + 5, 0.02).level == 0
+    assert Noise.measure(KdTree.build(points), most + 5, 0.02).sigma == 0
 
 
 @pytest.mark.slow
@@ -87,7 +87,7 @@ def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(sigma, sphere)
         for feet in (observed(noise, points)[0], feet_of(tree, points, NEIGHBOURS))
     )
     assert across < 0.8 * within
-    assert layer_of(tree, NEIGHBOURS).level < noise.level < 1.1 * sigma
+    assert layer_of(tree, NEIGHBOURS).sigma < noise.sigma < 1.1 * sigma
 
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
@@ -96,7 +96,7 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     flat = rng.random((20_000, 2))
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
-    assert noise.level > CLEAN * noise.spacing
+    assert noise.sigma > CLEAN * noise.spacing
     assert noise.quiet
     assert not noise.clean
     assert not noise.thick
@@ -118,5 +118,5 @@ def test_outliers_do_not_count_as_noise():
     alone, together = (
         layer_of(KdTree.build(points), NEIGHBOURS) for points in (plane, np.concatenate([plane, scattered]))
     )
-    assert together.level == pytest.approx(alone.level, rel=0.06)
+    assert together.sigma == pytest.approx(alone.sigma, rel=0.06)
     assert together.radius == pytest.approx(alone.radius, rel=0.06)

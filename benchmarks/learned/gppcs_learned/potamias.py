@@ -48,7 +48,7 @@ class Potamias(Method):
         import numpy as np
 
         from gppcs.engine.blas import one_blas_thread
-        from gppcs.spatial.nearest_unused import nearest_unused
+        from gppcs.spatial.queries import nearest_unused
         from gppcs_learned import latent
         from gppcs_learned.embedded import Embedded
 

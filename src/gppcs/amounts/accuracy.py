@@ -81,7 +81,7 @@ def surface_of(kept: Points) -> LocalSurface:
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
 
-    return LocalSurface.of(kept[first_occurrences(kept)])
+    return LocalSurface.from_points(kept[first_occurrences(kept)])
 
 
 def distances_to(kept: Points, points: Points) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[s
     places, corner, exponent = normalised(simplified.points)
     first = first_occurrences(places)
     kept = simplified.take(np.flatnonzero(first))
-    surface = LocalSurface.of(places[first])
+    surface = LocalSurface.from_points(places[first])
     found = {name: AttributeErrors(np.empty(len(original)), np.empty(len(original))) for name in names}
     of_kept = [known.values(kept).astype(np.float64) for known in ranges]
     for start in range(0, len(original), AT_ONCE):

@@ -156,7 +156,7 @@ def evaluate_mesh(
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
-            forth, back = distances_to(simplified, before), LocalSurface.of(before).nearest_to(used)[0]
+            forth, back = distances_to(simplified, before), LocalSurface.from_points(before).nearest_to(used)[0]
         else:
             forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
         intersections = count_self_intersections(simplified)
@@ -326,7 +326,7 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     tree = KdTree.build(before)
     _, to_original = tree.nearest_of(after, 1)
     _require_near(np.sqrt(to_original), "simplified cloud", after, before, frame)
-    surface = LocalSurface.of(after)
+    surface = LocalSurface.from_points(after)
     nearest, to_kept = surface.tree.nearest_of(before, 1)
     to_surface, surface_normals = surface.nearest_to(before)
     variation = features_of_nearest(tree, VARIATION_NEIGHBOURS).surface_variation

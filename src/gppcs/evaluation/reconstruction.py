@@ -16,7 +16,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest_triangles import nearest_triangles
+from gppcs.spatial.triangles import nearest_triangles
 
 OCTREE_DEPTH = 8  # depth of the octree
 NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to

@@ -9,8 +9,16 @@ import numpy as np
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around
-from gppcs.spatial.nearest_triangles import nearest_triangles
-from gppcs.spatial.triangles import area_vector, cross, dot, minus, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.triangles import (
+    area_vector,
+    cross,
+    dot,
+    minus,
+    nearest_in_triangle,
+    nearest_triangles,
+    row,
+    squared_distance,
+)
 
 POINTS_AT_ONCE = 1024  # dense points that a thread takes at once, at least
 MOST_WALKED = 64  # vertices that a walk visits, at most

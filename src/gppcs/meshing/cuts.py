@@ -34,7 +34,7 @@ class TriangleTree(NamedTuple):
         """Build the tree of the triangles of a mesh."""
         there = np.flatnonzero(mesh.origin[::3] >= 0)
         points = KdTree.build(vertices[mesh.origin.reshape(-1, 3)[there]].mean(axis=1))
-        low, high = np.full_like(points.low, np.inf), np.full_like(points.high, -np.inf)
+        low, high = np.full_like(points.lower, np.inf), np.full_like(points.upper, -np.inf)
         tree = cls(there[points.order], np.full(len(mesh.origin) // 3, -1), low, high)
         _fill_boxes(mesh, vertices, tree)
         return tree

@@ -493,7 +493,7 @@ class _Maker:
             diagnostics = {
                 "tolerance": tolerance,
                 "largest_distance": float(distances[within].max()),
-                "back_distance": float(LocalSurface.of(dense.raw).nearest_to(used)[0].max()),
+                "back_distance": float(LocalSurface.from_points(dense.raw).nearest_to(used)[0].max()),
                 "outliers": float(np.count_nonzero(~usual)),
                 "off_surface": float(np.count_nonzero(usual & ~within)),
             }
@@ -585,7 +585,7 @@ class _Maker:
         for thick in (False, True):
             try:
                 with self.timer("normals"):
-                    dense = DensePoints.of(self.points, n_vertices, chosen, thick)
+                    dense = DensePoints.from_points(self.points, n_vertices, chosen, thick)
                 if dense is None:  # there is no thick noise
                     continue
                 with self.timer("first mesh"):
@@ -633,7 +633,7 @@ class _Maker:
         forced = np.flatnonzero(np.isin(dense.rows, chosen))
         tree = KdTree.over(np.ascontiguousarray(dense.places.T))
         others = dense.places[forced] if len(forced) else None
-        even, _ = farthest_points(dense.places, max(1, wanted - len(forced)), tree, others=others)
+        even, _ = farthest_points(dense.places, max(1, wanted - len(forced)), tree, before=others)
         return np.union1d(even, forced)
 
 

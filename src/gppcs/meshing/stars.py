@@ -73,7 +73,7 @@ class Surface(NamedTuple):
         add_borders(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), borders)
         first, after = np.full(len(mesh.origin) // 3, -1), np.full(len(points), -1)
         surface = cls(
-            mesh, vertices, borders, points, assigned, first, after, limit, reaches, tree.points, tree.low, tree.high
+            mesh, vertices, borders, points, assigned, first, after, limit, reaches, tree.points, tree.lower, tree.upper
         )
         _list_points(surface)
         return surface

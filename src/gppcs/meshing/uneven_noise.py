@@ -1,13 +1,11 @@
 """Noise that differs from place to place: how thick its layer is, and how wide the fits are that reach across it.
 
 Depth cameras round depths to steps, and their noise grows with distance. Narrow fits then see a single step, and take
-it for a clean surface. So quadrics are fitted to as many points of thinned clouds, which reach ever farther. As their
-reach grows, noise stays about the same, and detail grows.
+it for a clean surface. So quadrics are fitted to as many points of thinned clouds, which reach ever farther. As the
+radius of the fits grows, noise stays about the same, and detail grows.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,93 +14,61 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import MEDIAN, SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
-FINER = 4  # about the ratio of one stride to the next: fits then reach about twice as far
 FITTED = 80  # points of each fit
-AROUND = 16  # samples by whose median the noise at a sample is told
-STEADY = 0.5  # noise is what grows by at most this power of the reach; that of detail is about 1
-LEAST = 0.1  # noise that counts, in reaches of the narrowest fit
-COMMON = 0.25  # a cloud is noisy if at least this share of the samples is
-UNEVEN = 2.5  # least ratio of the 90 % to the 10 % quantile of uneven noise; that of even noise is about 2
-FEWEST = 10_000  # points to some of which the widest fits are made: in fewer, thin parts pass for noise
-ACROSS = 0.3  # a fit reaches across noise of at most this share of its reach
-STEPS = 2  # projections of each point
 
 
-@dataclass(frozen=True)
-class UnevenNoise:
-    """The noise around the points of a tree, (n,) each."""
+def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
+    """Measure the noise around the points of a tree; return None if there is little, if it is even, or if it is detail.
 
-    noise: Floats  # standard deviation of the points from the surface
-    stride: Ints  # between the points of the narrowest fit that reaches across the noise
-
-    @classmethod
-    def of(cls, tree: KdTree) -> UnevenNoise | None:
-        """Measure the noise around all points; return None if there is little, if it is even, or if it is detail."""
-        n = tree.points.shape[1]
-        strides = _strides(n)
-        if not strides:
-            return None
-        some = tree.thinned(-(-n // SAMPLES))
-        near, _ = some.neighbours(AROUND)
-        measured = [_measured(tree, some, near, stride) for stride in strides]
-        spreads, reaches = (np.array(part) for part in zip(*measured, strict=True))
-        known, noise, number = _decided(spreads, reaches)
-        if not len(known):
-            return None
-        nearest, _ = KdTree.build(np.ascontiguousarray(some.points.T[known])).nearest_of(tree.points.T, 1)
-        return cls(noise[nearest[:, 0]], np.array(strides)[number][nearest[:, 0]])
-
-    def projected(self, tree: KdTree) -> tuple[Floats, Floats, Floats]:
-        """Return the feet, (n, 3), of the points on fits across the noise, with normals, (n, 3), and reaches, (n,)."""
-        feet, normals, reaches = (
-            np.ascontiguousarray(tree.points.T),
-            np.empty((len(self.noise), 3)),
-            np.empty_like(self.noise),
-        )
-        for stride in np.unique(self.stride):
-            there = np.flatnonzero(self.stride == stride)
-            some = tree.thinned(stride)
-            for _ in range(STEPS):
-                places, fitted = projections(some, KdTree.over(np.ascontiguousarray(feet[there].T)), FITTED)
-                feet[there], normals[there], reaches[there] = places.T, fitted.normals.T, fitted.reaches
-        return feet, normals, reaches
-
-
-def _strides(n: int) -> list[int]:
-    """Return the strides of fits to n points, ascending; none if these are too few.
-
-    The widest fits reach as far, however many points there are.
+    Returns its standard deviation, (n,), and the stride between the points of the narrowest fit across it, (n,).
     """
-    widest = n / FEWEST
-    if widest < FINER:
-        return []
-    steps = round(np.log(widest) / np.log(FINER))
-    return [round(widest ** (step / steps)) for step in range(steps + 1)]
+    n, finer, fewest = tree.points.shape[1], 4, 10_000
+    widest = n / fewest  # points of the widest fits: to fewer, thin parts pass for noise, however many points there are
+    if widest < finer:
+        return None
+    steps = round(np.log(widest) / np.log(finer))
+    strides = np.array([round(widest ** (step / steps)) for step in range(steps + 1)])
+    sampled = tree.thinned(-(-n // SAMPLES))
+    near, _ = sampled.neighbours(16)  # the noise at a sample is the median of these
+    fits = [fit_quadrics(tree.thinned(int(stride)), sampled, FITTED) for stride in strides]
+    sigmas = np.array([np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN for fitted in fits])
+    radii = np.array([np.median(fitted.radii[near], axis=1) for fitted in fits])
+    decided = _decided(sigmas, radii)
+    if decided is None:
+        return None
+    at, sigma, fit = decided
+    nearest = KdTree.build(np.ascontiguousarray(sampled.points.T[at])).nearest_of(tree.points.T, 1)[0][:, 0]
+    return sigma[nearest], strides[fit][nearest]
 
 
-def _measured(tree: KdTree, some: KdTree, near: Ints, stride: int) -> tuple[Floats, Floats]:
-    """Return the noise about fits to points of a tree, a stride apart, and the reaches of these, at some points."""
-    fitted = fit_quadrics(tree.thinned(stride), some, FITTED)
-    return np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN, np.median(fitted.reaches[near], axis=1)
-
-
-def _decided(spreads: Floats, reaches: Floats) -> tuple[Ints, Floats, Ints]:
+def _decided(sigmas: Floats, radii: Floats) -> tuple[Ints, Floats, Ints] | None:
     """Tell uneven noise by what fits of each stride measure at some points, (strides, points) both.
 
-    Returns the points where noise is known, the noise there, and the number of the narrowest stride that reaches across
-    it; no points if there is little noise, or if it is even.
+    Returns the points where there is noise, its sigma, and the narrowest fit that reaches across it; None if there is
+    little noise, or if it is even.
     """
-    nowhere = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int64)
-    steady = (spreads[1:] <= spreads[:-1] * (reaches[1:] / reaches[:-1]) ** STEADY) & (spreads[:-1] > 0.0)
-    counted = steady & (spreads[:-1] > LEAST * reaches[0])
-    if counted.mean(axis=1).max() < COMMON:
-        return nowhere
-    known = np.flatnonzero(steady.any(axis=0))
-    seen = steady.argmax(axis=0)[known]  # the narrowest fit that sees the whole layer
-    noise = spreads[seen, known]
-    low, high = np.quantile(noise, [0.1, 0.9])
-    if high < UNEVEN * low:
-        return nowhere
-    wide = reaches[:, known] >= noise / ACROSS
-    wide[-1] = True
-    return known, noise, np.maximum(seen, wide.argmax(axis=0))
+    # Noise grows by at most the square root of the radius, detail about as the radius.
+    steady = (sigmas[1:] <= sigmas[:-1] * (radii[1:] / radii[:-1]) ** 0.5) & (sigmas[:-1] > 0.0)
+    counted = steady & (sigmas[:-1] > 0.1 * radii[0])
+    if counted.mean(axis=1).max() < 0.25:
+        return None
+    at = np.flatnonzero(steady.any(axis=0))
+    seen = steady.argmax(axis=0)[at]  # the narrowest fit that sees all of the layer
+    sigma = sigmas[seen, at]
+    lower, upper = np.quantile(sigma, [0.1, 0.9])
+    if upper < 2.5 * lower:  # of even noise, the ratio is about 2
+        return None
+    across = radii[:, at] >= sigma / 0.3
+    across[-1] = True
+    return at, sigma, np.maximum(seen, across.argmax(axis=0))
+
+
+def projected_across(tree: KdTree, strides: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return the feet, (n, 3), of the points on fits across the noise, with normals, (n, 3), and radii, (n,)."""
+    feet, normals, radii = np.ascontiguousarray(tree.points.T), np.empty((len(strides), 3)), np.empty(len(strides))
+    for stride in np.unique(strides):
+        at, thinned = np.flatnonzero(strides == stride), tree.thinned(stride)
+        for _ in range(2):
+            moved, fitted = projections(thinned, KdTree.over(np.ascontiguousarray(feet[at].T)), FITTED)
+            feet[at], normals[at], radii[at] = moved.T, fitted.normals.T, fitted.radii
+    return feet, normals, radii

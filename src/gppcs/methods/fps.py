@@ -41,9 +41,11 @@ class FarthestPoint(Method):
         from gppcs.spatial.farthest_points import farthest_points
 
         if task.stored is not None:
-            least = task.spacing or 0.0
-            return Selection(farthest_in_parts(task.stored, task.n_points, task.timer, task.map_parts, least))
+            minimum = task.spacing or 0.0
+            return Selection(farthest_in_parts(task.stored, task.n_points, task.timer, task.map_parts, minimum))
         total = task.n_points if task.spacing is None else None
-        with task.timer("farthest points", total) as advanced:
-            indices, _ = farthest_points(task.points, task.n_points, advanced=advanced, least=task.spacing or 0.0)
+        with task.timer("farthest points", total) as on_progress:
+            indices, _ = farthest_points(
+                task.points, task.n_points, on_progress=on_progress, minimum=task.spacing or 0.0
+            )
         return Selection(indices)

@@ -55,8 +55,8 @@ class FarthestPointVariation(Method):
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)
         points, variation = points[subset], variation[subset]
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
-        with timer("farthest points", k_init) as advanced:
-            initial, _ = farthest_points(points, k_init, advanced=advanced)
+        with timer("farthest points", k_init) as on_progress:
+            initial, _ = farthest_points(points, k_init, on_progress=on_progress)
         variation[initial] = -np.inf
         indices = np.concatenate([initial, largest(variation, n_points - k_init)])
         return Selection(subset[indices])

@@ -15,16 +15,6 @@ if TYPE_CHECKING:
 
     from gppcs.gp.local.algorithm import Criterion
 
-DENSITY_POWER = 2.0  # Of the roughness, at a feature weight of 1.
-NORMAL_WEIGHT = 2.8  # Distance of two normals at a right angle, in desired spacings, at a feature weight of 1.
-# Memory in bytes, a little more than measured.
-HASHED = 16  # For each point, while cells are looked up.
-MEASURED = 100  # For each point of the sample.
-DENOISED = 120  # The same, while it is denoised.
-RANKED = 300  # For each candidate.
-PLACED = 130  # For each point of the cells, after the choice.
-CELLS_ON_SLOPES = 1.5  # Occupied cells for each that a surface along the grid occupies.
-
 
 @dataclass(frozen=True)
 class LocalGP(Method):
@@ -91,13 +81,7 @@ class LocalGP(Method):
         """The weights of the selection: at the default, 0.5, the error has none; at 1 that of the paper."""
         from gppcs.gp.local.algorithm import Criterion
 
-        return Criterion(
-            density_power=DENSITY_POWER * self.feature_weight,
-            normal_weight=NORMAL_WEIGHT * self.feature_weight,
-            error_weight=max(0.0, 2.0 * self.feature_weight - 1.0) ** 2,
-            lengthscale=self.lengthscale,
-            neighbours=self.neighbours,
-        )
+        return Criterion.from_feature_weight(self.feature_weight, self.lengthscale, self.neighbours)
 
     @property
     def moves_points(self) -> bool:
@@ -116,9 +100,9 @@ class LocalGP(Method):
             with timer("tree"):
                 count = _number_at(task.points if stored is None else stored.sample, task)
         if stored is not None:
-            rows = np.empty(0, dtype=np.int64) if task.indices is None else task.indices
+            indices = np.empty(0, dtype=np.int64) if task.indices is None else task.indices
             ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, timer, task.map_parts, rows, task.points
+                stored, count, self.criterion, self.candidates, timer, task.map_parts, indices, task.points
             )
         elif count < len(task.points) and self.denoise:
             ranking = choose_denoised(
@@ -132,20 +116,21 @@ class LocalGP(Method):
         else:
             return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
-        places, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
+        moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
         return Selection(
-            ranking.rows, {"noise_in_spacings": ranking.noise_in_spacings}, places, attributes, normals=normals
+            ranking.indices, {"noise_in_spacings": ranking.noise_in_spacings}, moved, attributes, normals=normals
         )
 
     def memory(self, n: int, n_points: int) -> int:
         """Return the bytes that a call takes at most; see `Method.memory`."""
         from gppcs.gp.local.candidates import sample_size
-        from gppcs.gp.local.placement import MOST
+        from gppcs.gp.local.settings import CELL_POINTS
 
-        candidates = min(n, round(CELLS_ON_SLOPES * self.candidates * n_points))
-        measured = MEASURED + DENOISED if self.denoise else MEASURED
-        chosen = measured * min(n, sample_size(n_points)) + RANKED * candidates
-        return HASHED * n + max(chosen, PLACED * min(n, MOST * n_points))
+        # A little more than measured, for each point of the sample, candidate, point of the cells, and point.
+        sampled = (100 + 120 if self.denoise else 100) * min(n, sample_size(n_points))
+        ranked = 300 * min(n, round(1.5 * self.candidates * n_points))  # 1.5 cells for each on slopes
+        placed = 130 * min(n, CELL_POINTS * n_points)
+        return 16 * n + max(sampled + ranked, placed)
 
 
 def _number_at(points: NDArray[np.float64], task: Task) -> int:
@@ -154,6 +139,6 @@ def _number_at(points: NDArray[np.float64], task: Task) -> int:
     from gppcs.spatial.kdtree import KdTree, surface_area
 
     assert task.spacing is not None
-    rows = sample(points, 1)
-    area = surface_area(KdTree.build(points if len(rows) == len(points) else points[rows]))
+    indices = sample(points, 1)
+    area = surface_area(KdTree.build(points if len(indices) == len(points) else points[indices]))
     return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

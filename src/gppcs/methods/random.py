@@ -54,14 +54,14 @@ class Random(Method):
         import numpy as np
 
         from gppcs.spatial.kdtree import KdTree
-        from gppcs.spatial.nearest import squared_reaches
+        from gppcs.spatial.nearest import squared_radii
 
         with task.timer("permutation"):
             if task.stored is not None:
                 return Selection(self._of_stored(task))
             rng, points = np.random.default_rng(self.seed), task.points
             if self.even:
-                areas = squared_reaches(KdTree.build(points))
+                areas = squared_radii(KdTree.build(points))
                 return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: task.n_points])
             return Selection(rng.permutation(len(points))[: task.n_points])
 
@@ -69,7 +69,7 @@ class Random(Method):
         """Return the rows of the different places with the smallest random numbers."""
         import numpy as np
 
-        from gppcs.spatial.row_sample import smallest_numbers
+        from gppcs.spatial.samples import smallest_numbers
 
         assert task.stored is not None
         numbers, rows = np.empty(0), np.empty(0, dtype=np.int64)

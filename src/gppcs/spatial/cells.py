@@ -9,19 +9,16 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.spatial.scaling import bounds
 
-MANTISSA_BITS = 53  # a float64 holds whole numbers of up to 53 bits exactly
 POINTS_PER_PART = 1 << 14  # hashes are looked up in parts of this size, so that a part's table stays in the CPU cache
-FIRST_SLOTS = 1 << 10  # a hash table starts with this many slots, and doubles when it is half full
 EMPTY = np.uint64(2**64 - 1)  # an empty slot; entries end in a point's index, which is never all ones
-NO_GRID = np.zeros(6)  # tells the kernels to compare coordinates instead of cells
-NO_VALUES = np.empty(0, dtype=np.float32)  # tells the kernels to keep the first point instead of the greatest
 
 
 def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
-        _mark(np.ascontiguousarray(points), NO_GRID, NO_VALUES, marks)
+        no_grid, no_values = np.zeros(6), np.empty(0, dtype=np.float32)  # compare coordinates, keep the first point
+        _mark(np.ascontiguousarray(points), no_grid, no_values, marks)
     return marks
 
 
@@ -30,11 +27,11 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points, scale = np.ascontiguousarray(points), 1.0 / edge
-        low, high = np.floor(np.multiply(bounds(points), scale))
-        counts = np.minimum(high - low + 1.0, 2.0**64)  # so that their product does not overflow
-        numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), MANTISSA_BITS)
+        lower, upper = np.floor(np.multiply(bounds(points), scale))
+        counts = np.minimum(upper - lower + 1.0, 2.0**64)  # so that their product does not overflow
+        numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), 53)  # a float64 holds 53 bits exactly
         # One over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many.
-        grid = np.array([scale, *low, *(counts[1:] if numbered else (0.0, 0.0))])
+        grid = np.array([scale, *lower, *(counts[1:] if numbered else (0.0, 0.0))])
         _mark(points, grid, np.ascontiguousarray(values), marks)
     return np.flatnonzero(marks)
 
@@ -53,9 +50,9 @@ def _mark(
     counts = np.zeros((chunks, 1 << bits), dtype=np.int64)
     on_ranges(_count_hashes, chunks, points, grid, spare, bits, counts)
     starts = np.concatenate([[0], np.cumsum(counts.sum(axis=0))])
-    places = starts[:-1] + np.cumsum(counts, axis=0) - counts  # where each chunk writes its first entry of each part
+    slots = starts[:-1] + np.cumsum(counts, axis=0) - counts  # where each chunk writes its first entry of each part
     entries = np.empty(n, dtype=np.uint64)
-    on_ranges(_place_hashes, chunks, points, grid, spare, bits, places, entries)
+    on_ranges(_write_hashes, chunks, points, grid, spare, bits, slots, entries)
     on_ranges(_mark_parts, 1 << bits, points, grid, values, spare, entries, starts, marks)
 
 
@@ -69,16 +66,16 @@ def _count_hashes(begin, end, points, grid, spare, bits, counts):
 
 
 @kernel
-def _place_hashes(begin, end, points, grid, spare, bits, places, entries):
-    """Write the entries of some chunks into `entries`, (N,), from `places`, (chunks, 2^bits), on."""
-    n, chunks = len(points), len(places)
+def _write_hashes(begin, end, points, grid, spare, bits, slots, entries):
+    """Write the entries of some chunks into `entries`, (N,), from `slots`, (chunks, 2^bits), on."""
+    n, chunks = len(points), len(slots)
     indices = np.uint64((1 << (64 - spare)) - 1)
     for c in range(begin, end):
         for i in range(n * c // chunks, n * (c + 1) // chunks):
             h = _hash(points, i, grid, spare)
             part = _part(h, bits)
-            entries[places[c, part]] = (h & ~indices) | np.uint64(i)
-            places[c, part] += 1
+            entries[slots[c, part]] = (h & ~indices) | np.uint64(i)
+            slots[c, part] += 1
 
 
 @kernel(inline="always")
@@ -90,7 +87,7 @@ def _part(h, bits):
 @kernel
 def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks):
     """Fill `marks`, (N,), for some parts; `values` is (N,) or empty, `entries` (N,), `starts` (parts + 1,)."""
-    table = np.empty(FIRST_SLOTS, dtype=np.uint64)
+    table = np.empty(1 << 10, dtype=np.uint64)  # which doubles when it is half full
     for part in range(begin, end):
         table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 

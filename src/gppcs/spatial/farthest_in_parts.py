@@ -1,98 +1,73 @@
 """Farthest point sampling of a cloud on disk, part by part.
 
-All parts choose down to one distance; it is lowered level by level until enough points are chosen. A part chooses with
-a halo, keeps what lies in itself, and takes what the parts of earlier classes chose in its halo as given.
+All parts choose down to one distance; it is lowered again and again until enough points are chosen. A part chooses with
+a halo, keeps what lies in itself, and nothing more is chosen in boxes where parts of earlier classes have chosen.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.spatial.boxes import Each, Part, classes
+from gppcs.spatial.boxes import Each, Part, chosen_by_classes
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.stored import StoredPoints, within
+from gppcs.spatial.stored import RECORD, StoredPoints
 
 PART = 1 << 18  # Points of a part at most.
-FIRST = 4096  # Points that the first level chooses, about: so many of a sample tell its distance.
-LEVEL_HALO = 3.0  # In units of the distance of the level.
-SPARE = 1.05  # Points chosen for each one wanted: the last level is aimed a little too low.
-LEAST_STEP = 0.5  # From one level to the next, at most.
+CHOSEN = np.dtype([*RECORD.descr, ("distance", np.float64)])  # the distance to the points that were chosen before
 NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanish.
 
 
-class Farthest(NamedTuple):
-    """Chosen points, the farthest first."""
-
-    rows: NDArray[np.int64]  # (n,)
-    places: NDArray[np.float64]  # (n, 3)
-    distances: NDArray[np.float64]  # (n,), distance of each to the points that were chosen before it
-
-
 def farthest_in_parts(
-    stored: StoredPoints, n_points: int, timer: Timer, each: Each, least: float = 0.0
+    stored: StoredPoints, n_points: int, timer: Timer, each: Each, minimum: float = 0.0
 ) -> NDArray[np.int64]:
-    """Choose M points, at least some distance apart, and return their rows; fewer if no other place is far enough."""
+    """Choose M points, at least some distance apart, and return their indices; fewer if no other is far enough."""
     sample = stored.sample
-    first = min(FIRST, n_points, len(sample))
-    level = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, least)
-    chosen = Farthest(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0))
+    first = min(4096, n_points, len(sample))  # so many of a sample tell the first distance
+    distance = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, minimum)
+    chosen = np.empty(0, dtype=CHOSEN)
     parts = stored.parts(PART)
-    with timer("farthest points", n_points) as advanced:
-        while len(chosen.rows) < n_points:
-            before = len(chosen.rows)
-            for added in _round(stored, parts, chosen, level, each):
-                chosen = Farthest._make(map(np.concatenate, zip(chosen, added, strict=True)))
-            advanced(max(0, min(len(chosen.rows), n_points) - before))
-            # At the last level, rounds go on: what a part chose in its halo, and did not keep, leaves places open.
-            if level <= least and (level == 0.0 or len(chosen.rows) == before):
+    with timer("farthest points", n_points) as on_progress:
+        while len(chosen) < n_points:
+            before = len(chosen)
+            halo = 3.0 * distance if math.isfinite(distance) else 0.0
+            chosen = chosen_by_classes(
+                stored.boxes, parts, halo, each, partial(_choose, stored, distance, halo), chosen
+            )
+            on_progress(max(0, min(len(chosen), n_points) - before))
+            # At the last distance, rounds go on: what a part chose in its halo, and did not keep, leaves gaps.
+            if distance <= minimum and (distance == 0.0 or len(chosen) == before):
                 break
-            step = math.sqrt(max(1, len(chosen.rows)) / (SPARE * n_points))
-            level = max(_lower(level, step) if math.isfinite(level) else 0.0, least)
-    order = np.lexsort([chosen.rows, -chosen.distances])
-    return chosen.rows[order[:n_points]]
+            # The last distance is aimed a little too low, so that 5 % more points are chosen than are needed.
+            step = math.sqrt(max(1, len(chosen)) / (1.05 * n_points))
+            distance = max(_lower(distance, step) if math.isfinite(distance) else 0.0, minimum)
+    order = np.lexsort([chosen["row"], -chosen["distance"]])
+    return chosen["row"][order[:n_points]]
 
 
-def _lower(level: float, step: float) -> float:
-    """Return the next level; zero, with which every place is chosen, once it is negligible."""
-    lower = level * max(LEAST_STEP, step)
-    return lower if lower > NEGLIGIBLE and lower < level else 0.0
+def _lower(distance: float, step: float) -> float:
+    """Return the next distance; zero, with which every point is chosen, once it is negligible."""
+    lower = distance * max(0.5, step)
+    return lower if lower > NEGLIGIBLE and lower < distance else 0.0
 
 
-def _round(stored: StoredPoints, parts: list[Part], chosen: Farthest, level: float, each: Each) -> Iterator[Farthest]:
-    """Yield what each class of parts chooses down to a level, after what is `chosen`."""
-    halo = LEVEL_HALO * level if math.isfinite(level) else 0.0
-    settled, known = np.zeros(len(stored.boxes), dtype=np.bool_), chosen.places
-    for some in classes(parts, halo):
-        asked = [_Asked(part, known[within(known, part.low - halo, part.high + halo)]) for part in some]
-        found = list(each(partial(_choose, stored, level, halo, settled), asked))
-        added = Farthest._make(map(np.concatenate, zip(*found, strict=True)))
-        known = np.concatenate([known, added.places])
-        settled = settled.copy()
-        for part in some:
-            settled[part.first : part.last] = True
-        yield added
-
-
-class _Asked(NamedTuple):
-    """A part, and what is chosen in it and its halo, (n, 3)."""
-
-    part: Part
-    others: NDArray[np.float64]
-
-
-def _choose(stored: StoredPoints, level: float, halo: float, settled: NDArray[np.bool_], asked: _Asked) -> Farthest:
-    """Choose the points of a part that are at least as far as `level` from others; none in boxes that are `settled`."""
-    near = stored.near(asked.part, halo)
-    open_ = np.flatnonzero(~settled[stored.boxes.box_of(near.points)])
-    places = near.points[open_]
-    found, distances = farthest_points(places, len(places), others=asked.others, least=max(level, NEGLIGIBLE))
-    inside = near.inside[open_[found]]
-    found = found[inside]
-    return Farthest(near.rows[open_[found]], places[found], distances[inside])
+def _choose(
+    stored: StoredPoints, distance: float, halo: float, settled: NDArray[np.bool_], task: tuple[Part, NDArray[Any]]
+) -> NDArray[Any]:
+    """Choose the points of a part that are at least so far from those chosen; none in boxes that are `settled`."""
+    part, chosen = task
+    near = stored.near(part, halo)
+    near = near.take(np.flatnonzero(~settled[stored.boxes.box_of(near.points)]))
+    points = near.points
+    indices, distances = farthest_points(points, len(points), before=chosen["place"], minimum=max(distance, NEGLIGIBLE))
+    inside = near.inside[indices]
+    added = np.empty(np.count_nonzero(inside), dtype=CHOSEN)
+    for name in RECORD.names or ():
+        added[name] = near.records[name][indices[inside]]
+    added["distance"] = distances[inside]
+    return added

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import (
     KdTree,
+    after,
     first_leaf,
     greater_child,
     greatest_in_leaf,
@@ -26,21 +27,22 @@ def farthest_points(
     points: NDArray[np.float64],
     n_points: int,
     tree: KdTree | None = None,
-    advanced: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
     *,
     first: int | None = None,
-    others: NDArray[np.float64] | None = None,
-    least: float = 0.0,
+    before: NDArray[np.float64] | None = None,
+    minimum: float = 0.0,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose points, (N, 3), each the farthest from all before it and others; return them and the distances.
+    """Choose points, (N, 3), each the farthest from all before it, (m, 3) of which are chosen already.
 
     Ties go to the smallest index, as in the plain algorithm (Eldar, Lindenbaum, Porat and Zeevi 1997). A step skips
     every box that lies farther from the new point than all of the box's points lie from earlier ones (Han et al. 2023).
+    Returns the indices and the distances to the points before, down to a minimum.
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)
-    if others is not None and len(others):
-        squared = KdTree.build(others).nearest_of(points, 1)[1][tree.order, 0]
+    if before is not None and len(before):
+        squared = KdTree.build(before).nearest_of(points, 1)[1][tree.order, 0]
     elif first is None:
         first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
     chosen = np.empty(n_points, dtype=np.int64)
@@ -51,43 +53,42 @@ def farthest_points(
         x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2
         squared = np.minimum(squared, x + y + z)
         squared[position[first]] = -1.0
-    farthest = np.empty(len(tree.low), dtype=np.float64)
-    candidate = np.empty(len(tree.low), dtype=np.int64)
+    farthest = np.empty(len(tree.lower), dtype=np.float64)
+    candidate = np.empty(len(tree.lower), dtype=np.int64)
     greatest_of_all(tree.order, squared, farthest, candidate)
     for begin in range(0, n_points, PICKS_PER_CALL):
         end = min(begin + PICKS_PER_CALL, n_points)
         _choose(
-            tree.points, tree.order, tree.low, tree.high, position,
+            tree.points, tree.order, tree.lower, tree.upper, position,
             squared, farthest, candidate, chosen, distances, max(begin, int(first is not None)), end,
         )  # fmt: skip
-        if advanced:
-            advanced(end - begin)
-        if distances[end - 1] < least * least:
-            n_points = int(np.argmax(distances[:end] < least * least))
+        if on_progress:
+            on_progress(end - begin)
+        if distances[end - 1] < minimum * minimum:
+            n_points = int(np.argmax(distances[:end] < minimum * minimum))
             break
     return chosen[:n_points], np.sqrt(distances[:n_points])
 
 
 def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float) -> tuple[NDArray[np.int64], float]:
-    """Add the farthest points, (N, 3), until none is beyond a gap; return rows and the largest distance left."""
-    least = float(np.nextafter(gap, math.inf))
+    """Add the farthest points, (N, 3), until none is beyond a gap; return indices and the largest distance."""
+    minimum = float(np.nextafter(gap, math.inf))
     squared = KdTree.build(kept).nearest_of(points, 1)[1][:, 0]
-    far = np.flatnonzero(squared >= least * least)
+    far = np.flatnonzero(squared >= minimum * minimum)
     if not len(far):
         return far, math.sqrt(squared.max())
-    places = points[far]
-    chosen, _ = farthest_points(places, len(far), others=kept, least=least)
+    candidates = points[far]
+    chosen, _ = farthest_points(candidates, len(far), before=kept, minimum=minimum)
     if len(chosen):
-        squared = np.minimum(squared, KdTree.build(places[chosen]).nearest_of(points, 1)[1][:, 0])
+        squared = np.minimum(squared, KdTree.build(candidates[chosen]).nearest_of(points, 1)[1][:, 0])
     return far[chosen], math.sqrt(squared.max())
 
 
 @kernel
-def _choose(points, order, low, high, position, squared, farthest, candidate, chosen, distances, begin, end):
+def _choose(points, order, lower, upper, position, squared, farthest, candidate, chosen, distances, begin, end):
     """Fill `chosen` and `distances`, (M,), from `begin` to `end`; `squared` is (N,) in tree order."""
-    leaves = first_leaf(low)
+    leaves = first_leaf(lower)
     n = points.shape[1]
-    stack = np.empty(64, dtype=np.int64)
     visited = np.empty(leaves, dtype=np.int64)
     for m in range(begin, end):
         index = candidate[1]
@@ -95,26 +96,18 @@ def _choose(points, order, low, high, position, squared, farthest, candidate, ch
         distances[m] = farthest[1]
         x, y, z = points[:, position[index]]
         squared[position[index]] = -1.0  # below every distance, so that a chosen point is no candidate again
-        stack[0] = 1
-        height = 1
-        inner = 0
-        while height:
-            height -= 1
-            node = stack[height]
-            if node >= leaves:
+        node, inner = 1, 0
+        while node:
+            if squared_distance_to_box(lower[node], upper[node], x, y, z) < farthest[node] or candidate[node] == index:
+                if node < leaves:
+                    visited[inner] = node
+                    inner += 1
+                    node *= 2
+                    continue
                 run = slice(*leaf_range(n, leaves, node))
                 approach(points[0, run], points[1, run], points[2, run], squared[run], x, y, z)
                 greatest_in_leaf(node, order, squared, farthest, candidate)
-                continue
-            visited[inner] = node
-            inner += 1
-            for child in (2 * node, 2 * node + 1):
-                if (
-                    squared_distance_to_box(low[child], high[child], x, y, z) < farthest[child]
-                    or candidate[child] == index
-                ):
-                    stack[height] = child
-                    height += 1
+            node = after(node, 1)
         for v in range(inner - 1, -1, -1):  # children before their parents
             greater_child(visited[v], farthest, candidate)
 

@@ -1,4 +1,8 @@
-"""A balanced k-d tree over points, the kernels that search it, and the area of the surface that it tells."""
+"""A balanced k-d tree over points, the kernels that search it, and an estimate of the area of the surface.
+
+Two descents are everywhere. Where the order does not matter, a loop goes through the nodes in tree order, without a
+stack: on to `2 * node`, or `after` the node. Where the nearest node comes first, `push_children` keeps a stack.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +16,11 @@ from gppcs.engine.threads import on_ranges
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
-SHARED_LEVELS = 5  # all threads split these levels together; below them, each thread splits its own subtrees
-FEW_KEYS = 256  # for fewer keys than this, the median of three keys is a good enough pivot
-SAMPLED = 64  # for more keys, the pivot comes from a random sample of this many
+SAMPLED = 64  # the pivot of a split comes from a random sample of this many keys
 LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
-WIDENED, LEAST_LIMIT = 1.0 + 1e-9, 1e-300  # so that rounding and underflow put no point outside a limit
-NEIGHBOURS = 8  # by which the area of a point is told
-AREA_QUANTILE = 0.99  # quantile to which larger areas are cut
-PAST_MIDDLE = 2  # the pivot lies this many sample ranks past the wanted one, so that the part to keep is small
+NEIGHBOURS = 8  # whose distance tells the area of a point
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut, for outliers
+STACK = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,15 +28,15 @@ class KdTree:
     """A perfect binary tree of bounding boxes over N points (Bentley 1975).
 
     The points are sorted so that each node holds a contiguous range: tree order. Node 1 is the root, and node n has the
-    children 2n and 2n + 1. Of the L nodes of a level, the j-th (from 0) holds the points from N j // L to N (j + 1) //
+    children 2n and 2n + 1. Of the L nodes of a depth, the j-th (from 0) holds the points from N j // L to N (j + 1) //
     L.
     """
 
     order: NDArray[np.int64]  # (N,), index in the input of each point in tree order
     points: NDArray[np.float64]  # (3, N), coordinates in tree order; each row is an axis
     # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
     leaves: int  # Number of leaves, which is also the node number of the first leaf
 
     @classmethod
@@ -47,12 +48,12 @@ class KdTree:
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
         records[:, :3], numbers[:, 3] = points, np.arange(n)
-        low, high = np.empty((2 << depth, 3)), np.empty((2 << depth, 3))
-        tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), low, high, 1 << depth)
-        top = SHARED_LEVELS if depth > 2 * SHARED_LEVELS else 0  # a smaller tree grows on one thread
-        for level in range(top):
-            on_ranges(_split_nodes, 1 << level, level, records, low, high)
-        on_ranges(_grow, 1 << top, top, depth, records, numbers, tree.order, tree.points, low, high)
+        lower, upper = np.empty((2 << depth, 3)), np.empty((2 << depth, 3))
+        tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), lower, upper, 1 << depth)
+        top = 5 if depth > 10 else 0  # all threads split so many depths together; then each splits its own subtrees
+        for d in range(top):
+            on_ranges(_split_nodes, 1 << d, d, records, lower, upper)
+        on_ranges(_grow, 1 << top, top, depth, records, numbers, tree.order, tree.points, lower, upper)
         return tree
 
     @classmethod
@@ -61,9 +62,9 @@ class KdTree:
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
             leaves *= 2
-        low, high = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
-        measure_boxes(points, low, high)
-        return cls(np.arange(n) if order is None else order, points, low, high, leaves)
+        lower, upper = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
+        measure_boxes(points, lower, upper)
+        return cls(np.arange(n) if order is None else order, points, lower, upper, leaves)
 
     def in_own_order(self) -> KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
@@ -81,10 +82,10 @@ class KdTree:
 
     def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
-        # Zeros: of a query without a finite distance, nothing is found.
+        # Zeros: for a query without a finite distance.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
-            _nearest_of_all, len(queries), self.points, self.low, self.high, queries, positions, squared,
+            _nearest_of_all, len(queries), self.points, self.lower, self.upper, queries, positions, squared,
             least=QUERIES_AT_ONCE,
         )  # fmt: skip
         return self.order[positions], squared
@@ -95,28 +96,28 @@ class KdTree:
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
 
-def nearest_distances(tree: KdTree, k: int, most: int = 4096) -> NDArray[np.float64]:
+def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> NDArray[np.float64]:
     """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
     n = tree.points.shape[1]
-    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // most))])
+    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // maximum))])
     _, squared = tree.nearest_of(chosen, min(k + 1, n))
     return np.sqrt(squared[:, -1])
 
 
 def surface_area(tree: KdTree) -> float:
-    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut, for outliers."""
+    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut."""
     n = tree.points.shape[1]
     k = min(NEIGHBOURS, n - 1)
     if k == 0:
         return 0.0
-    squared = nearest_distances(tree, k, most=16_384) ** 2
+    squared = nearest_distances(tree, k, maximum=16_384) ** 2
     return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
 @kernel(inline="always")
-def first_leaf(low):
+def first_leaf(lower):
     """Return the node number of the first leaf, which is also the number of leaves. Shapes: low (nodes, ...)."""
-    return low.shape[0] // 2
+    return lower.shape[0] // 2
 
 
 @kernel(fastmath=False, allocates=False)
@@ -126,29 +127,40 @@ def leaf_range(n, leaves, leaf):
     return n * j // leaves, n * (j + 1) // leaves
 
 
-@kernel
-def _split_nodes(begin, end, level, records, low, high):
-    """Split the nodes `begin` to `end` of a level; arrays as in `_split`."""
-    for node in range((1 << level) + begin, (1 << level) + end):
-        _split(records, node, level, low, high)
+@kernel(allocates=False)
+def after(node, root):
+    """Return the node behind a subtree on a descent from a root, in tree order; 0 behind the last.
+
+    A descent needs no stack: from a node that is visited it goes on to `2 * node`, otherwise, and from leaves, to this.
+    """
+    while node > root and node & 1:
+        node >>= 1
+    return node + 1 if node > root else 0
 
 
 @kernel
-def _grow(begin, end, top, depth, records, numbers, order, points, low, high):
-    """Sort the records, (N, 4), below nodes of the level `top`, and fill the arrays of the tree."""
+def _split_nodes(begin, end, depth, records, lower, upper):
+    """Split the nodes `begin` to `end` of a depth; arrays as in `_split`."""
+    for node in range((1 << depth) + begin, (1 << depth) + end):
+        _split(records, node, depth, lower, upper)
+
+
+@kernel
+def _grow(begin, end, top, depth, records, numbers, order, points, lower, upper):
+    """Sort the records, (N, 4), below nodes of the depth `top`, and fill the arrays of the tree."""
     for node in range((1 << top) + begin, (1 << top) + end):  # the records of one such node fit into the CPU cache
-        for level in range(depth - top):
-            for below in range(node << level, (node + 1) << level):
-                _split(records, below, top + level, low, high)
+        for d in range(depth - top):
+            for below in range(node << d, (node + 1) << d):
+                _split(records, below, top + d, lower, upper)
         for leaf in range(node << (depth - top), (node + 1) << (depth - top)):
-            _fill_leaf(records, numbers, leaf, depth, order, points, low, high)
+            _fill_leaf(records, numbers, leaf, depth, order, points, lower, upper)
 
 
 @kernel(allocates=False)
-def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
-    """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `low` and `high`."""
+def _fill_leaf(records, numbers, leaf, depth, order, points, lower, upper):
+    """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `lower` and `upper`."""
     begin, end = leaf_range(len(records), 1 << depth, leaf)
-    _bound(records, begin, end, low[leaf], high[leaf])
+    _bound(records, begin, end, lower[leaf], upper[leaf])
     for i in range(begin, end):
         order[i] = numbers[i, 3]
         for axis in range(3):
@@ -156,45 +168,45 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, low, high):
 
 
 @kernel
-def _split(records, node, level, low, high):
-    """Fill a node's box in `low` and `high`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
-    begin, end = leaf_range(len(records), 1 << level, node)
-    _bound(records, begin, end, low[node], high[node])
+def _split(records, node, depth, lower, upper):
+    """Fill a node's box in `lower` and `upper`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
+    begin, end = leaf_range(len(records), 1 << depth, node)
+    _bound(records, begin, end, lower[node], upper[node])
     axis, longest = 0, -1.0
     for a in range(3):
-        if high[node, a] - low[node, a] > longest:
-            axis, longest = a, high[node, a] - low[node, a]
-    _part(records, axis, begin, leaf_range(len(records), 2 << level, 2 * node)[1], end)
+        if upper[node, a] - lower[node, a] > longest:
+            axis, longest = a, upper[node, a] - lower[node, a]
+    _part(records, axis, begin, leaf_range(len(records), 2 << depth, 2 * node)[1], end)
 
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
-def _bound(records, begin, end, low, high):
-    """Fill `low` and `high`, (3,), with the bounds of the records begin..end of (N, 4)."""
+def _bound(records, begin, end, lower, upper):
+    """Fill `lower` and `upper`, (3,), with the bounds of the records begin..end of (N, 4)."""
     a = b = c = np.inf
     d = e = f = -np.inf
     for i in range(begin, end):
         x, y, z = records[i, 0], records[i, 1], records[i, 2]
         a, b, c = min(a, x), min(b, y), min(c, z)
         d, e, f = max(d, x), max(e, y), max(f, z)
-    low[0], low[1], low[2] = a, b, c
-    high[0], high[1], high[2] = d, e, f
+    lower[0], lower[1], lower[2] = a, b, c
+    upper[0], upper[1], upper[2] = d, e, f
 
 
 @kernel
-def measure_boxes(points, low, high):
-    """Fill the boxes of all nodes, `low` and `high`, (nodes, 3), from the points, (3, N), in tree order."""
-    leaves = first_leaf(low)
+def measure_boxes(points, lower, upper):
+    """Fill the boxes of all nodes, `lower` and `upper`, (nodes, 3), from the points, (3, N), in tree order."""
+    leaves = first_leaf(lower)
     for node in range(2 * leaves - 1, 0, -1):
         for axis in range(3):
             if node < leaves:
-                low[node, axis] = min(low[2 * node, axis], low[2 * node + 1, axis])
-                high[node, axis] = max(high[2 * node, axis], high[2 * node + 1, axis])
+                lower[node, axis] = min(lower[2 * node, axis], lower[2 * node + 1, axis])
+                upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
                 continue
             begin, end = leaf_range(points.shape[1], leaves, node)
-            low[node, axis] = high[node, axis] = points[axis, begin]
+            lower[node, axis] = upper[node, axis] = points[axis, begin]
             for i in range(begin + 1, end):
-                low[node, axis] = min(low[node, axis], points[axis, i])
-                high[node, axis] = max(high[node, axis], points[axis, i])
+                lower[node, axis] = min(lower[node, axis], points[axis, i])
+                upper[node, axis] = max(upper[node, axis], points[axis, i])
 
 
 @kernel
@@ -217,7 +229,7 @@ def _part(records, axis, begin, middle, end):
 def _pivot(records, axis, begin, middle, end, sample):
     """Return a key of the records, (N, 4), that probably leaves `middle` in a small part (Floyd and Rivest 1975)."""
     count = end - begin
-    if count < FEW_KEYS:
+    if count < 256:  # for so few keys, the median of three is a good enough pivot
         a, b, c = records[begin, axis], records[(begin + end) // 2, axis], records[end - 1, axis]
         return max(min(a, b), min(max(a, b), c))
     state = np.uint64(begin + 1) * LCG_MULTIPLIER ^ np.uint64(count)
@@ -230,7 +242,8 @@ def _pivot(records, axis, begin, middle, end, sample):
             slot -= 1
         sample[slot] = key
     below = SAMPLED * (middle - begin) // count
-    return sample[min(below + PAST_MIDDLE, SAMPLED - 1)] if 2 * below < SAMPLED else sample[max(below - PAST_MIDDLE, 0)]
+    # Two ranks past that of the middle, so that the part to keep is small.
+    return sample[min(below + 2, SAMPLED - 1)] if 2 * below < SAMPLED else sample[max(below - 2, 0)]
 
 
 @kernel(allocates=False)
@@ -251,57 +264,63 @@ def _move_forward(records, axis, begin, end, pivot, equal):
 
 
 @kernel(fastmath=False, allocates=False)
-def squared_distance_to_box(low, high, x, y, z):
+def squared_distance_to_box(lower, upper, x, y, z):
     """Return the squared distance of (x, y, z) to a box, rounded to at most that to any point in it."""
-    dx = max(low[0] - x, x - high[0], 0.0)
-    dy = max(low[1] - y, y - high[1], 0.0)
-    dz = max(low[2] - z, z - high[2], 0.0)
+    dx = max(lower[0] - x, x - upper[0], 0.0)
+    dy = max(lower[1] - y, y - upper[1], 0.0)
+    dz = max(lower[2] - z, z - upper[2], 0.0)
     return dx * dx + dy * dy + dz * dz
 
 
 @kernel
-def nearest_in_tree(points, low, high, x, y, z, found, squared, limit=np.inf):
+def push_children(node, lower, upper, x, y, z, stack, height):
+    """Push the children of a node, the one nearer to (x, y, z) last, so that it comes first; return the new height."""
+    near, far = 2 * node, 2 * node + 1
+    if squared_distance_to_box(lower[far], upper[far], x, y, z) < squared_distance_to_box(
+        lower[near], upper[near], x, y, z
+    ):
+        near, far = far, near
+    stack[height], stack[height + 1] = far, near
+    return height + 2
+
+
+@kernel
+def nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit=np.inf):
     """Find the k points, (k,), nearest to (x, y, z); all must lie within a limit to their squared distance."""
-    leaves = first_leaf(low)
+    leaves = first_leaf(lower)
     n = points.shape[1]
     squared[:] = limit
-    stack = np.empty(64, dtype=np.int64)
+    stack = np.empty(STACK, dtype=np.int64)
     stack[0] = 1
     height = 1
     while height:
         height -= 1
         node = stack[height]
-        if squared_distance_to_box(low[node], high[node], x, y, z) >= squared[-1]:
+        if squared_distance_to_box(lower[node], upper[node], x, y, z) >= squared[-1]:
             continue
         if node < leaves:
-            near, far = 2 * node, 2 * node + 1
-            if squared_distance_to_box(low[far], high[far], x, y, z) < squared_distance_to_box(
-                low[near], high[near], x, y, z
-            ):
-                near, far = far, near
-            stack[height], stack[height + 1] = far, near
-            height += 2
+            height = push_children(node, lower, upper, x, y, z, stack, height)
         else:
             for j in range(*leaf_range(n, leaves, node)):
                 d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if d < squared[-1]:
                     slot = len(squared) - 1
                     while slot > 0 and squared[slot - 1] > d:
-                        squared[slot], found[slot] = squared[slot - 1], found[slot - 1]
+                        squared[slot], positions[slot] = squared[slot - 1], positions[slot - 1]
                         slot -= 1
-                    squared[slot], found[slot] = d, j
+                    squared[slot], positions[slot] = d, j
 
 
 @kernel(fastmath=False, allocates=False)
 def limit_beside(squared, x, y, z):
-    """Return a limit for `nearest_in_tree` at a place near another one."""
-    limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * WIDENED + LEAST_LIMIT
+    """Return a limit for `nearest_in_tree` near another query; rounding and underflow put no point outside."""
+    limit = (np.sqrt(squared) + np.sqrt(x * x + y * y + z * z)) ** 2 * (1.0 + 1e-9) + 1e-300
     return limit if limit < np.inf else np.inf  # not NaN
 
 
 @kernel
-def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
-    """Fill `found` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
+def _nearest_of_all(begin, end, points, lower, upper, queries, positions, squared):
+    """Fill `positions` and `squared`, (Q, k), with `nearest_in_tree` of each of the queries, (Q, 3)."""
     limit, k = np.inf, squared.shape[1]
     for q in range(begin, end):
         x, y, z = queries[q]
@@ -309,60 +328,54 @@ def _nearest_of_all(begin, end, points, low, high, queries, found, squared):
             limit = limit_beside(
                 squared[q - 1, k - 1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2]
             )
-        nearest_in_tree(points, low, high, x, y, z, found[q], squared[q], limit)
+        nearest_in_tree(points, lower, upper, x, y, z, positions[q], squared[q], limit)
 
 
 @kernel(fastmath=False)
-def leaves_near(low, high, box_low, box_high, squared_radius, found):
-    """Find the leaves within a radius of a box. Shapes: low, high (nodes, 3), box_low, box_high (3,), found (m,)."""
-    leaves = first_leaf(low)
-    count = 0
-    stack = np.empty(64, dtype=np.int64)
-    stack[0] = 1
-    height = 1
-    while height and count < len(found):
-        height -= 1
-        node = stack[height]
-        if squared_distance_of_boxes(low[node], high[node], box_low, box_high) > squared_radius:
-            continue
-        if node >= leaves:
-            found[count] = node
+def leaves_near(lower, upper, box_lower, box_upper, squared_radius, near):
+    """Fill `near`, (m,), with the leaves within a radius of a box, (3,) and (3,); return their number, at most m."""
+    leaves = first_leaf(lower)
+    node, count = 1, 0
+    while node and count < len(near):
+        if squared_distance_of_boxes(lower[node], upper[node], box_lower, box_upper) <= squared_radius:
+            if node < leaves:
+                node *= 2
+                continue
+            near[count] = node
             count += 1
-        else:
-            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
-            height += 2
+        node = after(node, 1)
     return count
 
 
 @kernel(fastmath=False, allocates=False)
-def squared_distance_of_boxes(low, high, other_low, other_high):
+def squared_distance_of_boxes(lower, upper, other_lower, other_upper):
     """Return the squared distance between two boxes, rounded to at most that between any two points in them."""
-    dx = max(low[0] - other_high[0], other_low[0] - high[0], 0.0)
-    dy = max(low[1] - other_high[1], other_low[1] - high[1], 0.0)
-    dz = max(low[2] - other_high[2], other_low[2] - high[2], 0.0)
+    dx = max(lower[0] - other_upper[0], other_lower[0] - upper[0], 0.0)
+    dy = max(lower[1] - other_upper[1], other_lower[1] - upper[1], 0.0)
+    dz = max(lower[2] - other_upper[2], other_lower[2] - upper[2], 0.0)
     return dx * dx + dy * dy + dz * dz
 
 
 @kernel(fastmath=False, allocates=False)
-def squared_reach_of_boxes(low, high, other_low, other_high):
+def squared_span_of_boxes(lower, upper, other_lower, other_upper):
     """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
-    dx = max(high[0] - other_low[0], other_high[0] - low[0])
-    dy = max(high[1] - other_low[1], other_high[1] - low[1])
-    dz = max(high[2] - other_low[2], other_high[2] - low[2])
+    dx = max(upper[0] - other_lower[0], other_upper[0] - lower[0])
+    dy = max(upper[1] - other_lower[1], other_upper[1] - lower[1])
+    dz = max(upper[2] - other_lower[2], other_upper[2] - lower[2])
     return dx * dx + dy * dy + dz * dz
 
 
 @kernel(fastmath=False, allocates=False)
-def points_near(points, low, high, leaves, box_low, box_high, squared_radius, found):
-    """Find the points of some leaves within a radius of a box. Shapes: leaves (m,), box_low, box_high (3,)."""
-    n, first = points.shape[1], first_leaf(low)
+def points_near(points, lower, upper, leaves, box_lower, box_upper, squared_radius, positions):
+    """Fill `positions` with the points of some leaves, (m,), within a radius of a box; return their number."""
+    n, first = points.shape[1], first_leaf(lower)
     count = 0
     for leaf in leaves:
-        if squared_distance_of_boxes(low[leaf], high[leaf], box_low, box_high) > squared_radius:
+        if squared_distance_of_boxes(lower[leaf], upper[leaf], box_lower, box_upper) > squared_radius:
             continue
         for j in range(*leaf_range(n, first, leaf)):
-            found[count] = j  # always written and then counted or not: a branch would be mispredicted often
-            near = squared_distance_to_box(box_low, box_high, points[0, j], points[1, j], points[2, j])
+            positions[count] = j  # always written and then counted or not: a branch would be mispredicted often
+            near = squared_distance_to_box(box_lower, box_upper, points[0, j], points[1, j], points[2, j])
             count += 1 if near <= squared_radius else 0
     return count
 

@@ -25,13 +25,12 @@ FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square doe
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
-TRIALS = 24  # steps of regula falsi for a radius that holds exactly k points
 
 
 class Room(NamedTuple):
     """Buffers for the points that a search finds."""
 
-    found: NDArray[np.int64]  # (m,), positions in tree order
+    positions: NDArray[np.int64]  # (m,), in tree order
     packed: NDArray[np.float64]  # (3, m + STRIDE), coordinates; each row is an axis
 
 
@@ -45,12 +44,12 @@ def room_for(leaves):
 
 @kernel(allocates=False)
 def pack(points, room, count):
-    """Copy the coordinates of the found points, of (3, N), into `room.packed`, and pad them with far points."""
+    """Copy coordinates, of (3, N), at the first positions in the room to `room.packed`; pad them with far points."""
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
         row, packed = points[axis], room.packed[axis]
         for slot in range(count):
-            packed[slot] = row[room.found[slot]]
+            packed[slot] = row[room.positions[slot]]
         packed[count:full] = FAR_COORDINATE
     return full
 
@@ -71,40 +70,40 @@ class Search(NamedTuple):
 @kernel
 def search_for(k, leaves):
     """Allocate buffers for searches of k points."""
-    most = min(MANY_LEAVES + k, leaves + 1)
-    room = room_for(most)
+    n_leaves = min(MANY_LEAVES + k, leaves + 1)
+    room = room_for(n_leaves)
     return Search(
-        np.empty(most, dtype=np.int64), room, np.empty(room.packed.shape[1], dtype=np.float64),
+        np.empty(n_leaves, dtype=np.int64), room, np.empty(room.packed.shape[1], dtype=np.float64),
         np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64),
         np.full((3, -(-k // STRIDE) * STRIDE), FAR_COORDINATE),
     )  # fmt: skip
 
 
 @kernel
-def look_around(points, low, high, box_low, box_high, squared_radius, search):
+def look_around(points, lower, upper, box_lower, box_upper, squared_radius, search):
     """Find and pack all points within a radius of a box. Shapes: box_low, box_high (3,)."""
-    count = leaves_near(low, high, box_low, box_high, squared_radius, search.near)
+    count = leaves_near(lower, upper, box_lower, box_upper, squared_radius, search.near)
     if count == len(search.near):
         return 0
     near = search.near[:count]
-    count = points_near(points, low, high, near, box_low, box_high, squared_radius, search.room.found)
+    count = points_near(points, lower, upper, near, box_lower, box_upper, squared_radius, search.room.positions)
     return pack(points, search.room, count)
 
 
 @kernel(fastmath=False)
-def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
-    """Find the k points nearest to (x, y, z), from the shared search if it reaches far enough."""
-    k, packed, found = len(search.gaps), search.room.packed, search.room.found
-    reach = reach_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
-    if reach < 0.0:
-        return steps_by_itself(points, low, high, x, y, z, search)
+def steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search):
+    """Find the k points nearest to (x, y, z), from the shared search if it is wide enough."""
+    k, packed, positions = len(search.gaps), search.room.packed, search.room.positions
+    nearest = radius_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
+    if nearest < 0.0:
+        return steps_by_itself(points, lower, upper, x, y, z, search)
     slot = 0
     for j in range(count):
-        found[slot] = j  # always written and then counted or not: a branch would be mispredicted often
-        slot += 1 if search.squared[j] <= reach else 0
+        positions[slot] = j  # always written and then counted or not: a branch would be mispredicted often
+        slot += 1 if search.squared[j] <= nearest else 0
     farthest = 0.0
     for slot in range(k):
-        j = found[slot]
+        j = positions[slot]
         search.local[0, slot], search.local[1, slot] = packed[0, j] - x, packed[1, j] - y
         search.local[2, slot] = packed[2, j] - z
         farthest = max(farthest, search.squared[j])
@@ -112,9 +111,9 @@ def steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search):
 
 
 @kernel(fastmath=False)
-def steps_by_itself(points, low, high, x, y, z, search):
+def steps_by_itself(points, lower, upper, x, y, z, search):
     """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`."""
-    nearest_in_tree(points, low, high, x, y, z, search.positions, search.gaps)
+    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
     for slot in range(len(search.gaps)):
         j = search.positions[slot]
         search.local[0, slot], search.local[1, slot] = points[0, j] - x, points[1, j] - y
@@ -123,28 +122,28 @@ def steps_by_itself(points, low, high, x, y, z, search):
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def reach_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
+def radius_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     """Return a squared distance within which exactly k packed points, (3, m), lie, by regula falsi; or -1."""
     along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
     squared = squared[:count]
     for j in range(len(along_x)):
         dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
         squared[j] = dx * dx + dy * dy + dz * dz
-    low, high = 0.0, squared_radius
-    below, above = 0.0, _within(squared, high)
-    for _ in range(TRIALS):
+    lower, upper = 0.0, squared_radius
+    below, above = 0.0, _within(squared, upper)
+    for _ in range(24):
         if above < k:
             break
         if above == k:
-            return high
-        middle = low + (high - low) * (k - below) / (above - below)
+            return upper
+        middle = lower + (upper - lower) * (k - below) / (above - below)
         inside = _within(squared, middle)
         if inside == k:
             return middle
         if inside < k:
-            low, below = middle, inside
+            lower, below = middle, inside
         else:
-            high, above = middle, inside
+            upper, above = middle, inside
     return -1.0
 
 
@@ -157,30 +156,30 @@ def _within(squared, limit):
     return count
 
 
-def squared_reaches(tree: KdTree) -> NDArray[np.float64]:
+def squared_radii(tree: KdTree) -> NDArray[np.float64]:
     """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
     n, tasks = len(tree.order), min(tree.leaves, TASKS)
     squared = np.ones(n)
     if n > 1:
         k = min(NEIGHBOURS, n - 1) + 1
-        on_ranges(_squared_reaches, tasks, tasks, tree.points, tree.order, tree.low, tree.high, k, squared)
+        on_ranges(_squared_radii, tasks, tasks, tree.points, tree.order, tree.lower, tree.upper, k, squared)
     return squared
 
 
 @kernel
-def _squared_reaches(first, last, tasks, points, order, low, high, k, squared):
+def _squared_radii(first, last, tasks, points, order, lower, upper, k, squared):
     """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
-    n, leaves = points.shape[1], first_leaf(low)
+    n, leaves = points.shape[1], first_leaf(lower)
     search = search_for(k, leaves)
     for task in range(first, last):
         squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
-            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
-            reached = 0.0
+            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
+            total = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                reach = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
-                squared[order[i]] = reach
-                reached += reach
-            squared_radius = WIDER * reached / (end - begin)
+                nearest = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
+                squared[order[i]] = nearest
+                total += nearest
+            squared_radius = WIDER * total / (end - begin)

@@ -12,17 +12,15 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.errors import InputError
 
-LEAST_OFFSET = 1e-100  # smaller offsets, as a share of the size, become zero: their squares would underflow
 POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least
-CACHED_POINTS = 1 << 10  # points that fit into the level-1 cache of a CPU core
 
 
 def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners of the bounding box, infinite without points; points (N, 3), corners (3,)."""
     chunks = min(RANGES, len(points) // POINTS_AT_ONCE + 1)
-    low, high = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
-    on_ranges(_bound_chunks, chunks, points, low, high)
-    return low.min(axis=0), high.max(axis=0)
+    lower, upper = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
+    on_ranges(_bound_chunks, chunks, points, lower, upper)
+    return lower.min(axis=0), upper.max(axis=0)
 
 
 class Frame(NamedTuple):
@@ -32,13 +30,13 @@ class Frame(NamedTuple):
     exponent: int  # Points are divided by two to this power
 
     @classmethod
-    def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Frame:
+    def around(cls, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Frame:
         """Return the frame of a bounding box. Shapes: low, high (3,)."""
         with np.errstate(over="ignore"):
-            size = float((high - low).max())
+            size = float((upper - lower).max())
         if not math.isfinite(size):
             raise InputError("expected coordinates whose differences are finite, found a range that overflows")
-        return cls(low, math.frexp(size)[1])  # zero for a size of zero
+        return cls(lower, math.frexp(size)[1])  # zero for a size of zero
 
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Shift and scale points. Shapes: points (n, 3); returns (n, 3)."""
@@ -56,27 +54,27 @@ def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 @kernel
-def _bound_chunks(begin, end, points, low, high):
+def _bound_chunks(begin, end, points, lower, upper):
     """Fill lowest and highest coordinates, (chunks, 3) each, of equal parts of the points, (N, 3)."""
-    n, chunks = len(points), len(low)
+    n, chunks = len(points), len(lower)
     for c in range(begin, end):
         last = n * (c + 1) // chunks
-        for first in range(n * c // chunks, last, CACHED_POINTS):
-            _widen(points[first : min(first + CACHED_POINTS, last)], low[c], high[c])
+        for first in range(n * c // chunks, last, 1024):  # so many points fit into the innermost cache of a core
+            _widen(points[first : min(first + 1024, last)], lower[c], upper[c])
 
 
 @kernel
-def _widen(points, low, high):
-    """Extend the bounds `low` and `high`, (3,), so that they hold the points, (n, 3)."""
+def _widen(points, lower, upper):
+    """Extend the bounds `lower` and `upper`, (3,), so that they hold the points, (n, 3)."""
     for axis in range(3):
-        least, greatest = low[axis], high[axis]
+        smallest, greatest = lower[axis], upper[axis]
         for i in range(len(points)):
             value = points[i, axis]
-            if value < least or value != value:  # once a bound is NaN, it stays NaN
-                least = value
+            if value < smallest or value != value:  # once a bound is NaN, it stays NaN
+                smallest = value
             if value > greatest or value != value:
                 greatest = value
-        low[axis], high[axis] = least, greatest
+        lower[axis], upper[axis] = smallest, greatest
 
 
 @kernel
@@ -85,4 +83,4 @@ def _shift_and_scale(begin, end, points, corner, scale, again, local):
     for i in range(begin, end):
         for axis in range(3):
             value = (points[i, axis] - corner[axis]) * scale * again
-            local[i, axis] = value if value >= LEAST_OFFSET else 0.0
+            local[i, axis] = value if value >= 1e-100 else 0.0  # squares of smaller offsets would underflow

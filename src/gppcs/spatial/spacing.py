@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree, nearest_distances
-from gppcs.spatial.nearest import squared_reaches
+from gppcs.spatial.nearest import squared_radii
 
 
 def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
@@ -19,7 +19,7 @@ def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
 
 def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
     """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
-    areas = squared_reaches(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
+    areas = squared_radii(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
     largest = np.quantile(areas, AREA_QUANTILE)
     return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))
 

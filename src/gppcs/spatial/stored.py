@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from gppcs.spatial.boxes import Boxes, Each, Part
 from gppcs.spatial.cells import first_occurrences
 
-PER_BOX = 16  # Sampled points of a box at least.
 BOX = 1 << 15  # Points of a box, unless there are more boxes than the sample can tell apart.
 RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 
@@ -34,14 +33,14 @@ class Run(NamedTuple):
 
 
 class Neighbourhood(NamedTuple):
-    """The records of a part and of its halo, by ascending rows."""
+    """The records of a part and of its halo, by ascending indices."""
 
     records: NDArray[Any]  # (n,), with at least the fields "row" and "place"
     inside: NDArray[np.bool_]  # (n,), whether a point lies in the part itself
 
     @property
-    def rows(self) -> NDArray[np.int64]:
-        """Rows of the points in the cloud, (n,)."""
+    def indices(self) -> NDArray[np.int64]:
+        """Indices of the points in the cloud, (n,)."""
         return np.ascontiguousarray(self.records["row"])
 
     @property
@@ -51,12 +50,12 @@ class Neighbourhood(NamedTuple):
 
     @property
     def values(self) -> NDArray[np.float64] | None:
-        """What the method asked for of each point, (n,), if anything."""
+        """The values of the column that the method reads, (n,), if any."""
         return np.ascontiguousarray(self.records["value"]) if "value" in (self.records.dtype.names or ()) else None
 
-    def take(self, some: NDArray[Any]) -> Neighbourhood:
+    def take(self, indices: NDArray[Any]) -> Neighbourhood:
         """Return some of them."""
-        return Neighbourhood(self.records[some], self.inside[some])
+        return Neighbourhood(self.records[indices], self.inside[indices])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +73,16 @@ class StoredPoints:
     def __len__(self) -> int:
         return int(self.counts.sum())
 
-    def parts(self, most: int) -> list[Part]:
+    def parts(self, maximum: int) -> list[Part]:
         """Return parts of at most so many points each, unless a box has more."""
-        return self.boxes.parts(self.counts, most)
+        return self.boxes.parts(self.counts, maximum)
 
     def near(self, part: Part, width: float = 0.0, *, repeats: bool = False) -> Neighbourhood:
         """Read the points of a part and of a halo of some width around it, by default without repeats."""
         around = _in_spans(self.boxes.around(part, width)) if width else []
-        inside = self.records([(part.first, part.last)])
-        outside = self.records(around)
-        halo = outside[within(outside["place"], part.low - width, part.high + width)]
-        count, records = len(inside), np.concatenate([inside, halo])
-        del inside, outside, halo  # to free their memory
+        records = self.records([(part.first, part.last)])
+        count = len(records)
+        records = np.concatenate([records, part.near(self.records(around), width)])
         order = np.argsort(records["row"], kind="stable")
         records = records[order]
         near = Neighbourhood(records, order < count)
@@ -94,24 +91,24 @@ class StoredPoints:
         first = first_occurrences(near.points)
         return near if first.all() else near.take(np.flatnonzero(first))
 
-    def others(self, rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-        """Return the first rows besides some, (count,), for clouds with fewer different places than are wanted."""
-        found = np.empty(0, dtype=np.int64)
+    def others(self, indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+        """Return the first indices besides some, (count,), for clouds with fewer different points than are wanted."""
+        rest = np.empty(0, dtype=np.int64)
         for run in self.runs:
             records = replace(self, runs=(run,)).records([(0, len(self.boxes))])
-            found = np.sort(np.concatenate([found, np.setdiff1d(records["row"], rows)]))[:count]
-        return found
+            rest = np.sort(np.concatenate([rest, np.setdiff1d(records["row"], indices)]))[:count]
+        return rest
 
     def records(self, spans: Sequence[tuple[int, int]]) -> NDArray[Any]:
-        """Read the points of spans of boxes, each given by its first box and the one behind."""
-        found = [np.empty(0, dtype=self.kind)]
+        """Read the points of spans of boxes, each with its first box and the one behind."""
+        records = [np.empty(0, dtype=self.kind)]
         for run in self.runs:
-            wanted = [(max(first, run.first), min(last, run.last)) for first, last in spans]
-            wanted = [(first, last) for first, last in wanted if first < last]
-            if wanted:
+            in_run = [(max(first, run.first), min(last, run.last)) for first, last in spans]
+            in_run = [(first, last) for first, last in in_run if first < last]
+            if in_run:
                 with (self.folder / run.name).open("rb", buffering=0) as file:
-                    found += [_read(file, run, first, last, self.kind) for first, last in wanted]
-        return np.concatenate(found)
+                    records += [_read(file, run, first, last, self.kind) for first, last in in_run]
+        return np.concatenate(records)
 
 
 def _read(file: FileIO, run: Run, first: int, last: int, kind: np.dtype[Any]) -> NDArray[Any]:
@@ -132,18 +129,11 @@ def _in_spans(boxes: NDArray[np.int64]) -> list[tuple[int, int]]:
     return [(int(span[0]), int(span[-1]) + 1) for span in spans]
 
 
-def within(places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which places, (n, 3), lie between two corners, (3,)."""
-    found = np.ones(len(places), dtype=np.bool_)
-    for axis in range(3):  # several times as fast as `all` along the short axis
-        found &= (places[:, axis] >= low[axis]) & (places[:, axis] <= high[axis])
-    return found
-
-
 def boxes_for(sample: NDArray[np.float64], n: int) -> Boxes:
     """Return boxes that hold about as many of n points each, of which there is a sample, (m, 3)."""
-    wanted, most = -(-n // BOX), max(1, len(sample) // PER_BOX)
-    return Boxes.of(sample, 1 << min((wanted - 1).bit_length(), most.bit_length() - 1))
+    count = -(-n // BOX)
+    maximum = max(1, len(sample) // 16)  # a box needs so many points of the sample
+    return Boxes.from_sample(sample, 1 << min((count - 1).bit_length(), maximum.bit_length() - 1))
 
 
 def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> tuple[Run, NDArray[np.int64]]:
@@ -159,14 +149,14 @@ def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> t
     return Run(name, first, last), counts
 
 
-def without(stored: StoredPoints, rows: NDArray[np.int64], each: Each) -> StoredPoints:
-    """Leave some rows, ascending, out of the stored points."""
-    if not len(rows):
+def without(stored: StoredPoints, indices: NDArray[np.int64], each: Each) -> StoredPoints:
+    """Return the stored points without some, (n,) ascending."""
+    if not len(indices):
         return stored
-    runs, counts = zip(*each(partial(_leave_out, stored, rows), stored.runs), strict=True)
+    runs, counts = zip(*each(partial(_run_without, stored, indices), stored.runs), strict=True)
     return replace(stored, runs=runs, counts=np.array(counts).sum(axis=0))
 
 
-def _leave_out(stored: StoredPoints, rows: NDArray[np.int64], run: Run) -> tuple[Run, NDArray[np.int64]]:
+def _run_without(stored: StoredPoints, indices: NDArray[np.int64], run: Run) -> tuple[Run, NDArray[np.int64]]:
     records = replace(stored, runs=(run,)).records([(run.first, run.last)])
-    return write_run(stored.folder, run.name, stored.boxes, records[~np.isin(records["row"], rows)])
+    return write_run(stored.folder, run.name, stored.boxes, records[~np.isin(records["row"], indices)])

@@ -1,10 +1,23 @@
-"""Vectors of three numbers, and the nearest place of a triangle, for kernels."""
+"""Vectors of three numbers for kernels, and the nearest point of a triangle, and of many."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.spatial.kdtree import (
+    STACK,
+    KdTree,
+    first_leaf,
+    leaf_range,
+    measure_boxes,
+    push_children,
+    squared_distance_to_box,
+)
 
 LEAST_AREA = 1e-9  # twice the area of a triangle, in its sum of squared edges
 
@@ -89,8 +102,8 @@ def nearest_in_triangle(a, b, c):
     if beside_ac <= 0.0 and ac_a <= 0.0 <= ac_c:
         return 0.0, ac_a / (ac_a - ac_c)
     if beside_bc <= 0.0 and ab_b >= ac_b and ac_c >= ab_c:
-        share = (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c)
-        return 1.0 - share, share
+        along = (ab_b - ac_b) / (ab_b - ac_b + ac_c - ab_c)
+        return 1.0 - along, along
     area = beside_ab + beside_ac + beside_bc
     return beside_ac / area, beside_ab / area
 
@@ -102,3 +115,70 @@ def squared_distance(a, b, c, v, w):
     y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
     z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
     return x * x + y * y + z * z
+
+
+def nearest_triangles(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], queries: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Find the nearest of triangles, (F, 3), to each query, (N, 3), exactly, by a tree of boxes.
+
+    Returns its number, (N,), the squared distance, (N,), and the barycentric coordinates of the nearest point on it for
+    its second and its third corner, (N, 2).
+    """
+    in_tree_order = KdTree.build(vertices[faces].mean(axis=1)).order
+    corners, leaves = vertices[faces[in_tree_order]], 1
+    while len(faces) > 4 * leaves:
+        leaves *= 2
+    lower, upper, unused = np.empty((3, 2 * leaves, 3))
+    measure_boxes(np.ascontiguousarray(corners.min(axis=1).T), lower, unused)
+    measure_boxes(np.ascontiguousarray(corners.max(axis=1).T), unused, upper)
+    count = len(queries)
+    nearest, squared, weights = np.zeros(count, dtype=np.int64), np.empty(count), np.empty((count, 2))
+    order = KdTree.build(queries).order  # queries after each other see the same triangles, in the cache
+    on_ranges(
+        _find_all, count, corners, lower, upper, queries, order, nearest, squared, weights, least=256
+    )  # fmt: skip
+    return in_tree_order[nearest], squared, weights
+
+
+@kernel
+def _find_all(first, last, corners, lower, upper, queries, order, nearest, squared, weights):
+    """Find the nearest triangles of a range of the queries in their order."""
+    stack, leaves = np.empty(STACK, dtype=np.int64), first_leaf(lower)
+    for i in order[first:last]:
+        query, smallest, height = row(queries, i), np.inf, 1
+        stack[0] = 1
+        while height:
+            height -= 1
+            node = stack[height]
+            if squared_distance_to_box(lower[node], upper[node], *query) >= smallest:
+                continue
+            if node < leaves:
+                height = push_children(node, lower, upper, *query, stack, height)
+                continue
+            for f in range(*leaf_range(len(corners), leaves, node)):
+                a = minus(row(corners[f], 0), query)
+                b = minus(row(corners[f], 1), query)
+                c = minus(row(corners[f], 2), query)
+                d, s, t = _nearest_of_one(a, b, c)
+                if d < smallest:
+                    smallest = d
+                    nearest[i], weights[i, 0], weights[i, 1] = f, s, t
+        squared[i] = smallest
+
+
+@kernel(allocates=False)
+def _nearest_of_one(a, b, c):
+    """Return the squared distance of a triangle to the origin, and where it is nearest; without area, of its edges."""
+    if has_area(a, b, c):
+        s, t = nearest_in_triangle(a, b, c)
+        return squared_distance(a, b, c, s, t), s, t
+    ab, _ = nearest_in_triangle(a, b, b)
+    ac, _ = nearest_in_triangle(a, c, c)
+    bc, _ = nearest_in_triangle(b, c, c)
+    best = squared_distance(a, b, c, ab, 0.0), ab, 0.0
+    for s, t in ((0.0, ac), (1.0 - bc, bc)):
+        d = squared_distance(a, b, c, s, t)
+        if d < best[0]:
+            best = d, s, t
+    return best

@@ -26,7 +26,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
 from gppcs.spatial.boxes import Boxes, Each
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.row_sample import HASHES, place_hashes
+from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame, bounds
 from gppcs.spatial.stored import RECORD, Run, StoredPoints, boxes_for, write_run
 from gppcs.streaming import plan
@@ -144,7 +144,7 @@ def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options
     overview.chunks = [(path.name, 0, len(points))]
     overview.lower, overview.upper = bounds(points)
     overview.keep, overview.keep_points = finite[constraints.keep], cloud.points[finite[constraints.keep]]
-    hashes = place_hashes(points)
+    hashes = point_hashes(points)
     sampled = np.flatnonzero(hashes < fraction * HASHES) if fraction < 1.0 else np.arange(len(hashes))
     overview.hashes, overview.sample = hashes[sampled], points[sampled]
     overview.sample_columns = {name: values[usable[sampled]] for name, values in constraints.columns.items()}

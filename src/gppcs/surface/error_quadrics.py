@@ -31,10 +31,10 @@ def add_plane(quadric, normal, height, weight):
 def value(quadric, step):
     """Return the value of a quadric. Shapes: quadric (10,)."""
     x, y, z = step
-    found = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
-    found += y * (quadric[3] * y + 2.0 * (quadric[4] * z + quadric[7]))
-    found += z * (quadric[5] * z + 2.0 * quadric[8]) + quadric[9]
-    return max(found, 0.0)
+    result = x * (quadric[0] * x + 2.0 * (quadric[1] * y + quadric[2] * z + quadric[6]))
+    result += y * (quadric[3] * y + 2.0 * (quadric[4] * z + quadric[7]))
+    result += z * (quadric[5] * z + 2.0 * quadric[8]) + quadric[9]
+    return max(result, 0.0)
 
 
 @kernel(allocates=False)

@@ -101,7 +101,7 @@ def _squared(inverse, current, slot):
 
 @kernel(allocates=False)
 def _turns_left(inverse, current, best, on_circle):
-    """Return whether the way from a neighbour to another turns left around the origin, by more than a little."""
+    """Return whether the path from a neighbour to another turns left around the origin, by more than a little."""
     turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
     return turn > 0.0 and turn * turn > on_circle * _length(inverse, current) * _length(inverse, best)
 
@@ -117,17 +117,17 @@ def _is_farther(inverse, current, best, slot, on_circle):
 @kernel(allocates=False)
 def _first_in_line(inverse, index, count, i, current, last, on_circle):
     """Return the next neighbour on an edge of the hull with several, so that fans of points on a circle agree."""
-    nearest = lowest = last
+    nearest = smallest = last
     for slot in range(count):
         ahead = slot != current and _turn(inverse, current, last, slot, on_circle) == 0.0
         if ahead and _is_ahead(inverse, current, last, slot):
-            if index[slot] < index[lowest]:
-                lowest = slot
+            if index[slot] < index[smallest]:
+                smallest = slot
             if _squared(inverse, current, slot) < _squared(inverse, current, nearest):
                 nearest = slot
-    if i < min(index[current], index[lowest]):
+    if i < min(index[current], index[smallest]):
         return nearest
-    return lowest if index[lowest] < index[current] else last
+    return smallest if index[smallest] < index[current] else last
 
 
 @kernel(allocates=False)

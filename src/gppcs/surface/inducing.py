@@ -1,7 +1,7 @@
 """Continuous inducing points: the vertices of a surface go where, together, they explain all observations best.
 
-Denoising estimates each place alone, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
-the vertices, in triangles, and each observed point observes the triangle nearest to its place, with Gaussian noise.
+Denoising estimates each point alone, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
+the vertices, in triangles, and each observed point observes the triangle nearest to it, with Gaussian noise.
 The steps of the vertices have a Gaussian prior, whose variance follows from the observations: none where noise alone
 explains them. The vertices go to the mean of the posterior. research/local-field.md has the equations.
 """
@@ -23,35 +23,30 @@ from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import MEDIAN
 
-# Prior standard deviation of a step along each axis at most, whatever the observations make likely: in spacings of the
-# vertices, and in standard deviations of the noise.
-IN_SPACINGS, IN_NOISE = 0.18, 0.3
-OUTLIER = 3.0  # Observations farther from their triangle, in standard deviations, tell nothing.
-
 
 class Design(NamedTuple):
-    """The n heights of observed points above their triangles as a linear function of the steps of M vertices."""
+    """The n heights of observed points above their triangles as a linear function of steps of M vertices (Eq. (14))."""
 
     weights: csr_array  # (n, M), of the corners in the foot of each point
-    normals: NDArray[np.float32]  # (n, 3), of the triangles; 0 for observations that tell nothing
+    normals: NDArray[np.float32]  # (n, 3), of the triangles; 0 for observations that do not count
 
     def times(self, steps: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much steps, (3 M,), raise each triangle below its point, (n,)."""
         return np.einsum("ij,ij->i", self.normals, self.weights @ steps.reshape(-1, 3))
 
     def transposed(self, heights: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of heights, (n,), that the steps have a share in, (3 M,)."""
+        """Return the sums of heights, (n,), that each step takes part in, (3 M,)."""
         return (self.weights.T @ (self.normals * heights[:, np.newaxis])).ravel()
 
 
 def inducing_points(
-    kept: NDArray[np.float64], observed: NDArray[np.float64], places: NDArray[np.float64]
+    kept: NDArray[np.float64], observed: NDArray[np.float64], denoised: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the kept places, (M, 3), after one step, given observed points, (n, 3), and their denoised places."""
-    if (noise := noise_between(observed, places)) == 0.0:
+    """Return the kept points, (M, 3), after one step, by observed points, (n, 3), and where they are denoised."""
+    if (noise := noise_between(observed, denoised)) == 0.0:
         return kept
-    surface = LocalSurface.of(kept)
-    _, corners, weights = surface.find(places)
+    surface = LocalSurface.from_points(kept)
+    _, corners, weights = surface.find(denoised)
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
     moved = kept.copy()
@@ -59,9 +54,9 @@ def inducing_points(
     return moved
 
 
-def noise_between(observed: NDArray[np.float64], places: NDArray[np.float64]) -> float:
-    """Return the noise that takes observed points from their places, (n, 3) both; 0 if there are none."""
-    return float(np.median(np.linalg.norm(observed - places, axis=1))) / MEDIAN if len(observed) else 0.0
+def noise_between(observed: NDArray[np.float64], denoised: NDArray[np.float64]) -> float:
+    """Return the noise that takes observed points from where they are denoised, (n, 3) both; 0 if there are none."""
+    return float(np.median(np.linalg.norm(observed - denoised, axis=1))) / MEDIAN if len(observed) else 0.0
 
 
 def joint_steps(
@@ -72,38 +67,39 @@ def joint_steps(
     noise: float,
     spacing: float,
 ) -> NDArray[np.float64]:
-    """Return the posterior mean of the steps of vertices, (M, 3), given observed points, (n, 3), and their noise.
+    """Return the posterior mean of the steps of vertices, (M, 3), by observed points, (n, 3), and the noise (Eq. (15)).
 
-    Each point observes the triangle nearest to its denoised place. Shapes: corners (n, 3), and the weights of the
-    second and the third in the foot of that place (n, 2).
+    Each point observes the triangle nearest to where it is denoised. Shapes: corners (n, 3), and the weights of the
+    second and the third in the foot of that (n, 2).
     """
     still = np.zeros_like(vertices)
     normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     on_ranges(_observe, len(observed), vertices, corners, observed, normals, heights)
-    told = normals.any(axis=1)  # where corners coincide, there is no triangle
-    if not told.any():
+    counted = normals.any(axis=1)  # where corners coincide, there is no triangle
+    if not counted.any():
         return still
-    level = np.median(np.abs(heights[told])) / MEDIAN
-    told &= np.abs(heights) <= OUTLIER * level
-    normals[~told] = 0.0
+    sigma = np.median(np.abs(heights[counted])) / MEDIAN
+    counted &= np.abs(heights) <= 3.0 * sigma  # the others are outliers
+    normals[~counted] = 0.0
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     begins = np.arange(0, corners.size + 1, 3)
     shape = len(observed), len(vertices)
     design = Design(csr_array((weights.ravel(), corners.ravel(), begins), shape=shape), normals)
     right_side = design.transposed(heights)
     # What all heights have in common is an error of the projections, and no evidence of steps that differ.
-    different = design.transposed(np.where(told, heights - heights[told].mean(), 0.0))
-    prior = min(_likely(design, different, level), IN_SPACINGS * spacing, IN_NOISE * noise)
-    return _posterior_mean(design, right_side, (max(level, noise) / prior) ** 2) if prior > 0.0 else still
+    different = design.transposed(np.where(counted, heights - heights[counted].mean(), 0.0))
+    # Whatever the observations make likely, steps are no longer than this along each axis.
+    prior = min(_likely(design, different, sigma), 0.18 * spacing, 0.3 * noise)
+    return _posterior_mean(design, right_side, (max(sigma, noise) / prior) ** 2) if prior > 0.0 else still
 
 
 @one_blas_thread()
-def _likely(design: Design, right_side: NDArray[np.float64], level: float) -> float:
-    """Return the standard deviation of the steps, by moments of the transposed heights.
+def _likely(design: Design, right_side: NDArray[np.float64], sigma: float) -> float:
+    """Return the standard deviation of the steps, by moments of the transposed heights (Eq. (16)).
 
     Random signs estimate a trace (Hutchinson 1990).
     """
-    by_noise = level**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
+    by_noise = sigma**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(right_side))
     trace = (design.transposed(design.times(signs)) ** 2).sum()
     return float(np.sqrt(max(right_side @ right_side - by_noise, 0.0) / trace)) if trace > 0.0 else 0.0
@@ -111,7 +107,7 @@ def _likely(design: Design, right_side: NDArray[np.float64], level: float) -> fl
 
 @one_blas_thread()
 def _posterior_mean(design: Design, right_side: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
-    """Return the steps, (M, 3), given the transposed heights, and the prior's precision in that of an observation."""
+    """Return the steps, (M, 3), by the transposed heights, and the prior's precision in that of an observation."""
     size = len(right_side)
     equations = LinearOperator(
         (size, size), lambda steps: design.transposed(design.times(steps)) + precision * steps, dtype=np.float64

@@ -9,18 +9,14 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, nearest_in_tree
 from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
 from gppcs.surface.fans import lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
-CORNER_NEIGHBOURS = 30, 240  # neighbours searched for corners: first number, doubled up to the second if necessary
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
-QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
-SEARCHED_FANS = 5  # nearest points whose fans are searched for the nearest triangle; fewer leave gaps
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
-ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals
 
 
 @dataclass(frozen=True)
@@ -38,12 +34,12 @@ class LocalSurface:
     corners: NDArray[np.int32]
 
     @classmethod
-    def of(cls, points: NDArray[np.float64]) -> LocalSurface:
+    def from_points(cls, points: NDArray[np.float64]) -> LocalSurface:
         """Build the surface of a cloud. Shapes: points (M, 3)."""
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
-        on_ranges(_build_fans, len(tree.order), tree.points, tree.low, tree.high, normals, corners)
+        on_ranges(_build_fans, len(tree.order), tree.points, tree.lower, tree.upper, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -63,37 +59,38 @@ class LocalSurface:
     def find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
         """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
         n = len(queries)
-        found = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
+        result = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
         on_ranges(
-            _search, n, self.tree.points, self.tree.low, self.tree.high, self.corners, queries, *found,
+            _search, n, self.tree.points, self.tree.lower, self.tree.upper, self.corners, queries, *result,
             least=QUERIES_AT_ONCE,
         )  # fmt: skip
-        return found
+        return result
 
 
 @kernel
-def _build_fans(begin, end, points, low, high, normals, corners):
+def _build_fans(begin, end, points, lower, upper, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     for i in range(begin, end):
-        _build_fan(points, low, high, normals, i, corners[i])
+        _build_fan(points, lower, upper, normals, i, corners[i])
 
 
 @kernel
-def _build_fan(points, low, high, normals, i, corners):
+def _build_fan(points, lower, upper, normals, i, corners):
     """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
     n = points.shape[1]
-    neighbours, most = CORNER_NEIGHBOURS
+    any_normal = -2.0  # neighbours are on the same sheet whatever their normals
+    neighbours = 30  # are searched for corners, and twice as many, up to 240, if necessary
     while True:
         k = min(neighbours + 1, n)
-        found = np.empty(k, dtype=np.int64)
+        near = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
-        nearest_in_tree(points, low, high, points[0, i], points[1, i], points[2, i], found, squared)
+        nearest_in_tree(points, lower, upper, points[0, i], points[1, i], points[2, i], near, squared)
         inverse = np.empty((k, 2), dtype=np.float64)
         index = np.empty(k, dtype=np.int64)
-        count = lay_out(points.T, normals, i, found, ANY_NORMAL, SIN_MAX_SLOPE, inverse, index)
+        count = lay_out(points.T, normals, i, near, any_normal, SIN_MAX_SLOPE, inverse, index)
         corners[:] = -1
         closed = wrap(inverse, index, count, i, 0.0, corners)
-        if (closed and _widest(points, i, corners) <= np.sqrt(squared[-1])) or k == n or neighbours >= most:
+        if (closed and _widest(points, i, corners) <= np.sqrt(squared[-1])) or k == n or neighbours >= 240:
             return
         neighbours *= 2
 
@@ -109,16 +106,16 @@ def _widest(points, i, corners):
 
 
 @kernel
-def _search(begin, end, points, low, high, corners, queries, distances, found_corners, weights):
+def _search(begin, end, points, lower, upper, corners, queries, distances, nearest_corners, weights):
     """Fill distances (Q,), corners (Q, 3) and weights (Q, 2) for queries (Q, 3); others are those of `LocalSurface`."""
-    k = min(SEARCHED_FANS, points.shape[1])
+    k = min(5, points.shape[1])  # nearest points whose fans are searched; fewer leave gaps
     for q in range(begin, end):
-        found = np.empty(k, dtype=np.int64)
+        near = np.empty(k, dtype=np.int64)
         squared = np.empty(k, dtype=np.float64)
         x, y, z = queries[q]
-        nearest_in_tree(points, low, high, x, y, z, found, squared)
-        least, first, second, third, v, w = squared[0], found[0], found[0], found[0], 0.0, 0.0
-        for i in found:
+        nearest_in_tree(points, lower, upper, x, y, z, near, squared)
+        smallest, first, second, third, v, w = squared[0], near[0], near[0], near[0], 0.0, 0.0
+        for i in near:
             a = _from(points, i, x, y, z)
             for slot in range(MAX_TRIANGLES):
                 j, m = corners[i, slot]
@@ -127,10 +124,10 @@ def _search(begin, end, points, low, high, corners, queries, distances, found_co
                 b, c = _from(points, j, x, y, z), _from(points, m, x, y, z)
                 new_v, new_w = nearest_in_triangle(a, b, c)
                 d = squared_distance(a, b, c, new_v, new_w)
-                if d < least:
-                    least, first, second, third, v, w = d, i, j, m, new_v, new_w
-        distances[q] = np.sqrt(least)
-        found_corners[q, 0], found_corners[q, 1], found_corners[q, 2] = first, second, third
+                if d < smallest:
+                    smallest, first, second, third, v, w = d, i, j, m, new_v, new_w
+        distances[q] = np.sqrt(smallest)
+        nearest_corners[q, 0], nearest_corners[q, 1], nearest_corners[q, 2] = first, second, third
         weights[q, 0], weights[q, 1] = v, w
 
 
@@ -141,8 +138,8 @@ def _from(points, i, x, y, z):
 
 
 @kernel
-def _interpolate(begin, end, normals, corners, weights, found):
-    """Fill `found`, (Q, 3), with weighted means of three rows of normals, with the signs that make each longest."""
+def _interpolate(begin, end, normals, corners, weights, result):
+    """Fill `result`, (Q, 3), with weighted means of three rows of normals, with the signs that make each longest."""
     for q in range(begin, end):
         a, b, c = normals[corners[q, 0]], normals[corners[q, 1]], normals[corners[q, 2]]
         v, w = weights[q]
@@ -156,4 +153,4 @@ def _interpolate(begin, end, normals, corners, weights, found):
                 )
                 if x * x + y * y + z * z > longest:
                     longest = x * x + y * y + z * z
-                    found[q, 0], found[q, 1], found[q, 2] = x, y, z
+                    result[q, 0], result[q, 1], result[q, 2] = x, y, z

@@ -42,9 +42,9 @@ def with_step(sums, one, x, y, z):
 
 
 @kernel(fastmath=False, allocates=False)
-def middle(low, high):
+def middle(lower, upper):
     """Return the middle of a box. Shapes: low, high (3,)."""
-    return 0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), 0.5 * (low[2] + high[2])
+    return 0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), 0.5 * (lower[2] + upper[2])
 
 
 @kernel(fastmath=False, allocates=False)
@@ -132,12 +132,12 @@ def flattest_side_by_side(moments, variation, normals, sure):
     The cosine of a third of arccos r is rewritten with arccos sqrt((1 - r) / 2), smooth where a neighbourhood is flat.
     """
     for p in range(AT_ONCE):
-        share = 1.0 / moments[0, p]
-        x, y, z = moments[1, p] * share, moments[2, p] * share, moments[3, p] * share
-        xx, xy, xz = moments[4, p] * share - x * x, moments[5, p] * share - x * y, moments[6, p] * share - x * z
-        yy, yz, zz = moments[7, p] * share - y * y, moments[8, p] * share - y * z, moments[9, p] * share - z * z
-        share = 1.0 / (xx + yy + zz)
-        xx, xy, xz, yy, yz, zz = xx * share, xy * share, xz * share, yy * share, yz * share, zz * share
+        inverse = 1.0 / moments[0, p]
+        x, y, z = moments[1, p] * inverse, moments[2, p] * inverse, moments[3, p] * inverse
+        xx, xy, xz = moments[4, p] * inverse - x * x, moments[5, p] * inverse - x * y, moments[6, p] * inverse - x * z
+        yy, yz, zz = moments[7, p] * inverse - y * y, moments[8, p] * inverse - y * z, moments[9, p] * inverse - z * z
+        inverse = 1.0 / (xx + yy + zz)
+        xx, xy, xz, yy, yz, zz = xx * inverse, xy * inverse, xz * inverse, yy * inverse, yz * inverse, zz * inverse
         off = xy * xy + xz * xz + yz * yz
         a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
         size = np.sqrt((a * a + b * b + c * c + 2.0 * off) * (1 / 6))
@@ -158,9 +158,9 @@ def flattest_side_by_side(moments, variation, normals, sure):
         squared = u * u + v * v + w * w
         longer = squared > longest
         x, y, z, longest = u if longer else x, v if longer else y, w if longer else z, squared if longer else longest
-        share = 1.0 / np.sqrt(longest)
+        inverse = 1.0 / np.sqrt(longest)
         variation[p] = max(0.0, smallest)
-        normals[0, p], normals[1, p], normals[2, p] = x * share, y * share, z * share
+        normals[0, p], normals[1, p], normals[2, p] = x * inverse, y * inverse, z * inverse
         sure[p] = 1.0 if longest > 1e-20 else 0.0
 
 

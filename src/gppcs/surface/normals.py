@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,16 +14,12 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.noise import NEIGHBOURS, THICK, Layer, feet_of, is_detail, layer_of
+from gppcs.surface.noise import NEIGHBOURS, Layer, across, feet_of, layer_of
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
-MOST_GUIDES = 1_000_000  # Points of the cloud that pass signs on, at most: more would only take time and memory.
-FARTHEST = 1e6  # Places farther off, in sizes of the cloud, see no shape of it: rounding hides it.
-WIDEST = 4 * NEIGHBOURS  # Points of a fit at most. Quadrics of more points cut off detail and take long.
-UP = np.array([0.01, 0.03, 0.1])  # Side to which flat pieces point: +z. The tilt also decides upright faces.
 
 
 def estimate_normals(
@@ -29,7 +27,7 @@ def estimate_normals(
 ) -> NDArray[np.float64]:
     """Estimate the unit normals of the surface that a cloud lies on, with signs.
 
-    At each place the quadric z = a + b u + c v + d u^2 + e u v + f v^2 is fitted to the nearest points of the cloud,
+    At each point the quadric z = a + b u + c v + d u^2 + e u v + f v^2 is fitted to the nearest points of the cloud,
     with Gaussian weights. The coordinates u and v lie in the plane fitted to the same points. The quadric's gradient
     yields the normal (Cazals and Pouget 2005).
 
@@ -75,26 +73,26 @@ def estimate_normals(
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)
     points = usable(cloud, "cloud")
-    places = None if at is None else usable(at, "cloud of places")
+    queries = None if at is None else usable(at, "cloud of places")
     points, corner, exponent = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
-    places = points if places is None else _near(places, corner, exponent)
+    queries = points if queries is None else _near(queries, corner, exponent)
     neighbours = neighbours or _points_of_fits(tree)
     themselves = at is None and len(tree.order) == len(points)
-    of_places = tree if themselves else KdTree.build(places)
-    normals = np.empty((len(places), 3))
+    of_places = tree if themselves else KdTree.build(queries)
+    normals = np.empty((len(queries), 3))
     normals[of_places.order] = fit_quadrics(tree, of_places, neighbours).normals.T
     if themselves and neighbours < 2 * NEIGHBOURS:
         signed = _oriented(tree, None)
     else:
-        signed = _signed_nearby(tree, places, neighbours)
+        signed = _signed_nearby(tree, queries, neighbours)
     return _turned(normals, signed)
 
 
 def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
-    """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree with known neighbours, (N, k)."""
+    """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree, by their neighbours, (N, k)."""
     near = np.ascontiguousarray(near[:, :EDGES])
-    neighbours = across_noise(tree)[0]
+    neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
         return _oriented(tree, None, near, SHARP)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
@@ -110,20 +108,15 @@ def with_signs(tree: KdTree, near: NDArray[np.int64], normals: NDArray[np.float6
 
 def _points_of_fits(tree: KdTree) -> int:
     """Return to how many points quadrics are fitted: as few as the noise of the points of a tree allows."""
-    neighbours, layer = across_noise(tree)
-    if neighbours == NEIGHBOURS and is_detail(layer, layer_of(tree, 2 * NEIGHBOURS)):
+    neighbours, layer = _across_noise(tree)
+    if neighbours == NEIGHBOURS and layer.is_detail(layer_of(tree, 2 * NEIGHBOURS)):
         return SHARP
     return neighbours
 
 
-def across_noise(tree: KdTree) -> tuple[int, Layer]:
-    """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
-    neighbours = NEIGHBOURS
-    layer = layer_of(tree, neighbours)
-    while layer.level > THICK * layer.radius and neighbours < WIDEST:
-        neighbours *= 2
-        layer = layer_of(tree, neighbours)
-    return neighbours, layer
+def _across_noise(tree: KdTree) -> tuple[int, Layer]:
+    """Return the points of fits across the noise; quadrics of still more points cut off detail and take long."""
+    return across(partial(layer_of, tree), 4 * NEIGHBOURS)
 
 
 def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -132,26 +125,29 @@ def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArra
     return normals
 
 
-def _signed_nearby(tree: KdTree, places: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+def _signed_nearby(
+    tree: KdTree, queries: NDArray[np.float64], neighbours: int, n_guides: int = 1_000_000
+) -> NDArray[np.float64]:
     """Return normals with signs, (M, 3), near places, (M, 3), on the surface of the points of a tree."""
     widened = max(1, neighbours // NEIGHBOURS)
-    every = widened * -(-tree.points.shape[1] // MOST_GUIDES)
-    guides = np.concatenate([places, tree.points.T[::every]])  # in tree order, so they are evenly spread
+    every = widened * -(-tree.points.shape[1] // n_guides)  # more would only take time and memory
+    guides = np.concatenate([queries, tree.points.T[::every]])  # in tree order, so they are evenly spread
     if widened > 1:
         guides = feet_of(tree, guides, neighbours // 2)
     guide_tree = KdTree.build(guides[first_occurrences(guides)])
     normals = _oriented(guide_tree, (tree, neighbours) if widened > 1 else None)
-    return normals[guide_tree.nearest_of(guides[: len(places)], 1)[0][:, 0]]
+    return normals[guide_tree.nearest_of(guides[: len(queries)], 1)[0][:, 0]]
 
 
-def _near(places: NDArray[np.float64], corner: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+def _near(queries: NDArray[np.float64], corner: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
     """Return places, (M, 3), in the frame of a normalised cloud; raise an error if one is far from the cloud."""
     with np.errstate(over="ignore"):
-        near = np.ldexp(places - corner, -exponent)
-    if len(far := np.flatnonzero(np.abs(near).max(axis=1) > FARTHEST)):
+        near = np.ldexp(queries - corner, -exponent)
+    farthest = 1e6  # in sizes of the cloud; beyond, rounding hides its shape
+    if len(far := np.flatnonzero(np.abs(near).max(axis=1) > farthest)):
         raise InputError(
             f"expected places on the surface of the cloud, found {len(far)} that are farther from it than "
-            f"{FARTHEST:g} times its size, the first at index {far[0]}: use the same unit and origin for both"
+            f"{farthest:g} times its size, the first at index {far[0]}: use the same unit and origin for both"
         )
     return near
 
@@ -161,13 +157,13 @@ def _oriented(
 ) -> NDArray[np.float64]:
     """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
-    _, normals, reaches = fit_quadrics(tree, tree, close)
+    _, normals, radii = fit_quadrics(tree, tree, close)
     if fits:
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     normals = np.ascontiguousarray(normals.T)
     if near is None:
         near, _ = tree.neighbours(min(EDGES, len(points) - 1))
-    areas = reaches**2
+    areas = radii**2
     doubts = np.empty(near.shape, dtype=np.float32)
     on_ranges(_doubt, len(points), points, normals, near, doubts, least=1024)
     edges = np.flatnonzero(doubts < np.inf)
@@ -193,7 +189,7 @@ def _outward(
     """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it.
 
     The flux of a closed piece is three times its volume, wherever c lies. For an open piece, c is its middle, moved
-    towards the middle of the whole by at most the size of the piece, and a little down.
+    towards the middle of the cloud by at most the size of the piece, and a little down.
     """
     size = np.bincount(pieces, areas)
     size[size == 0] = 1.0  # these numbers belong to no piece
@@ -202,7 +198,8 @@ def _outward(
     towards = np.average(points, axis=0, weights=areas) - middle
     distance = np.linalg.norm(towards, axis=1)
     towards *= np.divide(radius, distance, out=np.ones_like(radius), where=distance > radius)[:, None]
-    centre = middle + towards - radius[:, None] * UP
+    up = np.array([0.01, 0.03, 0.1])  # flat pieces point to +z; the tilt also decides upright faces
+    centre = middle + towards - radius[:, None] * up
     flux = np.bincount(pieces, areas * np.einsum("ij,ij->i", points - centre[pieces], normals))
     return np.where(flux < 0, -1.0, 1.0)
 
@@ -212,12 +209,12 @@ def _doubt(begin, end, points, normals, near, doubts):
     """Fill the doubt, (N, edges), about passing a sign on: small along the surface, infinite for the second time."""
     for i in range(begin, end):
         for slot in range(near.shape[1]):
-            j, known = near[i, slot], False
+            j, is_second = near[i, slot], False
             if j < i:
                 for other in range(near.shape[1]):
-                    known = known or near[j, other] == i
+                    is_second = is_second or near[j, other] == i
             fit, off = _fit_of_normals(points, normals, i, j)
-            doubts[i, slot] = np.inf if known else 1.0 - abs(fit) + 0.5 * off
+            doubts[i, slot] = np.inf if is_second else 1.0 - abs(fit) + 0.5 * off
 
 
 @kernel(inline="always")
@@ -264,7 +261,7 @@ def _signs(edges, points, normals, near):
 
 @kernel
 def _root(parents, signs, i):
-    """Return the root of point i and its sign relative to the root; halve the way there for the next call."""
+    """Return the root of point i and its sign relative to the root; halve the path there for the next call."""
     sign = 1
     while parents[i] != i:
         signs[i] *= signs[parents[i]]

@@ -1,4 +1,4 @@
-"""Quadrics fitted to the points around places by weighted least squares (Cazals and Pouget 2005)."""
+"""Quadrics fitted to the points around queries by weighted least squares (Cazals and Pouget 2005)."""
 
 from __future__ import annotations
 
@@ -10,94 +10,91 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.nearest import WIDER, look_around, search_for, steps_to_nearest
+from gppcs.spatial.nearest import TASKS, WIDER, look_around, search_for, steps_to_nearest
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
-RIDGE = 1e-8  # Added to the diagonal: equations stay solvable if the points lie on a line or a conic.
-TASKS = 256  # Runs of leaves; within a run, each search starts from the radius of the one before.
-STEEPEST = 3.0  # Squared slope, 60 degrees. A steeper quadric extrapolates from points on one side only.
 
 
 class Quadrics(NamedTuple):
-    """Quadrics fitted around m places."""
+    """Quadrics fitted around m queries."""
 
-    # (m,), signed distance from the place to the quadric, along its normal, to first order.
+    # (m,), signed distance from the query to the quadric, along its normal, to first order.
     heights: NDArray[np.float64]
-    normals: NDArray[np.float64]  # (3, m), unit normal of the quadric at the place; its sign has no meaning
-    # (m,), distance from the place to the farthest of the fitted points; 1 where that is zero.
-    reaches: NDArray[np.float64]
+    normals: NDArray[np.float64]  # (3, m), unit normal of the quadric at the query; its sign has no meaning
+    # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero.
+    radii: NDArray[np.float64]
 
 
-def fit_quadrics(tree: KdTree, places: KdTree, k: int) -> Quadrics:
-    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each place (Cazals and Pouget 2005).
+def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:
+    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query (Cazals and Pouget 2005).
 
     The coordinates u and v lie in the plane of these points; weights are Gaussian. Where the quadric is steep, or there
     are fewer than six points, the normal is the plane's.
     """
-    m = places.points.shape[1]
+    m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
-    tasks = min(places.leaves, TASKS)
+    tasks = min(queries.leaves, TASKS)
     on_ranges(
-        _fit_leaves, tasks, tasks, tree.points, tree.low, tree.high, places.points, places.low, places.high,
+        _fit_leaves, tasks, tasks, tree.points, tree.lower, tree.upper, queries.points, queries.lower, queries.upper,
         min(k, len(tree.order)), fitted,
     )  # fmt: skip
     return fitted
 
 
 @kernel(fastmath=False)
-def _fit_leaves(first, last, tasks, points, low, high, places, places_low, places_high, k, fitted):
-    """Fill `fitted` at the places, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
-    leaves = first_leaf(places_low)
-    search = search_for(k, first_leaf(low))
+def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower, queries_upper, k, fitted):
+    """Fill `fitted` at the queries, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
+    leaves = first_leaf(queries_lower)
+    search = search_for(k, first_leaf(lower))
     for task in range(first, last):
         squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            count = look_around(points, low, high, places_low[leaf], places_high[leaf], squared_radius, search)
-            begin, end = leaf_range(places.shape[1], leaves, leaf)
-            reached = _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted)
-            squared_radius = WIDER * reached / (end - begin)
+            count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
+            begin, end = leaf_range(queries.shape[1], leaves, leaf)
+            total = _fit_leaf(points, lower, upper, queries, begin, end, count, squared_radius, search, fitted)
+            squared_radius = WIDER * total / (end - begin)
 
 
 @kernel(fastmath=False)
-def _fit_leaf(points, low, high, places, begin, end, count, squared_radius, search, fitted):
-    """Fit quadrics at places `begin` to `end` of (3, m); return the sum of their squared reaches."""
+def _fit_leaf(points, lower, upper, queries, begin, end, count, squared_radius, search, fitted):
+    """Fit quadrics at queries `begin` to `end` of (3, m); return the sum of their squared radii."""
     k, full = len(search.gaps), search.local.shape[1]
     moments = np.empty((MOMENTS, 1), dtype=np.float64)
     terms = np.empty((TERMS, full), dtype=np.float64)
     equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
     normal = np.empty(3, dtype=np.float64)
-    reached = 0.0
+    total = 0.0
     for i in range(begin, end):
-        x, y, z = places[0, i], places[1, i], places[2, i]
-        squared = steps_to_nearest(points, low, high, x, y, z, count, squared_radius, search)
-        reach = np.sqrt(squared) if squared > 0.0 else 1.0
+        x, y, z = queries[0, i], queries[1, i], queries[2, i]
+        squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
+        radius = np.sqrt(squared) if squared > 0.0 else 1.0
         moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
         flattest_of(moments[:, 0], normal)
         height = 0.0
         if k >= COEFFICIENTS:
             u, v = tangents(normal[0], normal[1], normal[2])
-            _fill_terms(search.local, k, reach, u, v, normal, terms)
+            _fill_terms(search.local, k, radius, u, v, normal, terms)
             fill_equations(terms, equations)
             solve(equations)
             height = _turn(equations[:, COEFFICIENTS], u, v, normal)
-        fitted.heights[i], fitted.reaches[i] = height * reach, reach
+        fitted.heights[i], fitted.radii[i] = height * radius, radius
         fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]
-        reached += squared
-    return reached
+        total += squared
+    return total
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _fill_terms(local, k, reach, s, t, normal, terms):
-    """Fill `terms`, (TERMS, full), from steps to the k nearest, in units of the reach; weights are exp(-u^2 - v^2)."""
+def _fill_terms(local, k, radius, s, t, normal, terms):
+    """Fill `terms`, (TERMS, full), from steps to the k nearest, in units of the radius; weights are exp(-u^2 - v^2)."""
     ones, us, vs, uus, uvs, vvs, heights, weights = terms
     steps_x, steps_y, steps_z = local
     for j in range(len(weights)):
         inside = j < k
         x, y, z = (
-            steps_x[j] / reach if inside else 0.0, steps_y[j] / reach if inside else 0.0,
-            steps_z[j] / reach if inside else 0.0,
+            steps_x[j] / radius if inside else 0.0, steps_y[j] / radius if inside else 0.0,
+            steps_z[j] / radius if inside else 0.0,
         )  # fmt: skip
         u, v = s[0] * x + s[1] * y + s[2] * z, t[0] * x + t[1] * y + t[2] * z
         ones[j], us[j], vs[j], uus[j], uvs[j], vvs[j] = 1.0, u, v, u * u, u * v, v * v
@@ -120,14 +117,14 @@ def fill_equations(terms, equations):
             for j in range(len(weights)):
                 total += weights[j] * of_a[j] * of_b[j]
             equations[a, b] = total
-        equations[a, a] += RIDGE
+        equations[a, a] += 1e-8  # solvable if the points lie on a line or a conic
 
 
 @kernel(fastmath=False)
 def _turn(coefficients, s, t, normal):
     """Turn the plane's normal, (3,), into the quadric's at the origin; return the distance to the quadric along it."""
     height, b, c = coefficients[0], coefficients[1], coefficients[2]
-    if b * b + c * c > STEEPEST:
+    if b * b + c * c > 3.0:  # 60 degrees: a steeper quadric extrapolates from points on one side only
         return height
     length = np.sqrt(1.0 + b * b + c * c)
     for axis in range(3):

@@ -16,13 +16,23 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import (
     LEAF_SIZE,
     KdTree,
+    after,
     first_leaf,
     leaf_range,
     points_near,
     squared_distance_of_boxes,
-    squared_reach_of_boxes,
+    squared_span_of_boxes,
 )
-from gppcs.spatial.nearest import WIDER, look_around, pack, reach_of_nearest, room_for, search_for, steps_by_itself
+from gppcs.spatial.nearest import (
+    TASKS,
+    WIDER,
+    look_around,
+    pack,
+    radius_of_nearest,
+    room_for,
+    search_for,
+    steps_by_itself,
+)
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
 from gppcs.surface.moments import (
@@ -36,7 +46,6 @@ from gppcs.surface.moments import (
 )
 
 LEAVES_PER_GROUP = 8  # the points of this many leaves share one search of the tree
-TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,30 +121,30 @@ def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -
     features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
     groups = max(1, tree.leaves // LEAVES_PER_GROUP)
-    level = slice(groups, 2 * groups)
+    nodes = slice(groups, 2 * groups)
     # Nodes count as a whole only if some group of leaves is smaller than the balls.
-    if (tree.high[level] - tree.low[level]).max(axis=1).min() <= 2.0 * radius:
-        moments = np.empty((len(tree.low), MOMENTS))
-        _node_moments(tree.points, tree.low, tree.high, moments)
+    if (tree.upper[nodes] - tree.lower[nodes]).max(axis=1).min() <= 2.0 * radius:
+        moments = np.empty((len(tree.lower), MOMENTS))
+        _node_moments(tree.points, tree.lower, tree.upper, moments)
     on_ranges(
-        _features_in_balls, groups, groups, tree.points, tree.order, tree.low, tree.high, moments, radius * radius,
+        _features_in_balls, groups, groups, tree.points, tree.order, tree.lower, tree.upper, moments, radius * radius,
         features.surface_variation, features.normals, features.neighbours,
     )  # fmt: skip
     return features
 
 
 @kernel
-def _node_moments(points, low, high, moments):
+def _node_moments(points, lower, upper, moments):
     """Compute the moments of each node of a tree, relative to the middle of its box. Shapes: moments (nodes, 10)."""
-    n, leaves = points.shape[1], first_leaf(low)
+    n, leaves = points.shape[1], first_leaf(lower)
     point = np.zeros(MOMENTS, dtype=np.float64)
     point[0] = 1.0
     for node in range(2 * leaves - 1, 0, -1):
-        x, y, z = middle(low[node], high[node])
+        x, y, z = middle(lower[node], upper[node])
         moments[node] = 0.0
         if node < leaves:
             for child in (2 * node, 2 * node + 1):
-                u, v, w = middle(low[child], high[child])
+                u, v, w = middle(lower[child], upper[child])
                 add_shifted(moments[child], u - x, v - y, w - z, moments[node])
             continue
         for i in range(*leaf_range(n, leaves, node)):
@@ -144,26 +153,28 @@ def _node_moments(points, low, high, moments):
 
 @kernel
 def _features_in_balls(
-    first, last, groups, points, order, low, high, moments, squared_radius, variation, normals, neighbours
+    first, last, groups, points, order, lower, upper, moments, squared_radius, variation, normals, neighbours
 ):
     """Fill the features, (N,) and (N, 3), for some groups of leaves; `moments` is (nodes, 10) or empty."""
-    n, leaves = points.shape[1], first_leaf(low)
+    n, leaves = points.shape[1], first_leaf(lower)
     near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
     of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
     in_group = leaves // groups
     for group in range(groups + first, groups + last):
-        count = _around(group, low, high, moments, squared_radius, near, shared)
-        if count * LEAF_SIZE > len(room.found):
+        count = _around(group, lower, upper, moments, squared_radius, near, shared)
+        if count * LEAF_SIZE > len(room.positions):
             room = room_for(count + LEAVES_PER_GROUP)
         for leaf in range(group * in_group, (group + 1) * in_group):
             begin, end = leaf_range(n, leaves, leaf)
-            found = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
-            full = pack(points, room, found)
+            n_near = points_near(
+                points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, room.positions
+            )
+            full = pack(points, room, n_near)
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
                 moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
                 if shared[0] > 0.0:
-                    u, v, w = middle(low[group], high[group])
+                    u, v, w = middle(lower[group], upper[group])
                     add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
             _finish(of_points, order[begin:end], variation, normals, neighbours)
 
@@ -182,34 +193,30 @@ def _finish(moments, indices, variation, normals, neighbours):
         else:
             variation[index] = flattest_of(moments[:, p], direction)
         neighbours[index] = moments[0, p]
-        if len(normals):  # otherwise they are not wanted
+        if len(normals):  # otherwise they are not asked for
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
 @kernel
-def _around(group, low, high, moments, squared_radius, near, shared):
+def _around(group, lower, upper, moments, squared_radius, near, shared):
     """Fill `near` with the leaves within the radius of a node, and `shared`, (10,), by nodes that are so as a whole."""
-    leaves = first_leaf(low)
-    x, y, z = middle(low[group], high[group])
+    leaves = first_leaf(lower)
+    x, y, z = middle(lower[group], upper[group])
     shared[:] = 0.0
-    count = 0
-    stack = np.empty(64, dtype=np.int64)
-    stack[0] = 1
-    height = 1
-    while height:
-        height -= 1
-        node = stack[height]
-        if squared_distance_of_boxes(low[node], high[node], low[group], high[group]) > squared_radius:
-            continue
-        if len(moments) and squared_reach_of_boxes(low[node], high[node], low[group], high[group]) <= squared_radius:
-            u, v, w = middle(low[node], high[node])
-            add_shifted(moments[node], u - x, v - y, w - z, shared)
-        elif node >= leaves:
-            near[count] = node
-            count += 1
-        else:
-            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
-            height += 2
+    node, count = 1, 0
+    while node:
+        if squared_distance_of_boxes(lower[node], upper[node], lower[group], upper[group]) <= squared_radius:
+            span = squared_span_of_boxes(lower[node], upper[node], lower[group], upper[group])
+            if len(moments) and span <= squared_radius:
+                u, v, w = middle(lower[node], upper[node])
+                add_shifted(moments[node], u - x, v - y, w - z, shared)
+            elif node < leaves:
+                node *= 2
+                continue
+            else:
+                near[count] = node
+                count += 1
+        node = after(node, 1)
     return count
 
 
@@ -219,31 +226,31 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     tasks = min(tree.leaves, TASKS)
     on_ranges(
-        _features_of_nearest, tasks, tasks, tree.points, tree.order, tree.low, tree.high, min(k, len(tree.order)),
+        _features_of_nearest, tasks, tasks, tree.points, tree.order, tree.lower, tree.upper, min(k, len(tree.order)),
         features.surface_variation, features.normals, features.neighbours,
     )  # fmt: skip
     return features
 
 
 @kernel
-def _features_of_nearest(first, last, tasks, points, order, low, high, k, variation, normals, neighbours):
+def _features_of_nearest(first, last, tasks, points, order, lower, upper, k, variation, normals, neighbours):
     """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of tasks."""
-    n, leaves = points.shape[1], first_leaf(low)
+    n, leaves = points.shape[1], first_leaf(lower)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
     for task in range(first, last):
         squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
-            count = look_around(points, low, high, low[leaf], high[leaf], squared_radius, search)
-            reached = 0.0
+            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
+            total = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                reach = reach_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
-                if reach >= 0.0:
-                    moments_in_ball(search.room.packed, count, x, y, z, reach, moments, i - begin)
+                squared = radius_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
+                if squared >= 0.0:
+                    moments_in_ball(search.room.packed, count, x, y, z, squared, moments, i - begin)
                 else:
-                    reach, full = steps_by_itself(points, low, high, x, y, z, search), search.local.shape[1]
-                    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * reach, moments, i - begin)
-                reached += reach
-            squared_radius = WIDER * reached / (end - begin)
+                    squared, full = steps_by_itself(points, lower, upper, x, y, z, search), search.local.shape[1]
+                    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, i - begin)
+                total += squared
+            squared_radius = WIDER * total / (end - begin)
             _finish(moments, order[begin:end], variation, normals, neighbours)

@@ -2,15 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gppcs.gp.local.candidates import (
-    DISTANCES,
-    ENOUGH,
-    FIRST_STAGE,
-    TOO_MANY,
-    gaps_of_lone,
-    largest_gap,
-    nested_candidates,
-)
+from gppcs.gp.local.candidates import gaps_of_isolated, largest_gap, nested_candidates
+from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree, surface_area
 from shapes import square
 
@@ -18,20 +11,20 @@ from shapes import square
 def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
     alike = np.zeros(len(points), dtype=np.float32)
-    return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].rows
+    return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].indices
 
 
 def test_gaps_are_the_distances_to_the_nearest_others(sphere):
     points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
     nearest = cKDTree(points).query(points, 2)[0][:, 1]
     for spacing in (0.05, 0.2, 1.0):
-        expected = np.where(nearest > DISTANCES[0] * spacing, nearest, 0.0)
-        np.testing.assert_allclose(gaps_of_lone(points, spacing), expected)
-    assert np.isinf(gaps_of_lone(points[:1], 1.0))
+        expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
+        np.testing.assert_allclose(gaps_of_isolated(points, spacing), expected)
+    assert np.isinf(gaps_of_isolated(points[:1], 1.0))
 
 
 def test_largest_gap_lies_where_the_numbers_fall_slowly():
-    for lone, expected in (
+    for isolated, expected in (
         ([442, 88, 18, 2], np.inf),  # the far points of a LiDAR sweep
         ([839, 673, 157, 0], 0.9),
         ([978, 43, 39, 24], 1.8),  # some are lone by chance, and 43 are outliers
@@ -39,7 +32,7 @@ def test_largest_gap_lies_where_the_numbers_fall_slowly():
         ([3, 3, 3, 3], np.inf),  # too few to tell
         ([12_001, 12_000, 5_000, 0], 1.8),  # too many to spare, at first
     ):
-        assert largest_gap(np.array(lone), 15_000, 1_000, 2.0) == expected
+        assert largest_gap(np.array(isolated), 15_000, 1_000, 2.0) == expected
     assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500, 2.0) == np.inf  # 8 of 7,500 do no harm
 
 
@@ -66,7 +59,7 @@ def test_wires_and_sparse_parts_stay():
     rows = np.column_stack([np.tile(np.arange(30.0), 12) * gaps, 1 + 8 * gaps, np.zeros(360)])
     points = np.concatenate([square(40_000), wire, rows])
     kept = finest_of(points, 1_000)
-    gaps = gaps_of_lone(points[kept], np.sqrt(1.0 / 1_000))
+    gaps = gaps_of_isolated(points[kept], np.sqrt(1.0 / 1_000))
     assert (gaps > 0).sum() > 5
     for first, last in ((40_000, 40_120), (40_120, len(points))):
         others = points[kept[(kept >= first) & (kept < last)]]
@@ -86,12 +79,12 @@ def plain_stages(points, sharpness, n_points, area, density):
     while True:
         edge = np.sqrt(area / (target * density))
         kept = candidates[sharpest_of_cells(points[candidates], edge, sharpness[candidates])]
-        if len(kept) > TOO_MANY * density * target:
+        if len(kept) > MAX_CELLS * density * target:
             area, grown = area * 2, True
-        elif len(kept) < ENOUGH * target and len(candidates) > TOO_MANY * density * target and not grown:
+        elif len(kept) < MIN_CANDIDATES * target and len(candidates) > MAX_CELLS * density * target and not grown:
             area /= 2
         else:
-            thinned = len(kept) >= ENOUGH * target
+            thinned = len(kept) >= MIN_CANDIDATES * target
             candidates = kept if thinned else candidates
             stages.append((target, candidates, thinned, area))
             if target <= FIRST_STAGE:
@@ -102,7 +95,8 @@ def plain_stages(points, sharpness, n_points, area, density):
 @pytest.mark.parametrize("dot", [0, 9_500, 9_995])
 @pytest.mark.parametrize("area", [1e-14, 12.0])
 def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area, monkeypatch):
-    monkeypatch.setattr("gppcs.gp.local.candidates.HARMLESS", np.inf)  # beside the dot, the sphere is sparse
+    # Beside the dot, the sphere is sparse.
+    monkeypatch.setattr("gppcs.gp.local.candidates.largest_gap", lambda *_: np.inf)
     rng = np.random.default_rng(0)
     points = sphere[:10_000] + 1
     points[:dot] = 0.5 + 1e-5 * sphere[10_000 : 10_000 + dot]
@@ -110,5 +104,5 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area,
     sharpness = rng.integers(0, 5, len(points)).astype(np.float32)
     stages, plain = (way(points, sharpness, 300, area, 9.0) for way in (nested_candidates, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
-        np.testing.assert_array_equal(found.rows, expected[1])
+        np.testing.assert_array_equal(found.indices, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])

@@ -6,7 +6,7 @@ import pytest
 import gppcs
 from gppcs.errors import InputError, ParameterError
 from gppcs.gp.local import algorithm
-from gppcs.gp.local.denoising import MANY, neighbourhood
+from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 
@@ -67,7 +67,7 @@ def test_edges_are_rounded_no_more_than_without():
 
 def test_outliers_do_not_widen_the_neighbourhood():
     with_outliers = gppcs.sample("statue", 100_000, noise=0.002, outliers=0.05)
-    assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY
+    assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY_POINTS
 
 
 def test_without_noise_points_stay():
@@ -99,7 +99,7 @@ def test_normals_that_are_asked_for_are_better_and_point_the_same_way():
 
 
 def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
-    monkeypatch.setattr("gppcs.gp.local.candidates.LARGE", 5_000)
+    monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
     scan = noisy(plane(20_000))
     result = gppcs.simplify(scan, n_points=100, denoise=True)
     assert np.linalg.norm(result.cloud.points - scan[result.indices], axis=1).max() < 5 * NOISE
@@ -175,7 +175,7 @@ def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypa
         if not step:
             monkeypatch.setattr(algorithm, "inducing_points", lambda kept, observed, places: kept)
         kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
-        distances[step] = LocalSurface.of(kept).nearest_to(true)[0].mean()
+        distances[step] = LocalSurface.from_points(kept).nearest_to(true)[0].mean()
     assert distances[True] < 0.97 * distances[False]
 
 

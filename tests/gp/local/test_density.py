@@ -3,8 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.gp.local import density
-from gppcs.gp.local.density import GROUP_SIZE, graded, roundness_of
+from gppcs.gp.local.density import graded, roundness_of
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree
 
 
@@ -18,22 +17,20 @@ def test_limits_of_groups_of_one_are_those_of_all_pairs(in_leaf, leaves, slope, 
     tree, spacings = KdTree.build(points), rng.random(n) + 0.1
     apart = np.linalg.norm(tree.points.T[:, None] - tree.points.T, axis=2)
     expected = (spacings + slope * apart).min(axis=1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(density, "GROUP_SIZE", 1)
-        np.testing.assert_allclose(graded(tree, spacings, slope), expected, rtol=1e-12)
+    np.testing.assert_allclose(graded(tree, spacings, slope, group_size=1), expected, rtol=1e-12)
 
 
 def groups_of(tree):
     """The points of each leaf, parted evenly."""
-    n, leaves = len(tree.order), len(tree.low) // 2
+    n, leaves = len(tree.order), len(tree.lower) // 2
     for leaf in range(leaves):
         begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
-        parts = max(1, round(n / leaves / GROUP_SIZE))
+        parts = max(1, round(n / leaves / 8))
         for part in range(parts):
             yield slice(begin + (end - begin) * part // parts, begin + (end - begin) * (part + 1) // parts)
 
 
-@pytest.mark.parametrize("n", [1, GROUP_SIZE - 1, GROUP_SIZE, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
+@pytest.mark.parametrize("n", [1, 7, 8, LEAF_SIZE, LEAF_SIZE + 1, 5_000])
 def test_graded_spacings_are_of_groups_and_no_greater_than_before(n):
     rng = np.random.default_rng(n)
     tree = KdTree.build(rng.random((n, 3)))

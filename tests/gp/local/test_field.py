@@ -198,7 +198,7 @@ def test_leaves_of_chosen_points_do_not_stop_the_search_of_the_next():
     n = 64 * 32 * 4
     points = np.random.default_rng(0).random((n, 3)) * [1, 1, 0]
     tree = KdTree.build(points)
-    leaves = len(tree.low) // 2
+    leaves = len(tree.lower) // 2
     upright = np.tile([[0.0], [0.0], [1.0]], n)
     field = LocalField(tree.points, upright, np.ones(n), np.zeros(n), np.ones(n), np.empty((0, n)), 1.5, 1.0)
     chosen = np.arange(n // leaves)

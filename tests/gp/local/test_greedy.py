@@ -26,7 +26,7 @@ def extend(field, tree, chosen, n_points, k, w):
 def small_parts(patch):
     """Make parts small; the list that is returned gets the numbers of parts."""
     counts, divide = [], greedy._divide
-    patch.setattr(greedy, "POINTS", 100)
+    patch.setattr(greedy, "PART_POINTS", 100)
     patch.setattr(greedy, "_divide", lambda state, count: counts.append(count) or divide(state, count))
     return counts
 

@@ -5,8 +5,9 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local import algorithm, placement
-from gppcs.gp.local.placement import exchanged, nearest_each
+from gppcs.gp.local import algorithm
+from gppcs.gp.local.placement import exchanged, nearest_of_each
+from gppcs.gp.local.settings import GAP_GROWTH, MAX_STEP, PULL, TRIALS
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
@@ -23,21 +24,20 @@ def sphere_cap(n=4_000, seed=0):
 
 
 def mean_distance(points, places):
-    return LocalSurface.of(places).nearest_to(points)[0].mean()
+    return LocalSurface.from_points(places).nearest_to(points)[0].mean()
 
 
-def placed(points, chosen, fixed=0, noise=QUIET):
+def placed(points, chosen, fixed=0, noise=QUIET, passes=2):
     area = 2 * np.pi * 0.5
-    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise)
+    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise, passes=passes)
     return np.where(new < 0, chosen, new)
 
 
-def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest(monkeypatch):
+def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():
     """One pass, in NumPy, on cells all of whose points are judged."""
-    monkeypatch.setattr(placement, "PASSES", 1)
     points = sphere_cap()
     chosen = np.random.default_rng(1).choice(len(points), 800, replace=False)
-    found, surface = placed(points, chosen), LocalSurface.of(points[chosen])
+    found, surface = placed(points, chosen, passes=1), LocalSurface.from_points(points[chosen])
     nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
     gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
     normals = points  # of the sphere
@@ -45,16 +45,16 @@ def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangl
     for slot, v in enumerate(surface.tree.order):
         cell = np.flatnonzero(nearest[:, 0] == v)
         assert found[v] in cell
-        if not 1 < len(cell) <= placement.JUDGED:
+        if not 1 < len(cell) <= 10:
             continue
         fan = surface.tree.order[surface.corners[slot][surface.corners[slot][:, 0] >= 0]]
         steps = points[cell][:, None] - points[cell]
         errors = (np.einsum("ijk,ik->ij", steps, normals[cell]) ** 2).sum(axis=0)
-        errors += placement.PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
+        errors += PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
         farthest = (steps**2).sum(axis=2).max(axis=0)
-        near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (placement.REACH * gaps[v]) ** 2
-        errors[~near | (farthest > placement.WIDER**2 * squared.max())] = np.inf
-        better = [x for x in np.argsort(errors)[: placement.TRIED] if errors[x] < errors[cell == chosen[v]][0]]
+        near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (MAX_STEP * gaps[v]) ** 2
+        errors[~near | (farthest > GAP_GROWTH**2 * squared.max())] = np.inf
+        better = [x for x in np.argsort(errors)[:TRIALS] if errors[x] < errors[cell == chosen[v]][0]]
         tried = [chosen[v], *cell[better]]
         agree.append(found[v] == min(tried, key=lambda x: off_fan(points[cell], points[x], points[chosen[fan]])))
     assert len(agree) > 500
@@ -75,7 +75,7 @@ def test_the_surface_comes_nearer_and_gaps_hardly_grow(seed):
     assert len(np.unique(found)) == len(found)
     assert mean_distance(points, points[found]) < 0.9 * mean_distance(points, points[chosen])
     before, after = (np.sqrt(KdTree.build(points[rows]).nearest_of(points, 1)[1].max()) for rows in (chosen, found))
-    assert after <= placement.WIDER * before * (1 + 1e-12)
+    assert after <= GAP_GROWTH * before * (1 + 1e-12)
 
 
 def test_points_to_keep_stay():
@@ -152,7 +152,7 @@ def test_every_prefix_gains(monkeypatch):
 def test_the_nearest_point_of_each_query_is_that_of_brute_force(queries, points):
     rng = np.random.default_rng(queries)
     tree, asked = KdTree.build(rng.random((points, 3)) ** 3), KdTree.build(rng.random((queries, 3)))
-    positions, squared = nearest_each(tree, asked)
+    positions, squared = nearest_of_each(tree, asked)
     some = slice(None, None, -(-queries // 500))
     expected = ((asked.points.T[some, None] - tree.points.T[None]) ** 2).sum(axis=2)
     np.testing.assert_allclose(squared[some], expected.min(axis=1), rtol=1e-12)

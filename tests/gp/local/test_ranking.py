@@ -3,12 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.engine.timer import Timer
-from gppcs.gp.local.algorithm import NUGGET, Criterion, local_field, rank
+from gppcs.gp.local.algorithm import Candidates, Criterion, Ranking, field_of, local_field
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
+from gppcs.gp.local.settings import NUGGET
 from gppcs.spatial.kdtree import KdTree, surface_area
-from gppcs.surface.noise import Observations
 from gppcs.surface.surface_variation import Features
 from shapes import square
 
@@ -24,21 +23,27 @@ def clean(places):
 
 
 def ranked(points, n_points, seen=clean):
+    """Choose as `algorithm.choose` does, but for survey and placement."""
     area = surface_area(KdTree.build(points))
-    nested = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, 8.0)
-    observations = Observations(*seen(points[nested[-1].rows]))
-    return rank(points, nested, observations, criterion(), Timer())
+    stages = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, 8.0)
+    indices = stages[-1].indices
+    candidates = Candidates(indices, points[indices], *seen(points[indices]), None, None)
+    ranking = Ranking.of_fixed(0)
+    for stage in stages:
+        tree, field = field_of(candidates.of_stage(stage), stage.spacing, stage.thinned, criterion())
+        ranking = ranking.extended(field, tree, stage, criterion(), lambda steps: None)
+    return ranking
 
 
 def test_points_on_a_curve_are_spread_over_all_of_it():
     """Discs around dense points of a line cover next to nothing: by that area, all places were alike."""
     rng = np.random.default_rng(0)
     line = np.sort(rng.random(50_000))
-    places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).rows])
+    places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).indices])
     assert np.diff(places, prepend=0, append=1).max() < 0.1
 
 
-def field_of(variation, **changes):
+def field_by(variation, **changes):
     rng = np.random.default_rng(0)
     n = len(variation)
     tree = KdTree.build(rng.random((n, 3)))
@@ -51,7 +56,7 @@ def field_of(variation, **changes):
 @given(st.integers(2, 200), st.floats(0, 2.0), st.integers(0, 999))
 def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
     variation = np.random.default_rng(seed).random(n) / 3
-    tree, features, field = field_of(variation, density_power=power)
+    tree, features, field = field_by(variation, density_power=power)
     assert np.mean(field.spacings**-2) == pytest.approx(1)  # as many points as wanted on the whole
     roughness = np.sqrt(variation)
     clipped = np.minimum(roughness, 0.29)
@@ -71,7 +76,7 @@ def test_the_field_is_denser_where_it_is_rougher(n, power, seed):
 @pytest.mark.parametrize("variation", [np.zeros(20), np.full(20, 0.2), 1e-16 * np.random.default_rng(0).random(20)])
 def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     """Its surface variation differs by rounding alone."""
-    _, _, field = field_of(variation)
+    _, _, field = field_by(variation)
     np.testing.assert_allclose(field.spacings, 1, rtol=1e-12)
     np.testing.assert_array_equal(field.y, 0)
 
@@ -79,9 +84,9 @@ def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
 def test_points_of_great_variance_are_chosen_late():
     points = square(3_000)
     left = points[:, 0] < 0.5
-    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).rows
+    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).indices
     assert left[chosen].mean() > 0.7
-    assert 0.3 < left[ranked(points, 100).rows].mean() < 0.7
+    assert 0.3 < left[ranked(points, 100).indices].mean() < 0.7
 
 
 def test_features_are_those_of_where_points_belong():
@@ -92,5 +97,5 @@ def test_features_are_those_of_where_points_belong():
     def seen(places):
         return places * [1.0, 1.0, 0.0], np.zeros(len(places))
 
-    left = [(points[ranked(rough, 300, told).rows, 0] < 0.5).mean() for told in (clean, seen)]
+    left = [(points[ranked(rough, 300, told).indices, 0] < 0.5).mean() for told in (clean, seen)]
     assert left[1] < left[0] - 0.05

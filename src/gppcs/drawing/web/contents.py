@@ -141,7 +141,7 @@ def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[n
 def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
     local, corner, exponent = normalised(simplified)
-    surface = LocalSurface.of(local[first_occurrences(local)])
+    surface = LocalSurface.from_points(local[first_occurrences(local)])
     distances, _ = surface.nearest_to(np.ldexp(points - corner, -exponent))
     return np.ldexp(distances, exponent)
 

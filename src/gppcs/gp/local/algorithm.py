@@ -1,12 +1,8 @@
-"""The method `gp`, in the order of the paper's Algorithm 1.
-
-Survey the cloud; find the candidates; then, for each doubling of the number of points, make a field over the
-candidates at its own target spacing and choose greedily. The first points are chosen as if no more were to come, so
-every prefix of the result is a simplification of its size. At last each point goes to the place near it that is best.
-"""
+"""The method `gp`, in the order of the paper's Algorithm 1; research/local-field.md has the sections and equations."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,47 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Candidates, cell_edge, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import Stage, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import GRADATION, ROUNDING, density_of, graded, refinement, roundness_of, weighted
+from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import placed
+from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.inducing import inducing_points
-from gppcs.surface.noise import Observations
+from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
-
-NEAREST = 16  # Points of a neighbourhood if candidates are not thinned: a ball could then hold any number of them.
-NUGGET = 1e-4  # Variance of an observation without noise, in units of the prior's. Keeps covariances regular.
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """The weights of the selection."""
-
-    # Points per area go as the roughness to this power. The power is lower if the cloud consists of flat faces and
-    # edges.
-    density_power: float
-    # beta: the distance of two normals at a right angle, in desired spacings. It is lower in the same case.
-    normal_weight: float
-    error_weight: float  # w: the weight of the error |mu - y| in the score; that of the uncertainty is 1
-    lengthscale: float  # Of the Matérn kernel, in desired spacings
-    neighbours: int  # K: the number of chosen points on which a posterior is conditioned
-
-
-class Ranking(NamedTuple):
-    """The M chosen points, in the order of choice."""
-
-    rows: NDArray[np.int64]  # (M,)
-    # (M,): Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0
-    # for fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours.
-    # They rise at the start of the next stage, whose field is finer.
-    scores: NDArray[np.float64]
-    deviations: NDArray[np.float64]
-    noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
-    surface: Denoised | None = None  # Where the chosen points go, if they are denoised
 
 
 def choose(
@@ -67,27 +34,27 @@ def choose(
     weights: NDArray[np.float64] | None = None,
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
-    """Choose `n_points` of a cloud, the most important first.
+    """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
 
     The first `fixed` points are chosen from the start. `density` is the number of candidate cells in a square whose
     side is the target spacing; weights multiply the density of the chosen points; attributes count beside the shape.
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)
+    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)  # section 1
     with timer("candidates"):
-        candidates = nested_candidates(points, sharpness, n_points, area, density, fixed)
-    del sharpness  # to free its memory
+        stages = nested_candidates(points, sharpness, n_points, area, density, fixed)  # section 2
     with timer("noise"):
-        rows = candidates[-1].rows  # those of all stages are among them
-        observations = Observations(None, np.zeros(len(rows))) if noise.quiet else noise.observe(points[rows])
-    level = noise.level / noise.spacing if noise.spacing > 0.0 else 0.0
-    ranking = rank(points, candidates, observations, criterion, timer, fixed, weights, detail and detail.take(rows))
-    area = candidates[-1].area
-    del candidates, observations  # to free their memory
+        candidates = Candidates.observed(stages[-1].indices, points, noise, weights, detail)  # Eq. (7)
+    ranking = Ranking.of_fixed(fixed)
+    for stage in stages:  # about twice as many points in each as in the one before
+        with timer("features"):
+            tree, field = field_of(candidates.of_stage(stage), stage.spacing, stage.thinned, criterion)  # (2) to (6)
+        with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
+            ranking = ranking.extended(field, tree, stage, criterion, on_progress)  # Eqs. (8) and (9)
     with timer("placement"):
-        chosen = placed(points, ranking.rows, fixed, area, noise, detail and detail.values)
-    return ranking._replace(rows=chosen, noise_in_spacings=level)
+        indices = placed(points, ranking.indices, fixed, stages[-1].area, noise, detail and detail.values)  # Eq. (10)
+    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
 
 
 def choose_denoised(
@@ -100,88 +67,152 @@ def choose_denoised(
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
-    rows = sample(points, n_points)
-    observed = points[rows]
+    indices = sample(points, n_points)
+    observed = points[indices]
     with timer("denoising"):
-        surface = denoised(observed, n_points)
+        surface = denoised(observed, n_points)  # Eqs. (11) to (13)
         trusted = np.flatnonzero(surface.trusted)
-    among = trusted if len(trusted) > n_points else np.arange(len(observed))
-    rows = rows[among]
+    candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
+    indices = indices[candidates]
     ranking = choose(
-        surface.places[among], n_points, criterion, density, timer, 0, weights if weights is None else weights[rows],
-        attributes if attributes is None else attributes[rows],
+        surface.points[candidates], n_points, criterion, density, timer, 0,
+        weights if weights is None else weights[indices], attributes if attributes is None else attributes[indices],
     )  # fmt: skip
-    chosen = surface.take(among[ranking.rows])
+    chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
-        places = inducing_points(chosen.places, observed, surface.places)
-    return ranking._replace(rows=rows[ranking.rows], surface=chosen._replace(places=places))
+        moved = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
+    return ranking._replace(indices=indices[ranking.indices], surface=chosen._replace(points=moved))
 
 
-def rank(
-    points: NDArray[np.float64],
-    candidates: list[Candidates],
-    observations: Observations,
-    criterion: Criterion,
-    timer: Timer,
-    fixed: int = 0,
-    weights: NDArray[np.float64] | None = None,
-    detail: Detail | None = None,
-) -> Ranking:
-    """Choose among the candidates, stage by stage; `observations` and `detail` are at those of the last stage."""
-    ranking = Ranking(np.arange(fixed), np.zeros(fixed), np.zeros(fixed))
-    for stage in candidates:
-        with timer("features"):
-            among = np.searchsorted(candidates[-1].rows, stage.rows)
-            spacing = cell_edge(stage.area, stage.target)
-            feet = None if observations.feet is None else observations.feet[among]
-            tree, features = features_of(points[stage.rows], feet, spacing, stage.thinned)
-            among = among[tree.order]
-            variances = observations.variances[among] / spacing**2
-            field = local_field(tree, features, variances, criterion, detail and detail.take(among))
-            rows = stage.rows[tree.order]
-            if weights is not None:
-                field = field._replace(spacings=weighted(field.spacings, weights[rows]))
-        with timer("greedy selection", stage.target - len(ranking.rows)) as advanced:
-            before, wanted = np.flatnonzero(np.isin(rows, ranking.rows)), stage.target - len(ranking.rows)
-            added, scores, deviations = extend(
-                field, tree, before, wanted, criterion.neighbours, criterion.error_weight, advanced=advanced
-            )
-        ranking = Ranking(
-            np.concatenate([ranking.rows, rows[added]]), np.concatenate([ranking.scores, scores]),
-            np.concatenate([ranking.deviations, deviations]),
+@dataclass(frozen=True)
+class Criterion:
+    """The weights of the selection."""
+
+    density_power: float  # p: points per area go as the roughness to this power; lower for flat faces with edges
+    normal_weight: float  # beta: distance of normals at a right angle, in desired spacings; lower in the same case
+    error_weight: float  # w: weight of the error |mu - y| in the score; that of the uncertainty is 1
+    lengthscale: float  # kappa: of the Matérn kernel, in desired spacings
+    neighbours: int  # K: the number of chosen points on which a posterior is conditioned
+
+    @classmethod
+    def from_feature_weight(cls, feature_weight: float, lengthscale: float, neighbours: int) -> Criterion:
+        """Return the weights: at 0.5, the default, the error has none; at 1 that of the paper."""
+        error_weight = max(0.0, 2.0 * feature_weight - 1.0) ** 2
+        return cls(
+            DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight, error_weight, lengthscale, neighbours
+        )
+
+
+class Candidates(NamedTuple):
+    """What the field needs to know of n candidates."""
+
+    indices: NDArray[np.int64]  # (n,), ascending: indices in the cloud
+    points: NDArray[np.float64]  # (n, 3)
+    # (n, 3), projections onto the surface, where features are measured; None if the noise is not thick: features are
+    # then measured at the points themselves.
+    feet: NDArray[np.float64] | None
+    variances: NDArray[np.float64]  # (n,): of each observation, in the squared unit of the points; 0 without noise
+    weights: NDArray[np.float64] | None  # (n,)
+    detail: Detail | None
+
+    @classmethod
+    def observed(
+        cls,
+        indices: NDArray[np.int64],
+        points: NDArray[np.float64],
+        noise: Noise,
+        weights: NDArray[np.float64] | None,
+        detail: Detail | None,
+    ) -> Candidates:
+        """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
+        feet, variances = noise.observe(points[indices])
+        weights = None if weights is None else weights[indices]
+        return cls(indices, points[indices], feet, variances, weights, detail and detail.take(indices))
+
+    def take(self, positions: NDArray[np.int64]) -> Candidates:
+        """Return some of them."""
+        feet = None if self.feet is None else self.feet[positions]
+        weights = None if self.weights is None else self.weights[positions]
+        detail = self.detail and self.detail.take(positions)
+        return Candidates(
+            self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail
+        )
+
+    def of_stage(self, stage: Stage) -> Candidates:
+        """Return the candidates of a stage, which are among these."""
+        return self.take(np.searchsorted(self.indices, stage.indices))
+
+
+class Ranking(NamedTuple):
+    """The M chosen points, in the order of choice."""
+
+    indices: NDArray[np.int64]  # (M,)
+    # (M,): Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0
+    # for fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours.
+    # They rise at the start of the next stage, whose field is finer.
+    scores: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
+    surface: Denoised | None = None  # Where the chosen points go, if they are denoised
+
+    @classmethod
+    def of_fixed(cls, count: int) -> Ranking:
+        """Return the first points of a cloud."""
+        return cls(np.arange(count), np.zeros(count), np.zeros(count))
+
+    def extended(
+        self, field: LocalField, tree: KdTree, stage: Stage, criterion: Criterion, on_progress: Callable[[int], None]
+    ) -> Ranking:
+        """Return the ranking with the points of one more stage, whose candidates the field is over."""
+        indices = stage.indices[tree.order]
+        chosen, n_added = np.flatnonzero(np.isin(indices, self.indices)), stage.target - len(self.indices)
+        added, scores, deviations = extend(
+            field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
+        )
+        return Ranking(
+            np.concatenate([self.indices, indices[added]]), np.concatenate([self.scores, scores]),
+            np.concatenate([self.deviations, deviations]),
         )  # fmt: skip
-    return ranking
+
+
+def field_of(candidates: Candidates, spacing: float, thinned: bool, criterion: Criterion) -> tuple[KdTree, LocalField]:
+    """Return the tree over candidates, in units of the target spacing, and the field over them in tree order."""
+    tree, features = features_of(candidates.points, candidates.feet, spacing, thinned)
+    candidates = candidates.take(tree.order)
+    variances = candidates.variances / spacing**2
+    return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
 
 def features_of(
-    places: NDArray[np.float64], feet: NDArray[np.float64] | None, spacing: float, thinned: bool
+    points: NDArray[np.float64], feet: NDArray[np.float64] | None, spacing: float, thinned: bool
 ) -> tuple[KdTree, Features]:
-    """Return the tree over the candidates of a stage, in units of its target spacing, and their features in tree order.
+    """Return the tree over points, (n, 3), in units of the target spacing, and their features in tree order (Eq. (2)).
 
-    The features are measured at the feet of the places, if there are any. Shapes: places, feet (n, 3).
+    The features are measured at the feet of the points, (n, 3), if there are any.
     """
-    tree = KdTree.build(places / spacing)
+    tree = KdTree.build(points / spacing)
     on_surface = tree.in_own_order()
     if feet is not None:
         on_surface = KdTree.over(np.ascontiguousarray(feet[tree.order].T) / spacing)
-    return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, NEAREST)
+    # Where candidates are not thinned, a ball could hold any number of them.
+    return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
 
 
-class Scale(NamedTuple):
+class FieldScale(NamedTuple):
     """What the field at a candidate needs to know of all candidates of the stage, where it has only some."""
 
     # Mean and standard deviation of the surface variation.
     mean: float
     deviation: float
-    roundness: float  # From 1 for a cloud whose places are alike to 0 for flat faces and edges only
-    density: float  # Mean of the wanted density
+    roundness: float  # From 1 for a cloud that is equally rough everywhere to 0 for flat faces and edges only
+    density: float  # Mean of the desired density
     spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
 
     @classmethod
-    def of(
+    def from_variation(
         cls, variation: NDArray[np.float64], criterion: Criterion, detail: NDArray[np.float64] | float = 0.0
-    ) -> Scale:
-        """Measure candidates, given their surface variation and the roughness of their detail, (n,)."""
+    ) -> FieldScale:
+        """Measure candidates, by their surface variation and the roughness of their detail, (n,)."""
         roundness = roundness_of(np.sqrt(variation))
         density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
         return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
@@ -190,23 +221,27 @@ class Scale(NamedTuple):
 def local_field(
     tree: KdTree,
     features: Features,
-    noise: NDArray[np.float64],
+    variances: NDArray[np.float64],
     criterion: Criterion,
     detail: Detail | None = None,
-    scale: Scale | None = None,
+    weights: NDArray[np.float64] | None = None,
+    scale: FieldScale | None = None,
 ) -> LocalField:
-    """Return the field over candidates, all in the order of their tree, which is in units of the target spacing.
+    """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
-    Shapes: noise (n,), the variance of the observation at each candidate, in units of the prior's.
+    The weights come after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the
+    observations, in units of the prior's, weights (n,).
     """
     variation = features.surface_variation
     roundness = scale.roundness if scale else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
     spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
+    if weights is not None:
+        spacings *= weights ** (-0.5 * WEIGHT_POWER)
     spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
-    y = np.zeros(len(noise))
-    if criterion.error_weight > 0.0:  # otherwise nothing asks for it
+    y = np.zeros(len(variances))
+    if criterion.error_weight > 0.0:  # otherwise nothing depends on it
         mean, deviation = (scale.mean, scale.deviation) if scale else (np.mean(variation), np.std(variation))
         y = (variation - mean) / deviation if deviation > ROUNDING else y
     return LocalField(
@@ -214,8 +249,8 @@ def local_field(
         normals=np.ascontiguousarray(features.normals.T),
         spacings=spacings,
         y=y,
-        noise=NUGGET + noise,
-        detail=np.empty((0, len(noise))) if detail is None else detail.distances,
+        noise=NUGGET + variances,
+        detail=np.empty((0, len(variances))) if detail is None else detail.distances,
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness,
     )

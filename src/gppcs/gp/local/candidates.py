@@ -1,6 +1,6 @@
-"""A survey of the whole cloud, and from it the candidates of each stage.
+"""A survey of the whole cloud, and from it the candidates of each stage (research/local-field.md, sections 1 and 2).
 
-A survey measures area, noise and sharp places before any point is chosen. Candidates are the sharpest point in each
+A survey measures area, noise and sharp points before any point is chosen. Candidates are the sharpest point in each
 cell of a grid that gets finer from stage to stage.
 
 The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes the first point of each cell.
@@ -19,30 +19,25 @@ from numpy.typing import NDArray
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
+from gppcs.gp.local.settings import (
+    FIRST_STAGE,
+    ISOLATION,
+    MAX_CELLS,
+    MIN_CANDIDATES,
+    OUTLIERS,
+    SAMPLE_SIZE,
+    SAMPLED_PER_POINT,
+)
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
-FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
-ENOUGH = 3  # Candidates for each point to keep, at least. With fewer, all points stay candidates.
-TOO_MANY = 3  # Occupied cells for each cell that the area has room for. A plane has 1.5 on average, 1.7 at most.
-# A candidate is lone if no other lies within the first of these distances, in target spacings.
-DISTANCES = (0.45, 0.9, 1.8, 3.6)
-# Those alone within a distance are outliers if more than this share of them is alone within twice that distance, too.
-# It is mostly 28 % at most in scans with sparse parts, and 40 % or more of outliers (research/experiments.md).
-OUTLIERS = 0.4
-HARMLESS = 0.003  # Lone candidates take so few of the points to keep that they may stay, whatever they are.
-FOLLOWERS = 3  # Points on each side, in tree order, that are looked at first.
-SMALLEST_AREA = 1e-200  # Halving of the area stops here, before it becomes zero.
-LARGE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
-PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
-
 
 class Survey(NamedTuple):
-    """What is known of a cloud of N points before the choice."""
+    """What is measured on a cloud of N points before the choice."""
 
-    area: float  # Area of the surface, corrected by the number of occupied cells
+    area: float  # A: area of the surface, corrected by the number of occupied cells
     noise: Noise
     # (N,): Surface variation within the edge length of a candidate's cell, and that of the detail. It is 0 if the cloud
     # is not clean, where it was not measured, and where it is only rounding.
@@ -59,61 +54,67 @@ def survey(
 ) -> Survey:
     """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
     with timer("sample"):
-        rows = sample(points, n_points)
-        places = points if len(rows) == len(points) else points[rows]
+        indices = sample(points, n_points)
+        sampled = points if len(indices) == len(points) else points[indices]
     with timer("tree"):
-        tree = KdTree.build(places)
-        area, _ = thinned(places, np.zeros(len(places), dtype=np.float32), n_points, surface_area(tree), density)
+        tree = KdTree.build(sampled)
+        alike = np.zeros(len(sampled), dtype=np.float32)
+        area, _ = thinned(sampled, alike, n_points, surface_area(tree), density)
     with timer("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     sharpness = np.zeros(len(points), dtype=np.float32)
     if noise.clean:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            sharpness[rows] = sharpness_of(tree, cell_edge(area, density * n_points))
+            sharpness[indices] = sharpness_of(tree, cell_edge(area, density * n_points))
     detail = None
     if attributes is not None:
         with timer("detail"):
-            detail = Detail.measure(tree, rows, attributes, cell_edge(area, density * n_points))
+            detail = Detail.measure(tree, indices, attributes, cell_edge(area, density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
     return Survey(area, noise, sharpness, detail)
 
 
 def sample_size(n_points: int) -> int:
     """Return of how many points, about, a sample of a large cloud consists."""
-    return max(LARGE, PER_POINT * n_points)
+    return max(SAMPLE_SIZE, SAMPLED_PER_POINT * n_points)
 
 
-def sample(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
-    """Return all rows, or those of a random sample of a large cloud without the repeats among them, ascending.
+def sample(points: NDArray[np.float64], n_points: int, size: int | None = None) -> NDArray[np.int64]:
+    """Return all indices, or those of a random sample of a large cloud without the repeats among them, ascending.
 
     A sample measures the area as well as all points do, and the noise, unless that is thicker than the target spacing.
     """
-    n = len(points)
-    if n <= 1.5 * sample_size(n_points):  # to draw most of the points would cost more than it saves
+    n, size = len(points), size or sample_size(n_points)
+    if n <= 1.5 * size:  # to draw most of the points would cost more than it saves
         return np.arange(n)
-    draws = round(-n * math.log1p(-sample_size(n_points) / n))  # with replacement: some rows are drawn twice
-    rows = np.unique(np.random.default_rng(0).integers(0, n, draws))
-    return rows[first_occurrences(points[rows])]
+    draws = round(-n * math.log1p(-size / n))  # with replacement: some points are drawn twice
+    indices = np.unique(np.random.default_rng(0).integers(0, n, draws))
+    return indices[first_occurrences(points[indices])]
 
 
 def sharpness_of(tree: KdTree, edge: float) -> NDArray[np.float64]:
     """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,).
 
     Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
-    changes with the place of the cloud.
+    changes with the position of the cloud.
     """
     variation = features_in_radius(tree, edge, with_normals=False).surface_variation
     return np.where(variation > ROUNDING, variation, 0.0)
 
 
-class Candidates(NamedTuple):
-    """The candidates of a stage of the choice."""
+class Stage(NamedTuple):
+    """A stage of the choice, and its candidates."""
 
     target: int  # Number of points that are chosen when the stage ends
-    rows: NDArray[np.int64]  # (n,), rows of the candidates, ascending
+    indices: NDArray[np.int64]  # (n,), indices of the candidates, ascending
     # Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
     thinned: bool
     area: float  # Area of the surface, corrected by the number of occupied cells
+
+    @property
+    def spacing(self) -> float:
+        """The target spacing h (Eq. (1))."""
+        return cell_edge(self.area, self.target)
 
 
 def nested_candidates(
@@ -123,64 +124,69 @@ def nested_candidates(
     area: float,
     density: float,
     fixed: int = 0,
-) -> list[Candidates]:
-    """Return the candidates of all stages, from coarse to fine. Those of a coarse stage are among those of the finer.
+) -> list[Stage]:
+    """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
-    The candidate of a grid's cell is its sharpest point, and of several the first. Outliers are left out. If that
+    The candidate of a grid's cell is its sharpest point, and of several the first. Outliers are excluded. If that
     leaves too few, a stage takes the candidates of the finer stage, and the last stage takes all points. The first
-    `fixed` points are candidates of each stage, which wants more.
+    `fixed` points are candidates of each stage, which aims at more.
 
     The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
     large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
     cells, or halved until there are not too few, for this stage and the coarser ones. Shapes: points (N, 3), sharpness
     (N,).
     """
-    area, rows = thinned(points, sharpness, n_points, area, density)
-    if enough := len(rows) >= ENOUGH * n_points:
+    area, indices = thinned(points, sharpness, n_points, area, density)
+    if enough := len(indices) >= MIN_CANDIDATES * n_points:
         spacing = math.sqrt(area / n_points)
-        gaps = gaps_of_lone(points[rows], spacing)
-        lone = np.count_nonzero(gaps[:, None] > np.multiply(DISTANCES, spacing), axis=0)
-        rows = rows[gaps <= largest_gap(lone, len(rows), n_points, spacing)]
+        gaps = gaps_of_isolated(points[indices], spacing)
+        indices = indices[gaps <= largest_gap(count_isolated(gaps, spacing), len(indices), n_points, spacing)]
     else:
-        rows = np.arange(len(points))
-    stages = [Candidates(n_points, rows, enough, area)]
+        indices = np.arange(len(points))
+    stages = [Stage(n_points, indices, enough, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
-        area, kept = thinned(points[rows], sharpness[rows], target, area, density)
-        if enough := len(kept) >= ENOUGH * target:
-            rows = rows[kept]
-        stages.append(Candidates(target, rows, enough, area))
+        area, kept = thinned(points[indices], sharpness[indices], target, area, density)
+        if enough := len(kept) >= MIN_CANDIDATES * target:
+            indices = indices[kept]
+        stages.append(Stage(target, indices, enough, area))
     if fixed:
-        stages = [stage._replace(rows=np.union1d(stage.rows, np.arange(fixed))) for stage in stages]
+        stages = [stage._replace(indices=np.union1d(stage.indices, np.arange(fixed))) for stage in stages]
     return stages[::-1]
 
 
-def gaps_of_lone(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return how far lone candidates are from all others. Shapes: points (n, 3); returns (n,)."""
-    tree, reach = KdTree.build(points), DISTANCES[0] * spacing
+def gaps_of_isolated(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return how far isolated candidates are from all others. Shapes: points (n, 3); returns (n,)."""
+    tree, radius = KdTree.build(points), ISOLATION[0] * spacing
     suspects = np.ones(len(points), dtype=bool)
-    for step in range(1, FOLLOWERS + 1):  # in tree order, points that follow each other are mostly near each other
+    for step in (1, 2, 3):  # in tree order, points that follow each other are mostly near each other
         steps = tree.points[:, step:] - tree.points[:, :-step]
-        near = np.einsum("an,an->n", steps, steps) <= reach**2
+        near = np.einsum("an,an->n", steps, steps) <= radius**2
         suspects[step:] &= ~near
         suspects[:-step] &= ~near
     gaps = np.full(len(points), 0.0 if len(points) > 1 else np.inf)
     if len(points) > 1:
-        asked = tree.order[suspects]
-        nearest = np.sqrt(tree.nearest_of(points[asked], 2)[1][:, 1])
-        gaps[asked] = np.where(nearest > reach, nearest, 0.0)
+        indices = tree.order[suspects]
+        nearest = np.sqrt(tree.nearest_of(points[indices], 2)[1][:, 1])
+        gaps[indices] = np.where(nearest > radius, nearest, 0.0)
     return gaps
 
 
-def largest_gap(lone: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
-    """Return how far from all others a candidate may be. Those farther away are outliers, which are left out.
+def count_isolated(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
+    """Return how many of the gaps, (n,), are wider than each distance of `ISOLATION`, (4,)."""
+    return np.count_nonzero(gaps[:, None] > np.multiply(ISOLATION, spacing), axis=0)
+
+
+def largest_gap(isolated: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
+    """Return how far from all others a candidate may be. Those farther away are outliers, which are excluded.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
-    of a scan some are lone, but their number falls fast with the distance. That of scattered outliers does not. Shapes:
-    lone (4,), how many are alone within each of `DISTANCES`.
+    of a scan some are isolated, but their number falls fast with the distance. That of scattered outliers does not.
+    Shapes: isolated (4,), as `count_isolated` returns it.
     """
-    for distance, (number, farther) in zip(DISTANCES, pairwise(lone), strict=False):
-        if HARMLESS * n_points < number <= n - ENOUGH * n_points and farther > OUTLIERS * number:
+    harmless = 0.003 * n_points  # so few may stay, whatever they are
+    for distance, (number, farther) in zip(ISOLATION, pairwise(isolated), strict=False):
+        if harmless < number <= n - MIN_CANDIDATES * n_points and farther > OUTLIERS * number:
             return distance * spacing
     return math.inf
 
@@ -190,22 +196,25 @@ def cell_edge(area: float, cells: float) -> float:
     return math.sqrt(area / cells) or 1.0
 
 
+def vanishes(area: float) -> bool:
+    """Return whether halving of the area stops, before it becomes zero."""
+    return area <= 1e-200
+
+
 def thinned(
     points: NDArray[np.float64], sharpness: NDArray[np.float32], target: int, area: float, density: float
 ) -> tuple[float, NDArray[np.int64]]:
-    """Return the area, doubled or halved until the occupied cells fit it, and the rows of their sharpest points."""
-    many, cells = TOO_MANY * density * target, density * target
-    grids = _grids(points, sharpness, area, cells)
-    seen, kept = next(grids)
-    while len(kept) > many:
-        seen, kept = next(grids)
-    if seen == area and len(kept) < ENOUGH * target and len(points) > many:
-        area = _halved(points, sharpness, target, area, density)
-        grids = _grids(points, sharpness, area, cells)
-        seen, kept = next(grids)
-        while len(kept) > many:
-            seen, kept = next(grids)
-    return seen, kept
+    """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points."""
+    many, cells = MAX_CELLS * density * target, density * target
+
+    def coarsened(area: float) -> tuple[float, NDArray[np.int64]]:
+        """Double the area until there are not too many occupied cells."""
+        return next((grown, kept) for grown, kept in _grids(points, sharpness, area, cells) if len(kept) <= many)
+
+    grown, kept = coarsened(area)
+    if grown == area and len(kept) < MIN_CANDIDATES * target and len(points) > many:
+        return coarsened(_halved(points, sharpness, target, area, density))
+    return grown, kept
 
 
 def _halved(
@@ -215,19 +224,19 @@ def _halved(
 
     A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
     """
-    few, cells = ENOUGH * target, density * target
-    step = len(points) // int(TOO_MANY * cells)
-    some, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
+    few, cells = MIN_CANDIDATES * target, density * target
+    step = len(points) // int(MAX_CELLS * cells)
+    sampled, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
     halvings = 1
-    while area * 0.5**halvings > SMALLEST_AREA:
-        if len(greatest_in_cells(some, cell_edge(area * 0.5**halvings, cells), sharp)) >= few:
+    while not vanishes(area * 0.5**halvings):
+        if len(greatest_in_cells(sampled, cell_edge(area * 0.5**halvings, cells), sharp)) >= few:
             break
         halvings += 4  # the loop below takes back what is too much
-    found = area * 0.5**halvings
-    for _, (coarser, kept) in zip(range(halvings), _grids(points, sharpness, found, cells), strict=False):
+    result = area * 0.5**halvings
+    for _, (coarser, kept) in zip(range(halvings), _grids(points, sharpness, result, cells), strict=False):
         if len(kept) >= few:
-            found = coarser
-    return found
+            result = coarser
+    return result
 
 
 def _grids(

@@ -14,109 +14,109 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.settings import DETAIL_DISTANCE, DETAIL_ROUGHNESS
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 from gppcs.spatial.nearest import MANY_LEAVES, pack, room_for
 from gppcs.surface.moments import MOMENTS, with_step
 
-DISTANCE = 3.5  # Of a change of an attribute by its whole range, in desired spacings.
-ROUGH = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
-WITHIN = 1.5  # Radius within which an attribute varies, in edge lengths of the candidates' cells.
-NOISE = 3.0  # Variances below this many of the noise are noise, too: few points measure each.
-LOST = 1.2  # Shares of the noise in the variance of all points at which nothing but noise is left.
-FEWEST = 6  # Values to which a linear function of the place is fitted, at least.
-RIDGE = 1e-3  # Added to the covariance of places, in squared radii, as places are mostly coplanar.
+FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the candidates' cells.
 
 
 class DetailNoise(NamedTuple):
-    """What is noise of attributes, by all points of a cloud or by many."""
+    """What is noise of attributes, by all points of a cloud or by many (Eq. (17))."""
 
-    noise: float  # Their variance about linear functions of the place, where they hardly vary
-    strength: float  # The share of their variance that is no noise, with a margin
+    noise: float  # r_0^2: their variance about linear functions of the position, where they hardly vary
+    strength: float  # c: the fraction of their variance that is no noise, with a margin
 
     @classmethod
-    def of(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
-        """Measure it, given what linear functions leave, (n,), of values, (n, k); None if all is noise."""
-        noise, variance = float(np.median(residual)), float(sum(column.var() for column in values.T))
-        if LOST * noise >= variance:
+    def from_residuals(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
+        """Measure it by what linear functions leave, (n,), of values, (n, k); None if all is noise."""
+        noise, variance = 1.2 * float(np.median(residual)), float(sum(column.var() for column in values.T))
+        if noise >= variance:
             warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
             return None
-        return cls(noise, 1.0 - LOST * noise / variance)
+        return cls(float(np.median(residual)), 1.0 - noise / variance)
 
     def variation(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what is left, (n,), as surface variation, without noise."""
-        return ROUGH * self.strength * np.maximum(residual - NOISE * self.noise, 0.0)
+        """Return residuals, (n,), as surface variation, without noise: few points measure each, so three times it."""
+        return DETAIL_ROUGHNESS * self.strength * np.maximum(residual - 3.0 * self.noise, 0.0)
 
 
 class Detail(NamedTuple):
-    """What is known of k attributes of n points."""
+    """What counts of k attributes of n points."""
 
     values: NDArray[np.float32]  # (n, k), the attributes, in ranges, and less where noise is part of them
-    # (n,), their variance about linear functions of the place, without noise, as surface variation; 0 where it was not
-    # measured.
+    # (n,), their variance about linear functions of the position, without noise, as surface variation; 0 where it was
+    # not measured.
     variation: NDArray[np.float32]
 
     @classmethod
-    def of(cls, known: DetailNoise, attributes: NDArray[np.float32], variation: NDArray[np.float32]) -> Detail:
+    def without_noise(
+        cls, noise: DetailNoise, attributes: NDArray[np.float32], variation: NDArray[np.float32]
+    ) -> Detail:
         """Return attributes, (n, k), as far as they are no noise, with their variation."""
-        return cls(attributes * np.float32(np.sqrt(known.strength)), variation)
+        return cls(attributes * np.float32(np.sqrt(noise.strength)), variation)
 
     @classmethod
     def measure(
-        cls, tree: KdTree, rows: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
+        cls, tree: KdTree, indices: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
     ) -> Detail | None:
-        """Measure attributes, (N, k), of a cloud at the rows, (n,), of which there is a tree; None if all is noise."""
-        places = rows[tree.order]
-        values = attributes.take(places, axis=0).astype(np.float64)
-        residual = residuals(tree, values, WITHIN * edge)
-        known = DetailNoise.of(residual, values)
-        if known is None:
+        """Measure attributes, (N, k), of a cloud at the points, (n,), in a tree; None if all is noise."""
+        measured = indices[tree.order]
+        values = attributes.take(measured, axis=0).astype(np.float64)
+        residual = residuals(tree, values, FIT_RADIUS * edge)
+        noise = DetailNoise.from_residuals(residual, values)
+        if noise is None:
             return None
         variation = np.zeros(len(attributes), dtype=np.float32)
-        variation[places] = known.variation(residual)
-        return cls.of(known, attributes, variation)
+        variation[measured] = noise.variation(residual)
+        return cls.without_noise(noise, attributes, variation)
 
-    def take(self, some: NDArray[np.int64]) -> Detail:
+    def take(self, indices: NDArray[np.int64]) -> Detail:
         """Return that of some of the points."""
-        return Detail(self.values.take(some, axis=0), self.variation[some])
+        return Detail(self.values.take(indices, axis=0), self.variation[indices])
 
     @property
     def distances(self) -> NDArray[np.float64]:
         """The attributes as distances in desired spacings, (k, n)."""
-        return DISTANCE * np.ascontiguousarray(self.values.T, dtype=np.float64)
+        return DETAIL_DISTANCE * np.ascontiguousarray(self.values.T, dtype=np.float64)
 
 
 def residuals(tree: KdTree, values: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Return the variance of values about their linear fits to the places within a radius, summed over k attributes.
+    """Return the variance of values about their linear fits to the points within a radius, summed over k attributes.
 
     Shapes: values (n, k); returns (n,); both in tree order.
     """
-    found = np.empty(len(values))
-    on_ranges(_residuals, tree.leaves, tree.points, tree.low, tree.high, values, radius * radius, found)
-    return found
+    variances = np.empty(len(values))
+    on_ranges(_residuals, tree.leaves, tree.points, tree.lower, tree.upper, values, radius * radius, variances)
+    return variances
 
 
 @kernel
-def _residuals(begin, end, points, low, high, values, squared_radius, found):
-    """Fill `found`, (n,), for a range of leaves."""
-    n, leaves, k = points.shape[1], first_leaf(low), values.shape[1]
+def _residuals(begin, end, points, lower, upper, values, squared_radius, variances):
+    """Fill `variances`, (n,), for a range of leaves."""
+    n, leaves, k = points.shape[1], first_leaf(lower), values.shape[1]
     near, room = np.empty(leaves, dtype=np.int64), room_for(MANY_LEAVES)
     packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
     moments, products = np.empty(MOMENTS), np.empty((k, 5))
     for leaf in range(leaves + begin, leaves + end):
-        count = leaves_near(low, high, low[leaf], high[leaf], squared_radius, near)
-        if count * LEAF_SIZE > len(room.found):
+        count = leaves_near(lower, upper, lower[leaf], upper[leaf], squared_radius, near)
+        if count * LEAF_SIZE > len(room.positions):
             room = room_for(2 * count)
             packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
-        count = points_near(points, low, high, near[:count], low[leaf], high[leaf], squared_radius, room.found)
+        count = points_near(
+            points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, room.positions
+        )
         full = pack(points, room, count)
         for c in range(k):
             for slot in range(count):
-                packed[c, slot] = values[room.found[slot], c]
+                packed[c, slot] = values[room.positions[slot], c]
         for i in range(*leaf_range(n, leaves, leaf)):
             _steps(room.packed, full, points[0, i], points[1, i], points[2, i], squared_radius, steps, moments)
             for c in range(k):
                 _add_products(steps, packed[c], values[i, c], full, products[c])
-            found[i] = _left(moments, products, RIDGE * squared_radius)
+            ridge = 1e-3 * squared_radius  # as points are mostly coplanar
+            variances[i] = _residual(moments, products, ridge)
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
@@ -138,9 +138,10 @@ def _steps(packed, full, x, y, z, squared_radius, steps, moments):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def _add_products(steps, values, value, full, products):
-    """Sum, within a radius of a point, the differences of an attribute from its own, and their products, (5,).
+    """Sum, within a radius of a point, the differences of an attribute from that of the point, and products, (5,).
 
-    The products are those with themselves and with the place relative to the point. Shapes: steps (4, m), values (m,).
+    The products are those with themselves and with the position relative to the point. Shapes: steps (4, m), values
+    (m,).
     """
     to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
     values = values[:full]
@@ -156,21 +157,21 @@ def _add_products(steps, values, value, full, products):
 
 
 @kernel(allocates=False)
-def _left(moments, products, ridge):
-    """Return the variance that a linear function of the place leaves of the attributes, given moments, (10,)."""
-    m = moments[0]
+def _residual(moments, products, ridge):
+    """Return the variance that a linear function of the position leaves of the attributes, by moments, (10,)."""
+    m, is_fitted = moments[0], moments[0] >= 6.0  # a fit to fewer values follows their noise
     x, y, z = moments[1] / m, moments[2] / m, moments[3] / m
     xx, xy, xz = moments[4] / m - x * x + ridge, moments[5] / m - x * y, moments[6] / m - x * z
     yy, yz, zz = moments[7] / m - y * y + ridge, moments[8] / m - y * z, moments[9] / m - z * z + ridge
-    # Cofactors of the covariance of the places.
+    # Cofactors of the covariance of the positions.
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    determinant, left = xx * a + xy * b + xz * c, 0.0
+    determinant, residual = xx * a + xy * b + xz * c, 0.0
     for k in range(len(products)):
         value = products[k, 0] / m
-        left += products[k, 1] / m - value * value
-        if m >= FEWEST:
+        residual += products[k, 1] / m - value * value
+        if is_fitted:
             p, q, r = products[k, 2] / m - value * x, products[k, 3] / m - value * y, products[k, 4] / m - value * z
             explained = a * p * p + d * q * q + f * r * r + 2.0 * (b * p * q + c * p * r + e * q * r)
-            left -= explained / determinant
-    return max(left, 0.0) * (m / (m - 4.0) if m >= FEWEST else 1.0)  # a fit has four coefficients
+            residual -= explained / determinant
+    return max(residual, 0.0) * (m / (m - 4.0) if is_fitted else 1.0)  # a fit has four coefficients

@@ -1,8 +1,8 @@
-"""Greedy selection in a local field (paper, Algorithm 1), although each choice updates only few points.
+"""Greedy selection in a local field (paper, Algorithm 1; Eqs. (8) and (9)), with updates of few points for each choice.
 
 The score is the uncertainty, plus the error if that has a weight. By default it has none.
 
-In a large cloud, parts choose at once: the subtrees below one level of the k-d tree. A part chooses its best point,
+In a large cloud, parts choose at once: the subtrees below one depth of the k-d tree. A part chooses its best point,
 again and again, as long as no better point outside can be affected by it or affect it. So all parts together choose
 what one after another would, wherever scores do not rise. Parts work in rounds. In a round, a part sees the others as
 they were at its start; between rounds, parts exchange what they chose near their boundaries. What is deferred after
@@ -25,6 +25,7 @@ from gppcs.gp.local.greedy_state import (
     TAKEN,
     GreedyState,
     condition_on,
+    is_in_range,
     observe,
     renew,
     renew_inner,
@@ -32,21 +33,16 @@ from gppcs.gp.local.greedy_state import (
     room_below,
     score_changed,
     set_score,
-    within_reach,
 )
-from gppcs.gp.local.kernel import LocalField, detail_apart, field_distance
+from gppcs.gp.local.kernel import LocalField, detail_distance, field_distance
 from gppcs.gp.local.posterior import condition, posterior
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, squared_distance_of_boxes
 
-SPARE = 1.01  # Points chosen for each one wanted: the last level is aimed a little too low.
-LEAST_STEP = 1e-6  # A level below this is the last.
-REPORTED = 4096  # Points chosen one after another between two reports of progress.
-LEAVES_AT_ONCE = 32  # Leaves that a thread takes at once, at least.
-POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
+PART_POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
 
 
 class Parts(NamedTuple):
-    """The parts, and what each has chosen and knows of the others."""
+    """The parts, what each has chosen, and the state of the others as far as it sees it."""
 
     starts: NDArray[np.int64]  # (parts + 1,), where the neighbours of each part start
     # (sum,), the parts that a point of the part may affect, or be affected by, without gaps.
@@ -55,9 +51,9 @@ class Parts(NamedTuple):
     scores: NDArray[np.float64]  # (n,), of these, when they were chosen
     counts: NDArray[np.int64]  # (parts,), number of points that each part has chosen
     sent: NDArray[np.int64]  # (parts,), how many of these its neighbours know of
-    # (nodes,) each, largest score and reach of each node at the start of the round.
+    # (nodes,) each, largest score and squared range of each node at the start of the round.
     best: NDArray[np.float64]
-    reach: NDArray[np.float64]
+    ranges: NDArray[np.float64]
     seen: NDArray[np.float64]  # (n,), scores of the points at the start of the round
 
 
@@ -65,39 +61,43 @@ def extend(
     field: LocalField,
     tree: KdTree,
     chosen: NDArray[np.int64],
-    wanted: int,
+    n_added: int,
     neighbours: int,
     error_weight: float,
-    level: float = 0.0,
-    advanced: Callable[[int], None] = lambda steps: None,
+    threshold: float = 0.0,
+    on_progress: Callable[[int], None] = lambda steps: None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Choose the point with the largest score, again and again: `wanted` points, or fewer with scores from `level` on.
+    """Choose the point with the largest score, again and again: `n_added` points, or fewer, down to a threshold.
 
-    Let a point have the posterior mean mu and variance sigma^2, and an observation there the variance nu. It has the
-    gain g = sigma^2 / (sigma^2 + nu): it lowers the variance by g sigma^2 and moves the mean by g (y - mu). The score
-    is sqrt(g) sigma + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) + |mu - y|.
+    Let a point have the posterior mean mu and variance Sigma, and an observation there the variance sigma_y^2. It has
+    the gain g = Sigma / (Sigma + sigma_y^2): it lowers the variance by g Sigma and moves the mean by g (y - mu). The
+    score is sqrt(g Sigma) + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) +
+    |mu - y|.
 
     The scores are exact. A posterior changes only if the new point is among the nearest on which the point is
     conditioned, and a node of the tree is skipped only if this holds for none of its points. Where parts choose at
     once, the order is that of falling scores, and the result is not exactly that of one choice after another: a new
-    point may raise a score, since posteriors are given only the nearest points. Shapes: chosen (m,), in any order;
-    returns added, scores, deviations (wanted,).
+    point may raise a score, since posteriors are conditioned only on the nearest points. Shapes: chosen (m,), in any
+    order; returns added, scores, deviations (n_added,).
     """
     state = _begin_state(field, tree, chosen, neighbours, error_weight)
-    whole, count = _divide(state, 1), 1
-    while 2 * count <= tree.leaves and len(field.y) >= 2 * count * POINTS and len(chosen) >= 2 * count * neighbours:
+    cloud, count = _divide(state, 1), 1
+    while (
+        2 * count <= tree.leaves and len(field.y) >= 2 * count * PART_POINTS and len(chosen) >= 2 * count * neighbours
+    ):
         count *= 2
     if count > 1:
         parts = _divide(state, count)
         added, scores = _choose_in_levels(
-            wanted, len(chosen), level, field, error_weight, state, parts, whole, advanced
+            n_added, len(chosen), threshold, field, error_weight, state, parts, cloud, on_progress
         )
     else:
-        for begin in range(0, wanted, REPORTED):
-            choose_in_parts(0, 1, level, min(begin + REPORTED, wanted), field, error_weight, state, whole)
-            advanced(min(REPORTED, wanted - begin))
-        taken = slice(whole.counts[0])
-        added, scores = whole.positions[taken], whole.scores[taken]
+        step = 4096  # from one report of progress to the next
+        for begin in range(0, n_added, step):
+            choose_in_parts(0, 1, threshold, min(begin + step, n_added), field, error_weight, state, cloud)
+            on_progress(min(step, n_added - begin))
+        taken = slice(cloud.counts[0])
+        added, scores = cloud.positions[taken], cloud.scores[taken]
     return added, scores, np.sqrt(state.variances[added])
 
 
@@ -106,21 +106,22 @@ def _begin_state(
 ) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
-    given, count = posterior(field, conditioning, error_weight), len(tree.low)
+    _, variances, scores = posterior(field, conditioning, error_weight)
+    count = len(tree.lower)
     state = GreedyState(
-        tree.order, conditioning, given.variances, given.scores, conditioning.squared[:, -1].copy(),
-        np.concatenate([tree.low, tree.high, np.empty((count, 2))], axis=1),
+        tree.order, conditioning, variances, scores, conditioning.squared[:, -1].copy(),
+        np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
-    state.scores[chosen] = state.reach[chosen] = TAKEN
-    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, least=LEAVES_AT_ONCE)
+    state.scores[chosen] = state.ranges[chosen] = TAKEN
+    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, least=32)
     _renew_upper(state, tree.leaves)
     return state
 
 
 @kernel(allocates=False)
 def _begin_leaves(begin, end, spacings, state):
-    """Fill the nodes of a range of leaves, given the desired spacings, (n,)."""
+    """Fill the nodes of a range of leaves, by the desired spacings, (n,)."""
     leaves = first_leaf(state.best)
     for leaf in range(leaves + begin, leaves + end):
         widest = 0.0
@@ -132,39 +133,42 @@ def _begin_leaves(begin, end, spacings, state):
 
 @kernel(allocates=False)
 def _renew_upper(state, count):
-    """Update the nodes above a level of `count` nodes from the nodes of that level."""
+    """Update the nodes above a depth of `count` nodes from the nodes of that depth."""
     for node in range(count - 1, 0, -1):
         state.boxes[node, 7] = max(state.boxes[2 * node, 7], state.boxes[2 * node + 1, 7])
         renew_inner(node, state)
 
 
 def _choose_in_levels(
-    wanted: int,
-    chosen: int,
+    n_added: int,
+    n_chosen: int,
     last: float,
     field: LocalField,
     error_weight: float,
     state: GreedyState,
     parts: Parts,
     rest: Parts,
-    advanced: Callable[[int], None],
+    on_progress: Callable[[int], None],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose the `wanted` best points, level by level, after `chosen` others; parts as in `choose_level`."""
-    level, taken = np.inf, 0
-    while taken < wanted and level > last:
-        level = min(level, float(state.best[1])) * next_step(chosen + taken, chosen + wanted)
-        level = level if level > max(last, LEAST_STEP) else last
-        choose_level(level, field, error_weight, state, parts, rest)
-        before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), wanted)
-        advanced(taken - before)
+    """Choose the `n_added` best points, by ever lower thresholds, after others; parts as in `choose_down`."""
+    threshold, taken = np.inf, 0
+    while taken < n_added and threshold > last:
+        threshold = min(threshold, float(state.best[1])) * next_step(n_chosen + taken, n_chosen + n_added)
+        threshold = threshold if threshold > max(last, 1e-6) else last
+        choose_down(threshold, field, error_weight, state, parts, rest)
+        before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), n_added)
+        on_progress(taken - before)
     added, scores = (np.concatenate(both) for both in zip(_chosen_by(parts), _chosen_by(rest), strict=True))
-    best = np.argsort(-scores, kind="stable")[:wanted]
+    best = np.argsort(-scores, kind="stable")[:n_added]
     return added[best], scores[best]
 
 
-def next_step(chosen: int, wanted: int) -> float:
-    """Return by what the level is multiplied: scores fall about as the spacing of the chosen points, or faster."""
-    return math.sqrt(chosen / (SPARE * wanted))
+def next_step(n_chosen: int, n_points: int) -> float:
+    """Return by what the threshold is multiplied: scores fall about as the spacing of the chosen points, or faster.
+
+    The last threshold is aimed a little too low, so that 1 % more points are chosen than are needed.
+    """
+    return math.sqrt(n_chosen / (1.01 * n_points))
 
 
 def _divide(state: GreedyState, count: int) -> Parts:
@@ -182,7 +186,7 @@ def _divide(state: GreedyState, count: int) -> Parts:
 
 @kernel(allocates=False)
 def _find_neighbours(boxes, near):
-    """Mark the pairs of parts, (parts, parts), one of which may be within the reach of the other; boxes (nodes, 8)."""
+    """Mark the pairs of parts, (parts, parts), one of which may be in the range of the other; boxes (nodes, 8)."""
     count = len(near)
     for a in range(count):
         for b in range(count):
@@ -198,19 +202,19 @@ def _chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return parts.positions[slots], parts.scores[slots]
 
 
-def choose_level(
-    level: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts, rest: Parts
+def choose_down(
+    threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts, rest: Parts
 ) -> None:
-    """Choose all points with a score of at least `level`."""
+    """Choose all points with a score of at least a threshold."""
     n, count = len(state.scores), len(parts.counts)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
         _exchange_boundaries(field, error_weight, state, parts)
-        on_ranges(choose_in_parts, count, level, n, field, error_weight, state, parts)
+        on_ranges(choose_in_parts, count, threshold, n, field, error_weight, state, parts)
         chosen = int((parts.counts - parts.sent).sum())
     _exchange_boundaries(field, error_weight, state, parts)
     _renew_upper(state, count)
-    choose_in_parts(0, 1, level, n, field, error_weight, state, rest)
+    choose_in_parts(0, 1, threshold, n, field, error_weight, state, rest)
 
 
 def _exchange_boundaries(field: LocalField, error_weight: float, state: GreedyState, parts: Parts) -> None:
@@ -237,7 +241,7 @@ def _receive_in_part(part, field, error_weight, state, parts, room):
         for slot in range(first + parts.sent[other], first + parts.counts[other]):
             new = parts.positions[slot]
             x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
-            if within_reach(state.boxes, root, x, y, z, field.spacings[new], state.boxes[root, 6]):
+            if is_in_range(state.boxes, root, x, y, z, field.spacings[new], state.boxes[root, 6]):
                 _, changed = condition_on(new, root, field, state, room, changed)
     score_changed(changed, field, error_weight, state, room)
     for i in range(n * part // count, n * (part + 1) // count):
@@ -247,28 +251,28 @@ def _receive_in_part(part, field, error_weight, state, parts, room):
         for node in range(root * width, (root + 1) * width):
             if changed:
                 renew(node, state)
-            parts.best[node], parts.reach[node] = state.best[node], state.boxes[node, 6]
+            parts.best[node], parts.ranges[node] = state.best[node], state.boxes[node, 6]
         width //= 2
 
 
 @kernel
-def choose_in_parts(begin, end, level, most, field, error_weight, state, parts):
-    """Let some parts choose their points with a score of at least `level`. A single part chooses one after another."""
+def choose_in_parts(begin, end, threshold, maximum, field, error_weight, state, parts):
+    """Let some parts choose their points down to a threshold. A single part chooses one after another."""
     count = len(parts.counts)
     room = room_below(field, state, count)
     deferred = np.empty(len(room.changed), dtype=np.int64)
     scores = np.empty(len(deferred), dtype=np.float64)
     for part in range(begin, end):
-        _choose_in_part(part, level, most, field, error_weight, state, parts, room, deferred, scores)
+        _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, room, deferred, scores)
 
 
 @kernel(allocates=False)
-def _choose_in_part(part, level, most, field, error_weight, state, parts, room, deferred, scores):
+def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, room, deferred, scores):
     """Let a part choose; `deferred` and `scores`, with an entry for each of its points, are room."""
     root, waiting = len(parts.counts) + part, 0
-    while state.best[root] >= level and state.best[root] > TAKEN and parts.counts[part] < most:
+    while state.best[root] >= threshold and state.best[root] > TAKEN and parts.counts[part] < maximum:
         new = state.holder[root]
-        if _is_deferred(new, part, deferred[:waiting], field, state, parts, room.stack):
+        if _is_deferred(new, part, deferred[:waiting], field, state, parts):
             deferred[waiting], scores[waiting] = new, state.scores[new]
             waiting += 1
             set_score(state, root, new, TAKEN)
@@ -285,52 +289,50 @@ def _take(new, part, state, parts):
     slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
     parts.positions[slot], parts.scores[slot] = new, state.scores[new]
     parts.counts[part] += 1
-    state.scores[new] = state.reach[new] = TAKEN
+    state.scores[new] = state.ranges[new] = TAKEN
 
 
 @kernel(allocates=False)
-def _is_deferred(new, part, deferred, field, state, parts, stack):
+def _is_deferred(new, part, deferred, field, state, parts):
     """Return whether a better point, outside or deferred itself, may affect a point of a part or be affected by it."""
     for other in deferred:
-        if _gap(field, new, other) < max(state.reach[new], state.reach[other]):
+        if _gap(field, new, other) < max(state.ranges[new], state.ranges[other]):
             return True
     for other in parts.neighbours[parts.starts[part] : parts.starts[part + 1]]:
-        if _affected(new, len(parts.counts) + other, field, state, parts, stack):
+        if _affected(new, len(parts.counts) + other, field, state, parts):
             return True
     return False
 
 
 @kernel(allocates=False)
-def _affected(new, root, field, state, parts, stack):
+def _affected(new, root, field, state, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(state.scores), first_leaf(state.best)
-    score, reach, index = state.scores[new], state.reach[new], state.order[new]
+    score, index = state.scores[new], state.order[new]
     x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
-    stack[0] = root
-    height = 1
-    while height:
-        height -= 1
-        node = stack[height]
-        farther = max(reach, parts.reach[node])
-        if parts.best[node] < score or not within_reach(state.boxes, node, x, y, z, spacing, farther):
+    node = root
+    while node:
+        squared = max(state.ranges[new], parts.ranges[node])
+        if parts.best[node] < score or not is_in_range(state.boxes, node, x, y, z, spacing, squared):
+            node = after(node, root)
             continue
         if node < leaves:
-            stack[height], stack[height + 1] = 2 * node, 2 * node + 1
-            height += 2
+            node *= 2
             continue
         for other in range(*leaf_range(n, leaves, node)):
             better = parts.seen[other] > score or (parts.seen[other] == score and state.order[other] < index)
-            if better and _gap(field, new, other) < farther:
+            if better and _gap(field, new, other) < squared:
                 return True
+        node = after(node, root)
     return False
 
 
 @kernel(fastmath=False, allocates=False)
 def _gap(field, i, j):
     """Return the squared distance in the field between two points."""
-    places, normals = field.positions, field.normals
+    positions, normals = field.positions, field.normals
     return field_distance(
-        places[0, i] - places[0, j], places[1, i] - places[1, j], places[2, i] - places[2, j],
+        positions[0, i] - positions[0, j], positions[1, i] - positions[1, j], positions[2, i] - positions[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
         field.spacings[i], field.spacings[j], field.normal_weight,
-    ) + detail_apart(field.detail, i, j)  # fmt: skip
+    ) + detail_distance(field.detail, i, j)  # fmt: skip

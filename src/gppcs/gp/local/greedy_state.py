@@ -14,27 +14,28 @@ from numpy.typing import NDArray
 from gppcs.engine.kernels import kernel
 from gppcs.gp.local.kernel import LANES, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, posteriors, workspace
-from gppcs.spatial.kdtree import LEAF_SIZE, first_leaf, leaf_range
+from gppcs.spatial.kdtree import LEAF_SIZE, after, first_leaf, leaf_range
 
-TAKEN = -1.0  # Score and reach of a chosen point: below those of all others.
+TAKEN = -1.0  # Score and squared range of a chosen point: below those of all others.
 UNSCORED = -2.0  # Score of a point that a new point has changed, until it is computed.
 
 
 class GreedyState(NamedTuple):
     """The state of a choice among n points, in tree order.
 
-    The *reach* of a point is the squared distance in the field to the last of the chosen points that it is conditioned
-    on. Only a nearer new point changes its posterior.
+    The *range* of a point is the distance in the field to the last of the chosen points that it is conditioned on. Only
+    a nearer new point changes its posterior.
     """
 
     order: NDArray[np.int64]  # (n,), index in the tree's input of each point
     conditioning: Conditioning
-    # (n,): Posterior variance, score and reach of each point. The variance of a chosen point is that before its choice.
+    # (n,): Posterior variance, score and squared range of each point. The variance of a chosen point is that before its
+    # choice.
     variances: NDArray[np.float64]
     scores: NDArray[np.float64]
-    reach: NDArray[np.float64]
-    # (nodes, 8): Low and high corner of each node's box, largest reach of its points, square of their largest desired
-    # spacing. These eight numbers fill one line of memory.
+    ranges: NDArray[np.float64]
+    # (nodes, 8): Lower and upper corner of each node's box, largest squared range of its points, square of their
+    # largest desired spacing. These eight numbers fill one line of memory.
     boxes: NDArray[np.float64]
     best: NDArray[np.float64]  # (nodes,), the largest score in the node
     # (nodes,), the point with this score; of several that with the smallest index in the tree's input.
@@ -48,18 +49,16 @@ class Room(NamedTuple):
     changed: NDArray[np.int64]  # (n,), points whose posteriors it changes
     # (LEAF_SIZE,), squared distances in the field between the new point and the points of a leaf.
     gaps: NDArray[np.float64]
-    stack: NDArray[np.int64]  # (64,), nodes to visit
     work: Work
 
 
 @kernel
 def room_below(field, state, count):
-    """Return room for the points below one of `count` nodes of a level."""
+    """Return room for the points below one of `count` nodes of a depth."""
     return Room(
         np.empty(len(state.best) // count, dtype=np.int64),
         np.empty(len(state.scores) // count + 1, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
-        np.empty(64, dtype=np.int64),
         workspace(state.conditioning.nearest.shape[1], len(field.detail)),
     )
 
@@ -80,24 +79,20 @@ def condition_on(new, root, field, state, room, count):
     Fill `visited` of the room, add to the first `count` points in `changed` those that were not unscored, and return
     how many entries of each are valid.
     """
-    boxes, reach, last = state.boxes, state.reach, state.conditioning.nearest.shape[1] - 1
-    n, leaves = len(reach), first_leaf(boxes)
+    boxes, ranges, last = state.boxes, state.ranges, state.conditioning.nearest.shape[1] - 1
+    n, leaves = len(ranges), first_leaf(boxes)
     x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
     u, v, w = field.normals[0, new], field.normals[1, new], field.normals[2, new]
     spacing = field.spacings[new]
-    stack = room.stack
-    stack[0] = root
-    height, seen = 1, 0
-    while height:
-        height -= 1
-        node = stack[height]
+    node, seen = root, 0
+    while node:
+        if node != root and not is_in_range(boxes, node, x, y, z, spacing, boxes[node, 6]):
+            node = after(node, root)
+            continue
         room.visited[seen] = node
         seen += 1
         if node < leaves:
-            for child in (2 * node, 2 * node + 1):
-                if within_reach(boxes, child, x, y, z, spacing, boxes[child, 6]):
-                    stack[height] = child
-                    height += 1
+            node *= 2
             continue
         begin, end = leaf_range(n, leaves, node)
         for i in range(begin, end):
@@ -106,27 +101,28 @@ def condition_on(new, root, field, state, room, count):
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
             )  # fmt: skip
-        for c in range(len(field.detail)):  # what `detail_apart` adds, in loops that vectorise
+        for c in range(len(field.detail)):  # what `detail_distance` adds, in loops that vectorise
             for i in range(begin, end):
                 room.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):
-            if room.gaps[i - begin] < reach[i]:
+            if room.gaps[i - begin] < ranges[i]:
                 _keep_nearest(state.conditioning, i, new, room.gaps[i - begin])
-                reach[i] = state.conditioning.squared[i, last]
+                ranges[i] = state.conditioning.squared[i, last]
                 if state.scores[i] != UNSCORED:
                     state.scores[i] = UNSCORED
                     room.changed[count] = i
                     count += 1
+        node = after(node, root)
     return seen, count
 
 
 @kernel(fastmath=False, allocates=False)
-def within_reach(boxes, node, x, y, z, spacing, reach):
-    """Return whether a point may be within a reach of a point of the node; `boxes` is (nodes, 8)."""
+def is_in_range(boxes, node, x, y, z, spacing, squared):
+    """Return whether a point may be within a squared distance in the field of one in the node; boxes (nodes, 8)."""
     dx = max(boxes[node, 0] - x, x - boxes[node, 3], 0.0)
     dy = max(boxes[node, 1] - y, y - boxes[node, 4], 0.0)
     dz = max(boxes[node, 2] - z, z - boxes[node, 5], 0.0)
-    return dx * dx + dy * dy + dz * dz <= reach * (0.5 * (boxes[node, 7] + spacing**2))
+    return dx * dx + dy * dy + dz * dz <= squared * (0.5 * (boxes[node, 7] + spacing**2))
 
 
 @kernel(fastmath=False, allocates=False)
@@ -165,7 +161,7 @@ def set_score(state, root, i, score):
 
 @kernel(allocates=False)
 def renew(node, state):
-    """Update score, holder and reach of a node, from its children or from its points."""
+    """Update score, holder and range of a node, from its children or from its points."""
     if node < first_leaf(state.best):
         renew_inner(node, state)
     else:
@@ -174,7 +170,7 @@ def renew(node, state):
 
 @kernel(fastmath=False, allocates=False)
 def renew_inner(node, state):
-    """Update score, holder and reach of a node from its children."""
+    """Update score, holder and range of a node from its children."""
     best, holder, a, b = state.best, state.holder, 2 * node, 2 * node + 1
     if best[b] > best[a] or (best[b] == best[a] and state.order[holder[b]] < state.order[holder[a]]):
         best[node], holder[node] = best[b], holder[b]
@@ -185,15 +181,15 @@ def renew_inner(node, state):
 
 @kernel(fastmath={"nnan", "nsz"}, allocates=False)
 def renew_leaf(node, state):
-    """Update score, holder and reach of a leaf's node from its points."""
+    """Update score, holder and range of a leaf's node from its points."""
     begin, end = leaf_range(len(state.scores), first_leaf(state.best), node)
-    best, reach, holder = TAKEN, TAKEN, begin
+    best, squared, holder = TAKEN, TAKEN, begin
     for i in range(begin, end):
         best = max(best, state.scores[i])
-        reach = max(reach, state.reach[i])
+        squared = max(squared, state.ranges[i])
     while state.scores[holder] < best:
         holder += 1
     for i in range(holder + 1, end):
         if state.scores[i] == best and state.order[i] < state.order[holder]:
             holder = i
-    state.best[node], state.boxes[node, 6], state.holder[node] = best, reach, holder
+    state.best[node], state.boxes[node, 6], state.holder[node] = best, squared, holder

@@ -1,4 +1,4 @@
-"""The kernel: Matérn 5/2 over positions and normals, with a lengthscale that varies from place to place.
+"""The kernel: Matérn 5/2 over positions and normals, whose lengthscale varies over the surface (Eqs. (5) and (6)).
 
 The nonstationary form is that of Paciorek and Schervish (2004). The paper truncates its kernel to a series (Eq. 6).
 This one has full rank, and its lengthscale is about the target spacing.
@@ -15,7 +15,6 @@ from gppcs.engine.kernels import kernel
 
 LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
-VANISHED = 40.0  # From this t on, see `correlate`, a correlation is less than rounding.
 
 
 class LocalField(NamedTuple):
@@ -23,20 +22,19 @@ class LocalField(NamedTuple):
 
     positions: NDArray[np.float64]  # (3, n), in units of the target spacing h
     normals: NDArray[np.float64]  # (3, n), unit vectors; their sign does not matter
-    # (n,): s: the desired spacing, in units of h. The lengthscale at a point is `lengthscale` s h.
+    # (n,): s: the desired spacing, in units of h. The lengthscale at a point is kappa s h.
     spacings: NDArray[np.float64]
     y: NDArray[np.float64]  # (n,), the function: surface variation, standardised to mean 0 and variance 1
-    # (n,), variance of the observation at each point, in units of the prior variance; positive.
-    noise: NDArray[np.float64]
+    noise: NDArray[np.float64]  # (n,), sigma_y^2: variance of each observation, in units of the prior; positive
     # (k, n), attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
     detail: NDArray[np.float64]
-    lengthscale: float  # In desired spacings
+    lengthscale: float  # kappa, in desired spacings
     normal_weight: float  # beta: the distance of two normals at a right angle, in desired spacings
 
 
 @kernel(fastmath=False, allocates=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
-    """Return the squared distance in the field, |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
+    """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
 
     The sign of a normal has no influence: the second term is beta^2 / 2 times the squared distance between the
     projections n n^T and n' n'^T.
@@ -46,7 +44,7 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
 
 
 @kernel(fastmath=False, allocates=False)
-def detail_apart(detail, i, j):
+def detail_distance(detail, i, j):
     """Return the squared distance between the details, (k, n), of two points. It is added to `field_distance`."""
     squared = 0.0
     for c in range(len(detail)):
@@ -56,12 +54,13 @@ def detail_apart(detail, i, j):
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def correlate(sites, a, b, lengthscale, normal_weight, out):
-    """Compute the kernel between the a-th and the b-th site of each lane, in units of the prior variance.
+    """Compute the kernel (Eq. (6)) between the a-th and the b-th site of each lane, in units of the prior variance.
 
     It is (2 s s' / (s^2 + s'^2))^(3/2) (1 + t + t^2 / 3) exp(-t) with t = sqrt(5) distance / lengthscale. The first
     factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
     at -t / 64, with a relative error below 1e-12. Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
     """
+    vanished = 40.0  # from this t on, the correlation is less than rounding
     for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]
         squared = field_distance(
@@ -72,7 +71,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
         for c in range(SITE, sites.shape[1]):
             squared += (sites[a, c, p] - sites[b, c, p]) ** 2
         t = np.sqrt(5.0 * squared) / lengthscale
-        x = min(t, VANISHED) / -64.0
+        x = min(t, vanished) / -64.0
         e = 1.0 + x * (1.0 / 13.0)
         e = 1.0 + x * e * (1.0 / 12.0)
         e = 1.0 + x * e * (1.0 / 11.0)
@@ -94,4 +93,4 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
         e *= e
         even = 2.0 * s * r / (s * s + r * r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
-        out[p] = value if t < VANISHED else 0.0
+        out[p] = value if t < vanished else 0.0

@@ -1,4 +1,4 @@
-"""Posterior mean and variance of the local field (paper, Eqs. 3 and 4), given the nearest of the chosen points.
+"""Posterior mean and variance of the local field (Eq. (8); paper, Eqs. 3 and 4), by the nearest chosen points.
 
 These few screen off the others: this is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). All
 arithmetic runs over many points side by side, one operation at a time, so that the compiler can vectorise it.
@@ -16,9 +16,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, SITE, LocalField, correlate, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
-TASKS = 64  # Runs of leaves; within a run, each search starts from the radius of the one before.
-POINTS_AT_ONCE = 1024  # Points that a thread takes at once, at least.
-NEGLIGIBLE = 1e-12  # Least pivot of the factorisation, in units of the prior variance: less is only rounding.
+NEGLIGIBLE = 1e-12  # Smallest pivot of the factorisation, in units of the prior variance: less is only rounding.
 
 
 class Conditioning(NamedTuple):
@@ -36,10 +34,10 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
         indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
         of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
         widest = float(field.spacings[chosen].max())
-        tasks = min(tree.leaves, TASKS)
+        tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the radius of the last
         on_ranges(
-            _condition_leaves, tasks, tasks, field, tree.low, tree.high,
-            _Chosen(indices, of_chosen.points, of_chosen.low, of_chosen.high, widest), conditioning,
+            _condition_leaves, tasks, tasks, field, tree.lower, tree.upper,
+            _Chosen(indices, of_chosen.points, of_chosen.lower, of_chosen.upper, widest), conditioning,
         )  # fmt: skip
     return conditioning
 
@@ -50,41 +48,44 @@ class _Chosen(NamedTuple):
     indices: NDArray[np.int64]  # (m,), their columns in the field's order
     points: NDArray[np.float64]  # (3, m), their positions
     # (nodes, 3) each, corners of the nodes' boxes.
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
     widest: float  # Their largest desired spacing
 
 
 @kernel(fastmath=False)
-def _condition_leaves(begin, end, tasks, field, low, high, chosen, conditioning):
+def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioning):
     """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
-    leaves = first_leaf(low)
+    leaves = first_leaf(lower)
     side = _side_by_side(conditioning.nearest.shape[1], len(field.detail))
-    near = np.empty(first_leaf(chosen.low), dtype=np.int64)
-    found = np.empty(len(near) * LEAF_SIZE, dtype=np.int64)
+    leaves_in_ball = np.empty(first_leaf(chosen.lower), dtype=np.int64)
+    in_ball = np.empty(len(leaves_in_ball) * LEAF_SIZE, dtype=np.int64)
     for task in range(begin, end):
         squared_radius = 1.0
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            needed = _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning)
+            needed = _condition_leaf(
+                field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning
+            )
             squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
 @kernel(fastmath=False, allocates=False)
-def _condition_leaf(field, low, high, chosen, leaf, squared_radius, near, found, side, conditioning):
+def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning):
     """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
 
     At distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). So the radius is large enough
-    if the K-th nearest point found is nearer in the field than any point beyond the radius can be.
+    if the K-th nearest point in the ball is nearer in the field than any point beyond the radius can be.
     """
-    n, leaves = len(field.y), first_leaf(low)
+    n, leaves = len(field.y), first_leaf(lower)
     begin, end = leaf_range(n, leaves, leaf)
     _take_up(field, begin, end, side)
     while True:
-        count = leaves_near(chosen.low, chosen.high, low[leaf], high[leaf], squared_radius, near)
+        count = leaves_near(chosen.lower, chosen.upper, lower[leaf], upper[leaf], squared_radius, leaves_in_ball)
         count = points_near(
-            chosen.points, chosen.low, chosen.high, near[:count], low[leaf], high[leaf], squared_radius, found
-        )
-        needed = _keep_nearest_side_by_side(field, chosen, found[:count], side)
+            chosen.points, chosen.lower, chosen.upper, leaves_in_ball[:count], lower[leaf], upper[leaf], squared_radius,
+            in_ball,
+        )  # fmt: skip
+        needed = _keep_nearest_side_by_side(field, chosen, in_ball[:count], side)
         if needed <= squared_radius or count == len(chosen.indices):
             break
         squared_radius = min(needed, 4.0 * squared_radius)
@@ -132,8 +133,8 @@ def _take_up(field, begin, end, side):
 
 
 @kernel(fastmath=False, allocates=False)
-def _keep_nearest_side_by_side(field, chosen, found, side):
-    """Keep, for each point of a leaf, the nearest of the chosen points `found`, (count,).
+def _keep_nearest_side_by_side(field, chosen, in_ball, side):
+    """Keep, for each point of a leaf, the nearest of some chosen points, (count,).
 
     A new point goes down the list of each column and swaps places with every point that is farther. There are no
     branches, so that the compiler can vectorise it.
@@ -141,7 +142,7 @@ def _keep_nearest_side_by_side(field, chosen, found, side):
     neighbours = len(side.squared)
     side.nearest[:] = -1
     side.squared[:] = np.inf
-    for slot in found:
+    for slot in in_ball:
         j = chosen.indices[slot]
         x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
         u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
@@ -203,14 +204,14 @@ def workspace(neighbours, details):
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
-def posteriors(field, nearest, which, begin, end, error_weight, work):
-    """Compute mean, variance and score at the points `which[begin:end]`.
+def posteriors(field, nearest, indices, begin, end, error_weight, work):
+    """Compute mean, variance and score at the points `indices[begin:end]`.
 
-    `gppcs.gp.local.greedy.extend` defines the score. Shapes: nearest (n, K), which (count,).
+    `gppcs.gp.local.greedy.extend` defines the score. Shapes: nearest (n, K), indices (count,).
     """
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
-    _gather(field, nearest, which, begin, end, sites)
+    _gather(field, nearest, indices, begin, end, sites)
     for p in range(LANES):
         mean[p], variance[p] = 0.0, 1.0
     for a in range(neighbours):
@@ -244,14 +245,14 @@ def posteriors(field, nearest, which, begin, end, error_weight, work):
 
 
 @kernel(allocates=False)
-def _gather(field, nearest, which, begin, end, sites):
+def _gather(field, nearest, indices, begin, end, sites):
     """Copy what the kernel and the observation need of each point into lanes, (K + 1, SITE + k, LANES).
 
-    The last point fills lanes that are left over. A neighbour that is lacking is placed far away.
+    The last point fills spare lanes. A neighbour that is lacking is placed far away.
     """
     neighbours = nearest.shape[1]
     for p in range(LANES):
-        i = which[min(begin + p, end - 1)]
+        i = indices[min(begin + p, end - 1)]
         for a in range(neighbours + 1):
             j = nearest[i, a] if a < neighbours else i
             if j < 0:
@@ -265,32 +266,24 @@ def _gather(field, nearest, which, begin, end, sites):
                 sites[a, SITE + c, p] = field.detail[c, j]
 
 
-class Posterior(NamedTuple):
-    """Mean and variance of the field, and the score, at every point; (n,) each."""
-
-    means: NDArray[np.float64]
-    variances: NDArray[np.float64]
-    scores: NDArray[np.float64]
-
-
-def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> Posterior:
-    """Return the posterior at every point."""
+def posterior(
+    field: LocalField, conditioning: Conditioning, error_weight: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean and variance of the field, and the score, at every point; (n,) each."""
     n = len(field.y)
-    found = Posterior(np.empty(n), np.empty(n), np.empty(n))
-    on_ranges(
-        _posterior_everywhere, n, field, conditioning.nearest, error_weight, *found, least=POINTS_AT_ONCE
-    )  # fmt: skip
-    return found
+    means, variances, scores = np.empty((3, n))
+    on_ranges(_posterior_everywhere, n, field, conditioning.nearest, error_weight, means, variances, scores, least=1024)
+    return means, variances, scores
 
 
 @kernel
 def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
-    """Fill the entries `begin` to `end` of the results, (n,) each, given nearest, (n, K)."""
+    """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
     work = workspace(nearest.shape[1], len(field.detail))
-    which = np.arange(begin, end)
-    for some in range(0, len(which), LANES):
-        count = min(LANES, len(which) - some)
-        posteriors(field, nearest, which, some, some + count, error_weight, work)
+    indices = np.arange(begin, end)
+    for first in range(0, len(indices), LANES):
+        count = min(LANES, len(indices) - first)
+        posteriors(field, nearest, indices, first, first + count, error_weight, work)
         for p in range(count):
-            i = begin + some + p
+            i = begin + first + p
             means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]

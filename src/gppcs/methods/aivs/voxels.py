@@ -72,7 +72,7 @@ def points_of_voxels(
     indices = voxels.order[chosen[kept]]
     if len(indices) < n_points:
         others = np.delete(np.arange(len(points)), indices)
-        more, _ = farthest_points(points[others], n_points - len(indices), others=points[indices])
+        more, _ = farthest_points(points[others], n_points - len(indices), before=points[indices])
         indices = np.concatenate([indices, others[more]])
     return indices
 
@@ -129,7 +129,7 @@ def _fill_large(voxels: Voxels, voxel: int, starts: NDArray[np.int64], chosen: N
     own = chosen[starts[voxel] : starts[voxel + 1]]
     members, others = voxels.points[:, begin:end].T, voxels.points[:, near].T
     first = _nearest_to_centre(voxels, voxel)
-    own[:] = begin + farthest_points(members, len(own), first=first, others=others)[0]
+    own[:] = begin + farthest_points(members, len(own), first=first, before=others)[0]
 
 
 @kernel

@@ -18,7 +18,7 @@ from gppcs.spatial.kdtree import (
     leaf_range,
     squared_distance_of_boxes,
     squared_distance_to_box,
-    squared_reach_of_boxes,
+    squared_span_of_boxes,
     surface_area,
 )
 
@@ -84,17 +84,17 @@ def _stage(
     limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
     tree = KdTree.build(points)
     weights = np.empty(len(points), dtype=np.float64)
-    on_ranges(_weigh, tree.leaves, tree.points, tree.low, tree.high, reach, limit, weights, least=4)
-    heaviest = np.empty(len(tree.low), dtype=np.float64)
-    candidate = np.empty(len(tree.low), dtype=np.int64)
+    on_ranges(_weigh, tree.leaves, tree.points, tree.lower, tree.upper, reach, limit, weights, least=4)
+    heaviest = np.empty(len(tree.lower), dtype=np.float64)
+    candidate = np.empty(len(tree.lower), dtype=np.int64)
     greatest_of_all(tree.order, weights, heaviest, candidate)
-    pending = np.zeros(len(tree.low), dtype=np.float64)
+    pending = np.zeros(len(tree.lower), dtype=np.float64)
     position = tree.positions()
     removed = np.empty(len(points) - n_points, dtype=np.int64)
     for begin in range(0, len(removed), REMOVALS_PER_CALL):
         some = removed[begin : begin + REMOVALS_PER_CALL]
         count = _remove(
-            tree.points, tree.order, tree.low, tree.high, position, reach, limit,
+            tree.points, tree.order, tree.lower, tree.upper, position, reach, limit,
             weights, heaviest, candidate, pending, some,
         )  # fmt: skip
         if advanced:
@@ -144,7 +144,7 @@ def _within_reach(low, high, n, leaf, reach, limit):
     remaining = [(1, 0, 1)]
     while remaining:
         node, j, nodes = remaining.pop()  # the j-th of the nodes of its level
-        if squared_reach_of_boxes(low[node], high[node], low[leaf], high[leaf]) < limit * limit:
+        if squared_span_of_boxes(low[node], high[node], low[leaf], high[leaf]) < limit * limit:
             near += n * (j + 1) // nodes - n * j // nodes
         elif squared_distance_of_boxes(low[node], high[node], low[leaf], high[leaf]) <= reach * reach:
             if node >= first_leaf(low):
@@ -186,7 +186,7 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
             visited[inner] = node
             inner += 1
             for child in (2 * node, 2 * node + 1):
-                reached = squared_reach_of_boxes(low[child], high[child], place, place)
+                reached = squared_span_of_boxes(low[child], high[child], place, place)
                 if reached < limit * limit and candidate[child] != index:
                     pending[child] += of_near
                     heaviest[child] -= of_near

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.row_sample import place_hashes
+from gppcs.spatial.samples import point_hashes
 
 BISECTIONS = 30  # bisections of the edge length, to a billionth: there, the counts of real clouds no longer change
 SURPLUS = 2.0**-12  # the search stops when the surplus of cells is at most this share of the number wanted
@@ -38,7 +38,7 @@ def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | 
     if keep in COLUMNS:
         values = points[:, 2]
     if values is None:
-        return place_hashes(points) if keep == "random" else None
+        return point_hashes(points) if keep == "random" else None
     return np.nan_to_num(values if keep in ("highest", "most") else -values, nan=-np.inf, posinf=np.inf, neginf=-np.inf)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gppcs.engine.timer import Timer
 from gppcs.methods.voxel.grid import COLUMNS, cell_edge, check_columns, in_cells, representatives, worth
 from gppcs.spatial.boxes import Each, Part
-from gppcs.spatial.row_sample import place_hashes
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.stored import StoredPoints
 
 PART = 1 << 18  # Points of a part at most.
@@ -58,15 +58,15 @@ def representatives_in_parts(
 def _cells(stored: StoredPoints, keep: str, edge: float, part: Part) -> NDArray[np.uint64]:
     """Return a number for each occupied cell of a part, or without an edge length for each place."""
     places = in_cells(stored.near(part).points, keep)
-    return np.unique(place_hashes(np.floor(places / edge) if edge else places))
+    return np.unique(point_hashes(np.floor(places / edge) if edge else places))
 
 
 def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -> Representatives:
     """Return the points of a part that stand for their cells, or all without an edge length."""
     near = stored.near(part, 0.0 if keep in COLUMNS else edge)
     if not edge:
-        return Representatives(near.rows, near.points, near.points)
+        return Representatives(near.indices, near.points, near.points)
     indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, near.values))
     own = near.inside[indices]
     chosen = indices[own]
-    return Representatives(near.rows[chosen], near.points[chosen], means[own])
+    return Representatives(near.indices[chosen], near.points[chosen], means[own])

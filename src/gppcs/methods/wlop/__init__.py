@@ -61,7 +61,7 @@ class WLOP(Method):
 
         from gppcs.methods.wlop import projection
         from gppcs.spatial.kdtree import KdTree
-        from gppcs.spatial.nearest_unused import nearest_unused
+        from gppcs.spatial.queries import nearest_unused
 
         points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):

@@ -51,16 +51,28 @@ def project(
     tree = tree or KdTree.build(points)
     weights = np.ones(len(points), dtype=np.float64)
     if require_uniform:
-        weights /= _crowding(tree.points, tree.low, tree.high, radius)
+        weights /= _crowding(tree.points, tree.lower, tree.upper, radius)
     # Samples move little, so their tree stays good if only its boxes are updated.
     now = KdTree.build(samples)
-    positions, low, high = now.points, now.low, now.high
+    positions, low, high = now.points, now.lower, now.upper
     for _ in range(iterations):
         # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, low, high, radius)
         moved = np.empty_like(positions)
         on_ranges(
-            _move, now.leaves, tree.points, tree.low, tree.high, weights, positions, low, high, omega, radius, mu, moved
+            _move,
+            now.leaves,
+            tree.points,
+            tree.lower,
+            tree.upper,
+            weights,
+            positions,
+            low,
+            high,
+            omega,
+            radius,
+            mu,
+            moved,
         )
         positions = moved
         measure_boxes(positions, low, high)

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest_unused import nearest_unused
+from gppcs.spatial.queries import nearest_unused
 
 
 def plain_nearest_unused(positions, points):

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import kstest
 
-from gppcs.spatial.even_sample import even_sample
+from gppcs.spatial.samples import HASHES, even_sample, hashes, is_drawn
 
 
 @given(st.integers(1, 3000), st.integers(1, 40), st.sampled_from([0.0, 1e-6, 1.0]), st.integers(0, 10**6))
@@ -27,3 +28,17 @@ def test_each_part_of_a_sphere_keeps_its_share(step):
     axes = rng.standard_normal((3, 200))
     inside, wanted = ((p @ axes > 0.96 * np.linalg.norm(axes, axis=0)).sum(axis=0) for p in (chosen, points))
     assert np.std(inside - wanted / step) < 0.8 * np.sqrt(wanted.mean() / step)
+
+
+def test_hashes_are_uniform_and_differ():
+    found = hashes(np.arange(100_000, dtype=np.uint64))
+    assert len(np.unique(found)) == 100_000
+    assert kstest(found / HASHES, "uniform").pvalue > 0.01
+    assert abs(np.corrcoef(found[:-1] / HASHES, found[1:] / HASHES)[0, 1]) < 0.01
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 1.0])
+def test_the_fraction_that_is_drawn(fraction):
+    found = is_drawn(np.arange(100_000), fraction).mean()
+    assert found == pytest.approx(fraction, abs=0.005)
+    assert found == fraction or fraction not in (0.0, 1.0)

@@ -1,0 +1,43 @@
+"""The constants of the method `gp` that matter: symbol of research/local-field.md, unit, and reason.
+
+benchmarks/results/gp_constants.md has a row of each name: what half and twice its value change. "Ablation:" names the
+row of benchmarks/results/gp_ablation.md that shows what the rule is worth.
+"""
+
+# Density, Eqs. (3) and (4). Ablation: "density off".
+DENSITY_POWER = 2.0  # p: power of the roughness, at a feature weight of 1.
+# q_0: roughness of flat places, so that they are not left bare. Without it, H max is 6 % larger; 0.03 is as good and
+# 0.1 is 1 % worse in H mean (research/experiments.md, "floor of the roughness").
+MIN_ROUGHNESS = 0.05
+GRADATION = 0.1  # Largest growth of the spacing with distance. Ablation: "gradation off".
+EDGE_ROUGHNESS = 0.29  # Roughness on a right-angled edge: 0.292 at any radius. Ablation: "segregation off".
+ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less flat faces with edges count as round.
+# Power of users' weights. Near a jump of the weights, and where normals turn much from one point to the next, the
+# choice follows the desired spacings less than it should; with this power, densities have the ratio (docs/ask.md).
+WEIGHT_POWER = 1.15
+MAX_REFINEMENT = 8.0  # Times the usual number of candidates at most, where large weights ask for many points.
+
+# Kernel and posterior, Eqs. (5) to (7).
+NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right angle. Ablation: "normals off".
+NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
+DETAIL_DISTANCE = 3.5  # In desired spacings: distance of values of an attribute that are its whole range apart.
+DETAIL_ROUGHNESS = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
+
+# Survey and candidates, section 2.
+SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
+SAMPLED_PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
+FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
+MIN_CANDIDATES = 3  # For each point to keep. With fewer, all points stay candidates.
+MAX_CELLS = 3  # Occupied cells for each that the area has room for. A plane has 1.5 on average, 1.7 at most.
+ISOLATION = (0.45, 0.9, 1.8, 3.6)  # In target spacings: a candidate is isolated if no other lies within the first.
+# Candidates isolated within a distance are outliers if more than this fraction of them is isolated within twice that
+# distance, too: mostly 28 % at most in scans with sparse parts, 40 % or more of outliers (research/experiments.md).
+OUTLIERS = 0.4
+
+# Placement, Eq. (8). Ablation: "placement off".
+CELL_POINTS, NOISY_CELL_POINTS = 36, 16  # Mean points of a cell, without noise and with it; of more, a sample is drawn.
+PLANE_POINTS = 12  # Mean number of points to which a tangent plane is fitted.
+PULL = 0.01  # eta: weight of the squared distance from the middle of the cell, beside that from the planes.
+MAX_STEP = 0.7  # In mean distances to the three nearest chosen points.
+GAP_GROWTH = 1.05  # Largest growth of the covering radius.
+TRIALS = 3  # Points of a cell that are tried. Attributes: 20; with 8 the error of the fresco is 36 % larger.

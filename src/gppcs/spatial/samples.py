@@ -1,0 +1,102 @@
+"""Samples of points: even ones, and random ones of points that come in chunks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.engine.kernels import kernel
+from gppcs.spatial.boxes import Part
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import squared_radii
+from gppcs.spatial.scaling import bounds
+from gppcs.spatial.stored import StoredPoints
+
+HASHES = float(2**64)
+
+
+def point_hashes(points: NDArray[np.float64], seed: int = 0) -> NDArray[np.uint64]:
+    """Return a random number for each point, which depends on its coordinates only. Shapes: points (n, 3)."""
+    mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
+    for bits in np.ascontiguousarray(points.T).view(np.uint64):
+        mixed = hashes(mixed ^ bits)
+    return mixed
+
+
+def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return a random number for each value, (n,) (SplitMix64; Steele, Lea and Flood 2014)."""
+    mixed = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return mixed ^ (mixed >> np.uint64(31))
+
+
+def is_drawn(indices: NDArray[np.int64], fraction: float) -> NDArray[np.bool_]:
+    """Mark the points of a random sample, which depends on their indices only. Shapes: indices (n,); returns (n,)."""
+    if fraction >= 1.0:
+        return np.ones(len(indices), dtype=np.bool_)
+    return hashes(indices.astype(np.uint64)) < fraction * HASHES
+
+
+def smallest_numbers(
+    stored: StoredPoints, count: int, seed: int, even: bool, part: Part
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the smallest exponential random numbers of a part, over areas if even, and the indices."""
+    near = stored.near(part)
+    if even:  # with a halo that holds the neighbours of 99 % of the points
+        near = stored.near(part, float(np.sqrt(np.quantile(squared_radii(KdTree.build(near.points)), 0.99))))
+    numbers = -np.log((point_hashes(near.points, seed) + 0.5) / HASHES)
+    if even:
+        numbers /= squared_radii(KdTree.build(near.points))
+    inside = np.flatnonzero(near.inside)
+    order = inside[np.argsort(numbers[inside], kind="stable")[:count]]
+    return numbers[order], near.indices[order]
+
+
+def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: int) -> NDArray[np.int64]:
+    """Choose every k-th of the usable points, (N,), counted cell by cell, so that the density stays even: in O(N)."""
+    lower, upper = bounds(points)
+    extents = upper - lower
+    edge = float(extents.max()) or 1.0
+    counts = np.ones(3, dtype=np.int64)
+    # Of a surface, a cell has at least 32 points, about. With k cells along its box it meets about k^2 of them.
+    n_cells = len(points) // max(32, step)
+    while extents.any() and counts.max() ** 2 < n_cells:
+        finer = np.floor(extents / (0.5 * edge)).astype(np.int64) + 1
+        if np.prod(finer, dtype=np.float64) > 1 << 24:  # whose counts take 128 MiB
+            break
+        edge, counts = 0.5 * edge, finer
+    taken = np.zeros(len(points), dtype=np.bool_)
+    ranks = np.zeros(np.prod(counts), dtype=np.int64)
+    _count(points, usable, lower, 1.0 / edge, counts, ranks)
+    ranks = np.cumsum(ranks) - ranks
+    _take(points, usable, lower, 1.0 / edge, counts, ranks, step, taken)
+    return np.flatnonzero(taken)
+
+
+@kernel(allocates=False)
+def _cell(points, i, lower, scale, counts):
+    """Return the number of the cell of a point; a point on the far side of the box is in the last cell."""
+    number = 0
+    for axis in range(3):
+        cell = int((points[i, axis] - lower[axis]) * scale)
+        number = number * counts[axis] + min(cell, counts[axis] - 1)
+    return number
+
+
+@kernel(allocates=False)
+def _count(points, usable, lower, scale, counts, ranks):
+    """Count the usable points of each cell in `ranks`, (cells,), zero at first."""
+    for i in range(len(points)):
+        if usable[i]:
+            ranks[_cell(points, i, lower, scale, counts)] += 1
+
+
+@kernel(allocates=False)
+def _take(points, usable, lower, scale, counts, ranks, step, taken):
+    """Mark every `step`-th point in `taken`, (N,); `ranks`, (cells,), is the rank of the first point of each cell."""
+    for i in range(len(points)):
+        if usable[i]:
+            cell = _cell(points, i, lower, scale, counts)
+            taken[i] = ranks[cell] % step == 0
+            ranks[cell] += 1
