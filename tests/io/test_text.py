@@ -146,9 +146,9 @@ def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, bloc
         ("1 2 3\n\n# no\n4 five 6\n7 8\n", "point 3: expected 3 columns, found '7 8'"),
         ("1 2 3\n4 5 6 7\n", "point 2: expected 3 columns"),
         ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
-        ("1 2 3x\n", "line 1: expected numbers, or names of columns with x, y, z, found '1 2 3x'"),
-        ("lon,lat,alt\n1,2,3\n", "line 1: expected numbers, or names"),
-        ("x,y,z,a,a\n1,2,3,4,5\n", "line 1: .*'a' twice"),
+        ("1 2 3x\n", "line 1: expected numbers, or different names of columns with x, y, z, found '1 2 3x'"),
+        ("lon,lat,alt\n1,2,3\n", "line 1: expected numbers, or different names"),
+        ("x,y,z,a,a\n1,2,3,4,5\n", "line 1: expected numbers, or different names"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
         ("3\n", "ends in point 1 of 3"),
@@ -163,7 +163,7 @@ def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, bloc
         ("1,2,3,a\n4,5,6,\0\n", "expected text in UTF-8"),
         ("1,2,3,a\n4,5,6,\udce4\n", "expected text in UTF-8"),
         ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text of at most 1,000 characters"),
-        ("1,5;2,5;3,5\n", "line 1: expected numbers, or names of columns"),
+        ("1,5;2,5;3,5\n", "line 1: expected numbers, or different names of columns"),
     ],
 )
 @pytest.mark.parametrize("suffix", [".txt", ".pts"])

@@ -27,7 +27,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
-from gppcs.errors import FileFormatError, InputError
+from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of, default_names
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import (
@@ -52,7 +52,7 @@ class _Preview:
     """What the lines up to the first row say."""
 
     names: list[str] | None  # of the columns, from a header line or as the caller says
-    comment: list[str]  # names in a comment line
+    comment: Sequence[str] = ()  # names in a comment line
     count: int | None = None
     line: int = 0  # number of the first row's line, from 1 on; 0 without any row
     delimiter: str | None = None
@@ -86,24 +86,27 @@ def open_table(
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
     """Read the lines up to the first row of numbers."""
-    preview = _Preview(columns, [])
+    preview = _Preview(columns)
     has_header = False
     for number, line in enumerate(lines, 1):
-        names = _unquoted(line.lstrip("#/ \t"))
+        text = line.lstrip("#/ \t")
+        fields = [field.strip("\"'") for field in fields_of(text, _delimiter(text))]
+        lower = {field.lower() for field in fields}
+        are_names = {"x", "y", "z"} <= lower and len(set(fields)) == len(fields)
         if not is_row(line):
-            is_header = {"x", "y", "z"} <= {name.lower() for name in names} and len(set(names)) == len(names)
-            preview.comment = names if is_header else preview.comment
-        elif len(names) == 1 and preview.count is None and as_count(names[0]) is not None:
-            preview.count = as_count(names[0])
-        elif all(map(is_number, names)) or _has_coordinates(names, preview.names or preview.comment):
+            preview.comment = fields if are_names else preview.comment
+        elif len(fields) == 1 and preview.count is None and as_count(fields[0]) is not None:
+            preview.count = as_count(fields[0])
+        elif all(map(is_number, fields)) or _has_coordinates(fields, preview.names or preview.comment):
             preview.line, preview.delimiter = number, _delimiter(line)
             preview.fields = fields_of(line, preview.delimiter)
             break
-        elif has_header:
-            raise FileFormatError(f"line {number}: expected numbers as x, y and z, found {shortened(line)}")
+        elif has_header or not (are_names or columns):
+            expected = "numbers as x, y and z" if has_header else "numbers, or different names of columns with x, y, z"
+            raise FileFormatError(f"line {number}: expected {expected}, found {shortened(line)}")
         else:
             has_header = True
-            preview.names = columns or _header(names, number, line)
+            preview.names = columns or [field or f"column_{i}" for i, field in enumerate(fields, 1)]
     return preview
 
 
@@ -118,31 +121,12 @@ def _delimiter(line: str) -> str | None:
     return "\t" if len(parts) > 2 and all(len(part) == 1 or not all(map(is_number, part)) for part in parts) else None
 
 
-def _unquoted(line: str) -> list[str]:
-    return [field.strip("\"'") for field in fields_of(line, _delimiter(line))]
-
-
-def _has_coordinates(fields: list[str], names: list[str]) -> bool:
+def _has_coordinates(fields: list[str], names: Sequence[str]) -> bool:
     """Return whether a line is a row, although not all of its fields are numbers."""
     if len(names) != len(fields):
         return len(fields) >= 3 and all(map(is_number, fields[:3]))
     axes = [fields[names.index(axis)] for axis in coordinate_names(names)]
     return all(is_number(field) or field in MISSING for field in axes) and any(map(is_number, fields))
-
-
-def _header(fields: list[str], number: int, line: str) -> list[str]:
-    """Return the names of the columns in a header line."""
-    names = [name or f"column_{i}" for i, name in enumerate(fields, 1)]
-    try:
-        coordinate_names(names)
-    except InputError as error:
-        raise FileFormatError(
-            f"line {number}: expected numbers, or names of columns with x, y, z, found {shortened(line)}"
-        ) from error
-    repeated = next((name for name in names if names.count(name) > 1), None)
-    if repeated is not None:
-        raise FileFormatError(f"line {number}: expected different names, found {repeated!r} twice")
-    return names
 
 
 def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callable[[int], list[str]]) -> list[str]:
@@ -154,7 +138,7 @@ def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callabl
         )
     names = preview.names
     if names is None:
-        names = preview.comment if len(preview.comment) == width else names_of_width(width)
+        names = list(preview.comment) if len(preview.comment) == width else names_of_width(width)
     if len(names) != width:
         raise FileFormatError(
             f"line {preview.line} has {width} columns, but {len(names)} have names ({', '.join(names)}); give one "
