@@ -12,7 +12,7 @@ import re
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from io import BufferedReader
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import full_scale
@@ -46,7 +47,7 @@ _ATTRIBUTES = {
     "nor:normalY": "ny",
     "nor:normalZ": "nz",
 }
-_TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "i8", "f4", "f8")]
+_TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +76,11 @@ def open_e57(file: BufferedReader) -> Reader:
         opened = pye57.E57(os.path.abspath(file.name) if is_named else f"/dev/fd/{file.fileno()}")
         root = opened.root
         scans = [opened.get_header(i) for i in range(len(root["data3D"]) if root.isDefined("data3D") else 0)]
-        dtypes = [_dtypes(scan, size) for scan in scans]
+        dtypes = [_dtypes(scan) for scan in scans]
         crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
-        n_images = len(root["images2D"]) if root.isDefined("images2D") else 0
-    if not scans:
-        raise FileFormatError("expected at least one scan, found none")
+        n_points = sum(scan.point_count for scan in scans)
+    if not scans or n_points > 8 * size:
+        raise FileFormatError(f"expected scans that fit into {size:,} bytes, found {len(scans)} of {n_points:,} points")
     shared = {
         field: np.result_type(*(types[field] for types in dtypes))
         for field in dtypes[0]
@@ -90,9 +91,16 @@ def open_e57(file: BufferedReader) -> Reader:
         kept = shared if attributes else {}
         with _reported():
             for number, (scan, types) in enumerate(zip(scans, dtypes, strict=True)):
-                fields = {field: types[field] for field in [*_axes(types), *_state(types), *kept]}
-                for block in _blocks(opened.image_file, scan, fields, n):
-                    columns = _columns_read(scan, block, kept)
+                fields = [*_axes(types), *_state(types), *kept]
+                for block in _blocks(opened.image_file, scan, fields, min(n, BLOCK)):
+                    for state in _state(types):
+                        block = {field: values[block[state] == 0] for field, values in block.items()}
+                    columns = _coordinates(scan, block, types)
+                    for field, dtype in kept.items():
+                        name = _ATTRIBUTES.get(field, field.removeprefix("gppcs:").replace(":", "_"))
+                        if name in columns:
+                            raise FileFormatError(f"expected fields of different names, found {name!r} twice")
+                        columns[name] = block[field].astype(dtype)
                     if attributes and len(scans) > 1:
                         columns["scan"] = np.full(len(columns["x"]), number, np.int32)
                     yield replace(cloud_of_columns(columns), header=E57Header(crs) if crs else None)
@@ -101,16 +109,13 @@ def open_e57(file: BufferedReader) -> Reader:
         n_invalid = 0
         for scan, types in zip(scans, dtypes, strict=True):
             for state in _state(types):
-                for block in _blocks(opened.image_file, scan, {state: types[state]}, BLOCK):
-                    n_invalid += int(np.count_nonzero(block[state]))
+                blocks = _blocks(opened.image_file, scan, [state], BLOCK)
+                n_invalid += sum(int(np.count_nonzero(block[state])) for block in blocks)
         fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
-        return [
-            *([f"points without a valid position ({n_invalid:,})"] if n_invalid else []),
-            *(f"field {field}" for field in sorted(fields - set(shared))),
-            *([f"images ({n_images:,})"] if n_images else []),
-        ]
+        invalid = [f"points without a valid position ({n_invalid:,})"] if n_invalid else []
+        return [*invalid, *(f"field {field}" for field in sorted(fields - set(shared)))]
 
-    return Reader(chunks, sum(scan.point_count for scan in scans), skipped=skipped)
+    return Reader(chunks, n_points, skipped=skipped)
 
 
 def _reported() -> AbstractContextManager[None]:
@@ -136,35 +141,24 @@ def _check_xml(file: BufferedReader, size: int) -> None:
         raise FileFormatError("expected XML without declarations in the E57 file, found some")
 
 
-def _dtypes(scan: Any, file_size: int) -> dict[str, np.dtype[Any]]:
-    """Return the types of the fields that hold numbers; check that the file can hold the points of a scan."""
+def _dtypes(scan: Any) -> dict[str, np.dtype[Any]]:
+    """Return the types of the fields that hold numbers."""
     libe57 = require_pye57().libe57
-    dtypes, bits = dict[str, np.dtype[Any]](), 0
+    dtypes = dict[str, np.dtype[Any]]()
     prototype = libe57.StructureNode(scan.points.prototype())
     for field in scan.point_fields:
         node = prototype[field]
         if isinstance(node, libe57.FloatNode):
             dtypes[field] = np.dtype("f4" if node.precision() == libe57.E57_SINGLE else "f8")
-            bits += 8 * dtypes[field].itemsize
-        elif isinstance(node, libe57.IntegerNode | libe57.ScaledIntegerNode):
-            bounds = node.minimum(), node.maximum()
-            bits += (bounds[1] - bounds[0]).bit_length()
-            is_whole = isinstance(node, libe57.IntegerNode)
-            dtypes[field] = _integer_type(*bounds) if is_whole else np.dtype("f8")
-    if scan.point_count * max(bits, 1) > 8 * file_size:
-        raise FileFormatError(
-            f"expected a file that holds its {scan.point_count:,} points, found one of {file_size:,} bytes; "
-            "get it again"
-        )
+        elif isinstance(node, libe57.IntegerNode):
+            bounds = np.array([node.minimum(), node.maximum()], np.int64)
+            dtypes[field] = next((to for to in _TYPES if np.array_equal(bounds.astype(to), bounds)), np.dtype("f8"))
+        elif isinstance(node, libe57.ScaledIntegerNode):
+            dtypes[field] = np.dtype("f8")
     if not _axes(dtypes):
         listed = ", ".join(map(repr, scan.point_fields)) or "nothing"
         raise FileFormatError(f"expected cartesian or spherical coordinates for each point, found {listed}")
     return dtypes
-
-
-def _integer_type(minimum: int, maximum: int) -> np.dtype[Any]:
-    fitting = (dtype for dtype in _TYPES[:7] if np.iinfo(dtype).min <= minimum and maximum <= np.iinfo(dtype).max)
-    return next(fitting)
 
 
 def _axes(fields: Mapping[str, object]) -> tuple[str, ...]:
@@ -178,17 +172,17 @@ def _state(fields: Mapping[str, object]) -> list[str]:
     return [state] if state in fields else []
 
 
-def _blocks(image: Any, scan: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> Iterator[dict[str, Column]]:
+def _blocks(image: Any, scan: Any, fields: list[str], n: int) -> Iterator[dict[str, Column]]:
     """Read fields of all points of a scan, at most n at once."""
     if not scan.point_count:  # of which libE57Format makes no reader
-        yield {field: np.empty(0, dtype) for field, dtype in dtypes.items()}
+        yield {field: np.empty(0) for field in fields}
         return
-    blocks, buffers = _buffers(image, dtypes, min(n, BLOCK))
+    blocks, buffers = _buffers(image, fields, n)
     reader = scan.points.reader(buffers)
     try:
         done = 0
         while done < scan.point_count and (length := reader.read()):
-            yield {field: blocks[field][:length].astype(dtype) for field, dtype in dtypes.items()}
+            yield {field: values[:length].copy() for field, values in blocks.items()}
             done += length
     finally:
         reader.close()
@@ -196,38 +190,28 @@ def _blocks(image: Any, scan: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) 
         raise ends_early("point", done, scan.point_count)
 
 
-def _buffers(image: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> tuple[dict[str, Column], Any]:
+def _buffers(image: Any, fields: Iterable[str], n: int) -> tuple[dict[str, NDArray[np.float64]], Any]:
     """Return arrays for n values of each field, and the buffers through which libE57Format fills or reads them."""
     libe57 = require_pye57().libe57
-    blocks, buffers = dict[str, Column](), libe57.VectorSourceDestBuffer()
-    for field, dtype in dtypes.items():
-        is_large = dtype.kind in "iu" and dtype.itemsize > 2
-        blocks[field] = np.empty(n, np.longlong if is_large else dtype)  # of these pye57 takes only long long
-        buffers.append(libe57.SourceDestBuffer(image, field, blocks[field], n, True, True))
+    blocks, buffers = {field: np.empty(n) for field in fields}, libe57.VectorSourceDestBuffer()
+    for field, values in blocks.items():
+        buffers.append(libe57.SourceDestBuffer(image, field, values, n, True, True))
     return blocks, buffers
 
 
-def _columns_read(scan: Any, block: dict[str, Column], kept: Mapping[str, np.dtype[Any]]) -> dict[str, Column]:
-    """Return the columns of a block of a scan: its valid points, moved by the pose of the scan."""
+def _coordinates(scan: Any, block: Mapping[str, Column], dtypes: Mapping[str, np.dtype[Any]]) -> dict[str, Column]:
+    """Return the coordinates of a block, moved by the pose of its scan; of unmoved ones the type is kept."""
     pye57 = require_pye57()
-    for state in _state(block):
-        block = {field: values[block[state] == 0] for field, values in block.items()}
-    axes = _axes(block)
-    points = np.stack([block[axis] for axis in axes], axis=1)
-    if axes == _SPHERICAL:
-        points = pye57.utils.convert_spherical_to_cartesian(points)
+    axes = _axes(dtypes)
+    columns = [block[axis].astype(dtypes[axis]) for axis in axes]
     rotation, translation = scan.rotation, scan.translation
     if not (np.isfinite([*rotation, *translation]).all() and rotation.any()):
         raise FileFormatError(f"expected a pose of finite numbers, found {rotation} and {translation}")
+    if axes == _SPHERICAL:
+        columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1)).T)
     if not np.array_equal([*rotation, *translation], [1, 0, 0, 0, 0, 0, 0]):
-        points = pye57.E57.to_global(points.astype(np.float64), rotation, translation)
-    columns = dict(zip("xyz", points.T, strict=True))
-    for field, dtype in kept.items():
-        name = _ATTRIBUTES.get(field, field.removeprefix("gppcs:").replace(":", "_"))
-        if name in columns:
-            raise FileFormatError(f"expected fields of different names, found {name!r} twice")
-        columns[name] = block[field].astype(dtype)
-    return columns
+        columns = list(pye57.E57.to_global(np.stack(columns, axis=1), rotation, translation).T)
+    return dict(zip("xyz", columns, strict=True))
 
 
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
@@ -244,7 +228,7 @@ def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
         normals = "http://www.libe57.org/E57_NOR_surface_normals.txt"
         for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", normals), ("gppcs", "urn:gppcs:attributes")):
             image.extensionsAdd(prefix, uri)
-        scan = {"guid": guid, **_limits(columns), "points": _points_node(image, columns)}
+        points = _points_node(image, columns)
         about = {
             "formatName": "ASTM E57 3D Imaging Data File",
             "guid": guid,
@@ -255,8 +239,16 @@ def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
             "images2D": libe57.VectorNode(image, True),
         }
         _fill(image, image.root(), about)
-        about["data3D"].append(_fill(image, libe57.StructureNode(image), scan))
-        _write_points(image, scan["points"], columns)
+        scan = libe57.StructureNode(image)
+        about["data3D"].append(_fill(image, scan, {"guid": guid, **_limits(columns), "points": points}))
+        blocks, buffers = _buffers(image, columns, BLOCK)
+        writer = points.writer(buffers)
+        for start in range(0, len(cloud), BLOCK):
+            length = min(BLOCK, len(cloud) - start)
+            for field, values in columns.items():
+                blocks[field][:length] = values[start : start + length]
+            writer.write(length)
+        writer.close()
         image.close()
         with open(path, "rb") as written:
             shutil.copyfileobj(written, file)
@@ -301,18 +293,6 @@ def _points_node(image: Any, columns: Mapping[str, Column]) -> Any:
             bounds = np.iinfo(values.dtype)
             prototype.set(field, libe57.IntegerNode(image, 0, int(bounds.min), int(bounds.max)))
     return libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
-
-
-def _write_points(image: Any, points: Any, columns: Mapping[str, Column]) -> None:
-    blocks, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, BLOCK)
-    writer = points.writer(buffers)
-    count = len(columns[_CARTESIAN[0]])
-    for start in range(0, count, BLOCK):
-        length = min(BLOCK, count - start)
-        for field, values in columns.items():
-            blocks[field][:length] = values[start : start + length]
-        writer.write(length)
-    writer.close()
 
 
 def _columns_written(cloud: PointCloud) -> dict[str, Column]:
