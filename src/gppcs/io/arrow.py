@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -27,39 +27,16 @@ def open_parquet(file: BufferedReader) -> Reader:
 
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
-        names, count = _names(table.schema_arrow), table.metadata.num_rows
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        kept = names if attributes else list(coordinate_names(names))
-        done = 0
-        with _reported():
-            for batch in table.iter_batches(min(n, _ROWS), columns=kept):
-                done += batch.num_rows
-                yield _cloud(batch)
-            if done != count:
-                raise ends_early("row", done, count)
-            if not count:
-                yield _cloud(pyarrow.RecordBatch.from_pylist([], table.schema_arrow).select(kept))
-
-    return Reader(chunks, count)
+        count = table.metadata.num_rows
+        return _reader(table.schema_arrow, lambda n, names: table.iter_batches(min(n, _ROWS), columns=names), count)
 
 
 def open_feather(file: BufferedReader) -> Reader:
     """Open a Feather file of version 2, which is an Arrow file."""
-    pyarrow = require_pyarrow()
     with _reported():
-        table = pyarrow.ipc.open_file(file)
-        names = _names(table.schema)
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        kept = names if attributes else list(coordinate_names(names))
-        with _reported():
-            for i in range(table.num_record_batches):
-                yield from at_most(n, [_cloud(table.get_batch(i).select(kept))])
-            if not table.num_record_batches:
-                yield _cloud(pyarrow.RecordBatch.from_pylist([], table.schema).select(kept))
-
-    return Reader(chunks)
+        table = require_pyarrow().ipc.open_file(file)
+        batches = range(table.num_record_batches)
+        return _reader(table.schema, lambda n, names: (table.get_batch(i).select(names) for i in batches))
 
 
 def _reported() -> AbstractContextManager[None]:
@@ -67,15 +44,29 @@ def _reported() -> AbstractContextManager[None]:
     return reported("pyarrow", "a whole table")
 
 
-def _names(schema: Any) -> list[str]:
-    """Return the names of the columns; raise an error if a cloud does not hold the columns."""
+def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], count: int | None = None) -> Reader:
+    """Return a reader of a table, whose `batches` of at most n rows have the columns that are asked for."""
     names = list(schema.names)
     for i, name in enumerate(names):
         if name in names[:i]:
             raise FileFormatError(f"expected columns of different names, found {name!r} twice; rename one")
         _check_type(name, schema.field(i).type)
-    coordinate_names(names)
-    return names
+    axes = list(coordinate_names(names))
+
+    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+        kept = names if attributes else axes
+        done = 0
+        with _reported():
+            for batch in batches(n, kept):
+                if batch.num_rows:
+                    yield from at_most(n, [_cloud(batch)])
+                done += batch.num_rows
+            if count is not None and done != count:
+                raise ends_early("row", done, count)
+            if not done:
+                yield _cloud(require_pyarrow().RecordBatch.from_pylist([], schema).select(kept))
+
+    return Reader(chunks, count)
 
 
 def _check_type(name: str, kind: Any) -> None:

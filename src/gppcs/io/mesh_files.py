@@ -52,10 +52,10 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     source = file_path(path)
     check_input(source)
     with naming(source), plain_input(source) as (file, name):
-        known = format_of(file, name)
-        if "faces" not in known.options:
-            raise FileFormatError(f"expected a mesh, found {known.name}, whose files are point clouds")
-        reader = known.open(file)
+        content = format_of(file, name)
+        if "faces" not in content.options:
+            raise FileFormatError(f"expected a mesh, found {content.name}, whose files are point clouds")
+        reader = content.open(file)
         cloud = reader.read()
         if len(bad := cloud.non_finite()):
             raise FileFormatError(
@@ -68,7 +68,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def mesh_of(path: Path, faces: int) -> Mesh | None:
     """Read the mesh of a file with so many faces, if there are any and its suffix tells that it may be a mesh."""
-    may_be = any(known.has_suffix(inner_name(path).suffix) for known in FORMATS if "faces" in known.options)
+    may_be = any(kind.has_suffix(inner_name(path).suffix) for kind in FORMATS if "faces" in kind.options)
     return read_mesh(path) if faces and may_be else None
 
 
@@ -131,7 +131,7 @@ def write_mesh(
     if not isinstance(cloud, PointCloud) or not np.array_equal(cloud.points, mesh.vertices):
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
     force = flag("force", force)
-    chosen = _format_of(path)
+    chosen = mesh_format_of(path)
     fit = chosen.fit(cloud)
     if not flag("lossy", lossy):
         refuse_losses(path, chosen.name, fit.values)
@@ -144,17 +144,13 @@ def write_mesh(
 
 def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: bool = False) -> None:
     """Check that `write_mesh` can write a mesh whose vertices are points of a cloud. Call it before long work."""
-    chosen = _format_of(path)
+    chosen = mesh_format_of(path)
     if not flag("lossy", lossy):
         refuse_losses(path, chosen.name, chosen.fit(cloud).values)
 
 
-def check_mesh_format(path: str | os.PathLike[str]) -> None:
-    """Check that gppcs can write meshes in the format of a file. Call it before long work."""
-    _format_of(path)
-
-
-def _format_of(path: str | os.PathLike[str]) -> Format:
+def mesh_format_of(path: str | os.PathLike[str]) -> Format:
+    """Return the format of which `write_mesh` would write a file. Call it before long work."""
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(

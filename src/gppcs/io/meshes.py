@@ -74,8 +74,8 @@ def _parse_off(file: BufferedReader) -> Parsed:
     cloud = _cloud(read_rows((f"{line}\n" for line in lines), count=n_vertices, what="vertex"), names)
     polygons = []
     for line in islice(lines, n_faces):
-        n_corners, *words = line.split()
-        polygon = _corners(line, words[: as_count(n_corners)])
+        n_corners, *corners = line.split()
+        polygon = _corners(line, corners[: as_count(n_corners)])
         if len(polygon) != as_count(n_corners) or not all(0 <= corner < n_vertices for corner in polygon):
             raise _wrong_face(line)
         polygons.append(polygon)
@@ -120,10 +120,10 @@ def _cloud(blocks: Iterable[list[Column]], names: Callable[[int], list[str]]) ->
     return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))
 
 
-def _corners(line: str, words: list[str]) -> list[int]:
+def _corners(line: str, fields: list[str]) -> list[int]:
     """Return the indices of a face, given its line for a message."""
     try:
-        return [int(word) for word in words]
+        return [int(field) for field in fields]
     except ValueError as error:
         raise _wrong_face(line) from error
 

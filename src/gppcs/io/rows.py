@@ -98,9 +98,9 @@ def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = 
 
 def check_length(file: BufferedReader, record_size: int, count: int, what: str = "point") -> None:
     """Raise an error if a file, which is at the first of its records, does not have so many."""
-    whole = bytes_left(file) // record_size if record_size else count
-    if whole < count:
-        raise ends_early(what, whole, count)
+    n_complete = bytes_left(file) // record_size if record_size else count
+    if n_complete < count:
+        raise ends_early(what, n_complete, count)
 
 
 def read_rows(
@@ -142,8 +142,8 @@ def _blocks(
 ) -> Iterator[_Block]:
     """Yield lines without empty ones and comments, block by block, at most as many as counted."""
     done = 0
-    while some_lines := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
-        if rows := [line for line in some_lines if line[:1] not in " \t\r\n#/" or is_row(line)]:
+    while block := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
+        if rows := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
             width = width or len(fields_of(rows[0], delimiter))
             yield _Block(rows, done, width, delimiter, what)
         done += len(rows)
@@ -210,29 +210,29 @@ class _Block:
                 )
 
     def _exact_numbers(self, column: int) -> Column:
-        words = ["nan" if word in MISSING else word for word in self.parsed([column])[column]]
-        for i, word in enumerate(words):
-            if not is_number(word):
-                raise FileFormatError(f"{self.what} {self.start + i + 1}: expected a number, found {shortened(word)}")
-        return _exact_numbers(words)
+        fields = ["nan" if field in MISSING else field for field in self.parsed([column])[column]]
+        for i, field in enumerate(fields, self.start + 1):
+            if not is_number(field):
+                raise FileFormatError(f"{self.what} {i}: expected a number, found {shortened(field)}")
+        return _exact_numbers(fields)
 
 
 def _holds_numbers(values: Column) -> bool:
     return values.dtype.kind in "iuf" or all(is_number(str(value)) for value in values.tolist())
 
 
-def _exact_numbers(words: Sequence[str]) -> Column:
+def _exact_numbers(fields: Sequence[str]) -> Column:
     """Return numbers as integers if all are, else as float64 if that rounds none of the whole numbers."""
     for dtype in (np.int64, np.uint64):
         with suppress(ValueError, OverflowError):
-            return np.array([int(word) for word in words], dtype)
-    values = np.array(words, dtype=np.float64)
+            return np.array([int(field) for field in fields], dtype)
+    values = np.array(fields, dtype=np.float64)
     for i in np.flatnonzero(np.abs(values) >= EXACT).tolist():
-        is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", words[i])
-        if is_whole and (np.isinf(values[i]) or int(words[i]) != float(values[i])):
+        is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", fields[i])
+        if is_whole and (np.isinf(values[i]) or int(fields[i]) != float(values[i])):
             raise FileFormatError(
                 "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none "
-                f"does, with {shortened(words[i])}; write this with a decimal point if it may be rounded"
+                f"does, with {shortened(fields[i])}; write this with a decimal point if it may be rounded"
             )
     return values
 
@@ -263,25 +263,25 @@ def cast(values: Column, to: np.dtype[Any], what: str, done: int = 0) -> Column:
         return values.astype(to)
 
 
-def at_most(rows: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
-    """Yield clouds, cut into chunks of at most so many rows."""
+def at_most(n: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
+    """Yield clouds, cut into chunks of at most n points."""
     for cloud in clouds:
-        for start in range(0, max(len(cloud), 1), rows):
-            yield cloud if len(cloud) <= rows else cloud[start : start + rows]
+        for start in range(0, max(len(cloud), 1), n):
+            yield cloud if len(cloud) <= n else cloud[start : start + n]
 
 
-def equal_spans(file: BufferedReader, record_size: int, count: int, rows: int) -> list[Span]:
-    """Divide the records of a whole file, which is at the first, into spans; the last may be twice as long."""
+def equal_spans(file: BufferedReader, record_size: int, count: int, n: int) -> list[Span]:
+    """Divide the records of a file, which is at the first, into spans of n; the last may be twice as long."""
     if bytes_left(file) < count * record_size:
         return []
-    return list(pairwise([*range(0, max(1, count - rows + 1), rows), count]))
+    return list(pairwise([*range(0, max(1, count - n + 1), n), count]))
 
 
 def read_records(
     file: BufferedReader,
     record: np.dtype[Any],
     count: int,
-    rows: int,
+    n: int,
     what: str,
     kept: Collection[str],
     span: Span | None = None,
@@ -292,8 +292,8 @@ def read_records(
     names = record.names or ()
     read = [name for name in names if name in kept or name in coordinate_names(names)]
     first, last = span or (0, count)
-    for start in range(first, max(last, first + 1), rows):
-        part = table[start : min(start + rows, last)]
+    for start in range(first, max(last, first + 1), n):
+        part = table[start : min(start + n, last)]
         yield cloud_of_columns({name: np.array(part[name]) for name in read})  # copies, since the file may change
 
 
@@ -326,7 +326,7 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
 def texts_of(values: Column) -> list[str]:
     """Return each value as the shortest text that reads back as the same value of its type, and of a list its size."""
     if values.dtype.hasobject:
-        return [" ".join([str(len(each)), *texts_of(each)]) for each in values]
+        return [" ".join([str(len(value)), *texts_of(value)]) for value in values]
     if values.dtype.kind == "U":
         return list(map(_quoted, values.tolist()))
     if values.dtype.kind == "b":

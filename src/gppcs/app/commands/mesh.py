@@ -97,7 +97,7 @@ def mesh(
     from gppcs import io
     from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import check_mesh_format, check_mesh_storable, write_mesh
+    from gppcs.io.mesh_files import check_mesh_storable, mesh_format_of, write_mesh
     from gppcs.meshing.pipeline import Size
     from gppcs.meshing.pipeline import mesh as meshed
 
@@ -105,7 +105,7 @@ def mesh(
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
     asked = Size.of(**size, keep=keep_points)
-    check_mesh_format(output)
+    mesh_format_of(output)
     files = [cloud, *filter(None, [keep_points])]
     io.check_distinct([output], files)
     io.check_writable(output, force)
