@@ -15,17 +15,10 @@ PACKAGE = Path(gppcs.__file__).parent
 USER = """
 import pathlib
 import gppcs
-from gppcs.engine.timer import Listener
 from gppcs.methods.parameters import Parameter, parameters_of
 from gppcs import no_such_name  # type: ignore[attr-defined]
 
-class Bar:
-    def started(self, stage: str, total: int | None) -> None: ...
-    def advanced(self, steps: int) -> None: ...
-    def finished(self) -> None: ...
-
-listener: Listener = Bar()
-timer = gppcs.Timer(listener)
+timer = gppcs.Timer(lambda stage, done, total: print(stage, done, total))
 cloud: gppcs.PointCloud = gppcs.sample("bracket", n_points=2000)
 result: gppcs.Result = gppcs.simplify(cloud, ratio=0.1, method=gppcs.LocalGP(neighbours=5), timer=timer)
 parameter: Parameter = parameters_of(result.method)["neighbours"]

@@ -162,7 +162,7 @@ def simplify(
         those of the second and so on. A virtual point cloud (.vpc) stands for the files that it lists.
     OPTIONS
     timer : Timer, optional
-        Measures the time of each stage, and reports progress to its listener.
+        Measures the time of each stage, and reports progress.
 
     Returns
     -------

@@ -100,4 +100,4 @@ def test_a_wrong_number_of_threads_for_numba_is_told_in_a_line(folder, scan):
         words, env=os.environ | {"NUMBA_NUM_THREADS": "0"}, check=False, capture_output=True, text=True
     )
     assert (found.returncode, found.stderr.count("\n")) == (2, 1)
-    assert "the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found '0'" in found.stderr
+    assert "check the environment variable NUMBA_NUM_THREADS" in found.stderr

@@ -11,6 +11,7 @@ import pytest
 import gppcs
 from gppcs.engine import timer as compiling
 from gppcs.engine.kernels import kernel
+from gppcs.engine.timer import NOTICE
 
 COMPILE = """
 import sys, numba
@@ -23,7 +24,7 @@ print(compile_timer.seconds == 0)
 from gppcs.engine.kernels import kernel
 import gppcs.engine.kernel_cache as kernels
 kernels.folders = lambda: []
-kernels.folder_to_write = lambda: None
+kernels.folder_to_write = lambda: __import__("pathlib").Path("/no/such")
 @kernel
 def f(x):
     return x * 2
@@ -37,8 +38,8 @@ print(compile_timer.seconds > 0)
     ("before", "said"),
     [
         ("", ""),
-        ("import logging; logging.basicConfig(level=logging.INFO)\n", f"INFO:gppcs:{compiling.PASSING_NOTICE}\n"),
-        ("import sys; sys.ps1 = 'In : '\n", f"gppcs: {compiling.PASSING_NOTICE}\n"),
+        ("import logging; logging.basicConfig(level=logging.INFO)\n", f"INFO:gppcs:{NOTICE}\n"),
+        ("import sys; sys.ps1 = 'In : '\n", f"gppcs: {NOTICE}\n"),
     ],
 )
 def test_a_session_is_told_once_of_compilation_and_a_script_only_by_logging(before, said):
@@ -65,7 +66,7 @@ def test_compilation_is_logged_once_and_timed(fresh, caplog):
     with caplog.at_level(logging.INFO, "gppcs"):
         compile_for(0.02)
         compile_for(0.02)
-    assert caplog.messages == [compiling.NOTICE]
+    assert caplog.messages == [NOTICE]
     assert 0.04 <= compiling.compile_timer.seconds < 1
 
 

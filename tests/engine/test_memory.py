@@ -1,6 +1,5 @@
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -24,19 +23,10 @@ def test_the_peak_counts_what_was_held_and_given_back():
     assert 0.9 * size < after - before < 1.1 * size
 
 
-@LINUX
-def test_without_proc_the_system_is_asked(monkeypatch):
-    told = memory.peak_memory()
-    monkeypatch.setattr(memory, "STATUS", Path("missing"))
-    assert 0.9 * told < memory.peak_memory() < 100 * told  # of what this process was before its exec as well
-    monkeypatch.setitem(sys.modules, "resource", None)
-    assert memory.peak_memory() is None
-
-
 @pytest.mark.parametrize(
     ("groups", "files", "expected"),
     [
-        ("", {}, 4_000 * 1024),
+        ("", {}, None),
         ("0::/a/b\n", {"a/b/memory.max": "100000", "a/b/memory.current": "30000", "a/b/memory.stat": "anon 1\n"}, None),
         ("0::/a\n", {"a/memory.max": "9000", "a/memory.current": "3000", "a/memory.stat": "inactive_file 50\n"}, 6_050),
         ("0::/a/b\n", {"a/memory.max": "90", "a/memory.current": "3000", "a/memory.stat": "inactive_file 50\n"}, 0),
@@ -53,11 +43,10 @@ def test_without_proc_the_system_is_asked(monkeypatch):
 )
 def test_the_limit_of_a_container_counts(tmp_path, groups, files, expected):
     (tmp_path / "proc/self").mkdir(parents=True)
-    (tmp_path / "proc/meminfo").write_text("MemTotal: 9000 kB\nMemAvailable:    4000 kB\n")
     (tmp_path / "proc/self/cgroup").write_text(groups)
     for name, content in files.items():
         file = tmp_path / "sys/fs/cgroup" / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(content)
-    assert memory.available_memory(tmp_path / "elsewhere") is None
-    assert memory.available_memory(tmp_path) == (4_000 * 1024 if expected is None else expected)
+    free = memory.available_memory(tmp_path)
+    assert free == expected if expected is not None else free > 10_000

@@ -1,4 +1,4 @@
-"""The progress bar, in a terminal and in a notebook."""
+"""The progress bar in a terminal, and lines for other programs."""
 
 import os
 import pty
@@ -33,10 +33,10 @@ import time
 from gppcs.engine import progress
 from gppcs.engine.timer import Timer
 progress.PATIENCE = 0.2
-with Timer(progress.ProgressBar())("slow stage", 4) as advanced:
+with Timer(progress.ProgressBar())("slow stage", 4) as on_progress:
     for _ in range(4):
         time.sleep({seconds})
-        advanced(1)
+        on_progress(1)
     {end}
 """
 
@@ -60,40 +60,21 @@ def test_no_bar_for_quick_stages_and_plain_terminals(seconds, term):
 
 def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
     monkeypatch.setattr(progress, "PATIENCE", 0)
-    bar = progress.ProgressBar()
-    bar.started("stage", 10)
-    time.sleep(0.05)
-    bar.advanced(5)
-    bar.finished()
+    with Timer(progress.ProgressBar())("stage", 10) as on_progress:
+        time.sleep(0.05)
+        on_progress(5)
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_bar_in_a_notebook_is_updated_and_goes_away(notebook, monkeypatch):
-    with Timer(progress.ProgressBar())("quick stage", 4) as advanced:
-        advanced(4)
-    assert notebook == []
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
-    with Timer(progress.ProgressBar())("slow <stage>", 4) as advanced:
-        for _ in range(4):
-            advanced(1)
-    assert len(notebook) == 5
-    for done, shown in enumerate(notebook[:4], start=1):
-        assert "slow &lt;stage&gt;" in shown
-        assert f'value="{done}" max="4"' in shown
-    assert notebook[4] == ""
-
-
-def test_lines_for_programs_tell_each_stage_and_each_per_cent_once(monkeypatch, capsys):
-    monkeypatch.setenv("GPPCS_PROGRESS", "lines")
-    timer = Timer(progress.ProgressBar())
-    with timer("choice", 1_000) as advanced:
+def test_lines_for_programs_name_each_stage_and_each_percent_once(capsys):
+    timer = Timer(progress.ProgressLines())
+    with timer("choice", 1_000) as on_progress:
         for _ in range(10):
-            advanced(25)
+            on_progress(25)
         for _ in range(30):
-            advanced(1)
+            on_progress(1)
     with timer("writing"):
         pass
-    shares = [2, 5, 7, 10, 12, 15, 17, 20, 22, 25, 26, 27, 28]
-    expected = ["progress: choice", *(f"progress: choice {share} %" for share in shares), "progress: writing"]
+    percents = [2, 5, 7, 10, 12, 15, 17, 20, 22, 25, 26, 27, 28]
+    expected = ["progress: choice", *(f"progress: choice {percent} %" for percent in percents), "progress: writing"]
     assert capsys.readouterr().err.splitlines() == expected

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -47,12 +48,13 @@ def say_aside(text: str) -> None:
 
 def started(quiet: bool, threads: int | None = None) -> Timer:
     """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet."""
-    from gppcs.engine.progress import ProgressBar
+    from gppcs.engine.progress import ProgressBar, ProgressLines
 
     set_threads(threads)
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
-    return Timer(None if quiet else ProgressBar())
+        return Timer()
+    return Timer(ProgressLines() if os.environ.get("GPPCS_PROGRESS") == "lines" else ProgressBar())
 
 
 def names_of(text: str | None) -> list[str] | None:

@@ -73,7 +73,7 @@ class Job:
             if not io.is_standard(each):
                 each.stat()  # a missing input is told before its name is taken for that of the output
         output.check(self.force)
-        timer = Timer(self.timer.listener)
+        timer = Timer(self.timer.on_progress)
         with CloudFiles(sources, self.options.format, query=self.options.query) as files:
             planned = make_plan(files, self.options, None if self.mark is None else "add kept")
             if self.dry_run:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns
-from gppcs.engine.extras import require_library
+from gppcs.engine.extras import require
 from gppcs.errors import InputError
 
 COLOUR = ("red", "green", "blue")
@@ -141,7 +141,7 @@ def _cloud(points: Column, arrays: Mapping[str, Any], vectors: Vectors | None = 
 
 def open3d_of(cloud: PointCloud) -> Any:
     """Make a point cloud of Open3D, as `PointCloud.to_open3d` describes it."""
-    open3d = require_library("open3d", "Open3D")
+    open3d = require("open3d", "an object of Open3D needs Open3D")
     if "positions" in cloud.attributes:
         raise InputError("expected other names than 'positions', which Open3D calls the points; rename the attribute")
     arrays = _joined(_native(cloud, "Open3D", "biuf"), OPEN3D)
@@ -153,7 +153,7 @@ def open3d_of(cloud: PointCloud) -> Any:
 
 def pyvista_of(cloud: PointCloud) -> Any:
     """Make a mesh of PyVista without faces, as `PointCloud.to_pyvista` describes it."""
-    pyvista = require_library("pyvista", "PyVista")
+    pyvista = require("pyvista", "an object of PyVista needs PyVista")
     arrays = _joined(_native(cloud, "PyVista", "biufc"), PYVISTA)
     made = pyvista.PolyData(_single_or_double(cloud))
     for name, values in arrays.items():
@@ -165,14 +165,16 @@ def pyvista_of(cloud: PointCloud) -> Any:
 
 def trimesh_of(cloud: PointCloud) -> Any:
     """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it."""
-    trimesh = require_library("trimesh", "trimesh")
+    import trimesh
+
     arrays = {name: values.copy() for name, values in cloud.attributes.items()}
     parts = RGBA if "alpha" in arrays else COLOUR
     columns = [arrays.get(part) for part in parts]
     colours = None
     if all(column is not None and column.dtype == np.uint8 and column.ndim == 1 for column in columns):
         colours = np.column_stack([arrays.pop(part) for part in parts])
-    return trimesh.PointCloud(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
+    made: Any = trimesh.PointCloud
+    return made(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
 
 
 def pandas_of(cloud: PointCloud) -> Any:

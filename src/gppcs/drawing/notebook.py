@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import webbrowser
 from html import escape
@@ -11,7 +12,6 @@ from pathlib import Path
 from gppcs.clouds.cloud import CloudLike
 from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.drawing.web.contents import Named, report_page, view_page
-from gppcs.engine.progress import in_notebook
 from gppcs.engine.timer import in_words
 from gppcs.io.reading import as_cloud
 from gppcs.simplification import Result
@@ -63,7 +63,12 @@ def show(
         page = report_page(Named("original", as_cloud(original)), [named], made, viewpoint)
     content = BytesIO()
     page.write(content)
-    (_embed if in_notebook() else _open)(content.getvalue())
+    (_embed if _in_notebook() else _open)(content.getvalue())
+
+
+def _in_notebook() -> bool:
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 def _embed(page: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Optional packages: each function checks for one and raises an error that names the extra or package to install."""
+"""Optional packages: imported by one function, whose error names the extra or package to install."""
 
 from __future__ import annotations
 
@@ -12,53 +12,38 @@ from typing import Any
 
 from gppcs.errors import MissingExtraError
 
-# What `pip install 'gppcs[extra]'` would install. That line works only if gppcs is on a package index.
-EXTRAS = {
-    "arrow": ("pyarrow>=20",),
-    "cgal": ("cgal>=6.0.1",),
-    "dask": ("distributed>=2024.8",),
-    "e57": ("pye57>=0.4.13",),
-    "picture": ("matplotlib>=3.9",),
-    "evaluate": ("pymeshlab>=2025.7",),
-    "sklearn": ("scikit-learn>=1.6",),
-    "view": ("matplotlib>=3.9", "pyvista>=0.48", "vtk>=9.6"),
-}
 
-# This code runs in a separate process: without OpenGL, VTK ends the process instead of raising an error.
-PROBE = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
-
-
-def _imported(module: str, need: str, extra: str) -> Any:
-    """Import a module of an extra, or say why this fails, with the line that installs its packages."""
+def require(module: str, need: str, package: str | None = None, extra: str | None = None) -> Any:
+    """Import a module of an optional package, or raise an error that says why this fails and what installs it."""
     try:
         return importlib.import_module(module)
-    except ImportError as error:
-        packages = " ".join(f"'{requirement}'" for requirement in EXTRAS[extra])
+    except (ImportError, OSError) as error:  # the second if a library of the system is missing
         fault = "is not installed"
-        if not isinstance(error, ModuleNotFoundError):  # a library of the system is missing, or versions do not fit
+        if not isinstance(error, ModuleNotFoundError):
             reason = str(error).partition("\n")[0]
             fault = f"cannot be imported ({reason})"
-        raise MissingExtraError(f"{need}, which {fault} (the extra {extra}): pip install {packages}") from error
+        of_extra = f" (the extra {extra})" if extra else ""
+        raise MissingExtraError(f"{need}, which {fault}{of_extra}: pip install {package or module}") from error
 
 
-require_matplotlib = partial(_imported, "matplotlib", "a picture needs matplotlib", "picture")
-require_pyarrow = partial(_imported, "pyarrow", "Parquet and Feather files need PyArrow", "arrow")
+require_matplotlib = partial(require, "matplotlib", "a picture needs matplotlib", extra="picture")
+require_pyarrow = partial(require, "pyarrow", "Parquet and Feather files need PyArrow", extra="arrow")
 require_distributed = partial(
-    _imported, "distributed", "work on several processes or machines needs Dask's distributed", "dask"
+    require, "distributed", "work on several processes or machines needs Dask's distributed", extra="dask"
 )
-require_pye57 = partial(_imported, "pye57", "E57 files need pye57", "e57")
-require_pymeshlab = partial(_imported, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", "evaluate")
-require_sklearn = partial(_imported, "sklearn", "a transformer of scikit-learn needs it", "sklearn")
+require_pymeshlab = partial(require, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", extra="evaluate")
+require_pye57 = partial(require, "pye57", "E57 files need pye57", extra="e57")
+require_sklearn = partial(require, "sklearn", "a transformer of scikit-learn needs it", "scikit-learn", extra="sklearn")
 
 
 def require_cgal(module: str) -> Any:
     """Import a part of CGAL's Python package."""
-    return _imported(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal")
+    return require(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal", extra="cgal")
 
 
 def require_pyvista() -> None:
     """Check that PyVista can draw meshes, so that a long run does not fail at its end."""
-    _imported("pyvista", "a picture of meshes needs PyVista", "view")
+    require("pyvista", "a picture of meshes needs PyVista", extra="view")
     if not _opengl_works():
         raise MissingExtraError(
             "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
@@ -78,17 +63,8 @@ def require_all(*checks: Callable[[], object]) -> None:
         raise MissingExtraError("\n".join(missing))
 
 
-def require_library(name: str, title: str) -> Any:
-    """Import a library whose objects a cloud becomes. No extra brings these: who wants such objects has the library."""
-    try:
-        return importlib.import_module(name)
-    except (ImportError, OSError) as error:  # the second if a library of the system is missing
-        reason = str(error).partition("\n")[0]
-        raise MissingExtraError(
-            f"an object of {title} needs {title}, which cannot be imported ({reason}): pip install {name}"
-        ) from error
-
-
 @functools.cache
 def _opengl_works() -> bool:
-    return subprocess.run([sys.executable, "-c", PROBE], capture_output=True, check=False).returncode == 0
+    """Draw in a separate process: without OpenGL, VTK ends the process instead of raising an error."""
+    code = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

@@ -7,7 +7,7 @@ Compiled code is read from all of these folders, and written to the first that c
 3. the user's cache folder.
 
 Before them, code is looked for that came with the package: it runs on every usual processor (`make dist`). Unpickling
-runs code, so a folder counts only if no other user can have written into it.
+runs code, so a file counts only if no other user can have written it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,11 @@ import os
 import stat
 import sys
 import tempfile
-import uuid
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 SHIPPED = PACKAGE / "compiled"  # what `make dist` adds to the wheel
-MOST_FILES = 2500  # About ten versions of all kernels. When there are more, those used longest ago are removed.
-FEWER_FILES = 2000
 CHECKSUM_BYTES = 16
-NO_LINK, NO_WAITING = getattr(os, "O_NOFOLLOW", 0), getattr(os, "O_NONBLOCK", 0)
-BINARY = getattr(os, "O_BINARY", 0)
 
 
 @functools.cache
@@ -37,10 +32,10 @@ def folders() -> list[Path]:
     from numba import config
     from numba.misc.appdirs import user_cache_dir
 
-    places = [PACKAGE / "__pycache__" / "kernels", Path(user_cache_dir("gppcs", appauthor=False))]
+    parents = [PACKAGE / "__pycache__" / "kernels", Path(user_cache_dir("gppcs", appauthor=False))]
     if named := config.CACHE_DIR:  # type: ignore[attr-defined]
-        places.insert(0, Path(named, "gppcs").absolute())
-    return [folder for place in places if _is_only_ours(folder := place / environment())]
+        parents.insert(0, Path(named, "gppcs").absolute())
+    return [parent / environment() for parent in parents]
 
 
 def environment() -> str:
@@ -54,54 +49,29 @@ def environment() -> str:
 def folder_to_write() -> Path | None:
     """Return the folder that compiled kernels are written to, or None if they cannot be kept."""
     for folder in folders():
-        try:
+        with contextlib.suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
-        except OSError:
-            continue
-        _remove_oldest(folder)
-        return folder
+            _remove_oldest(folder)
+            return folder
     return None
 
 
 def _remove_oldest(folder: Path) -> None:
-    """Remove the code that was used longest ago, if there is much."""
+    """Remove the code that was used longest ago, if there are more than about ten versions of all kernels."""
     with contextlib.suppress(OSError):
-        files = [(entry.stat().st_mtime, entry.path) for entry in os.scandir(folder)]
-        if len(files) > MOST_FILES:
-            for _, path in sorted(files)[:-FEWER_FILES]:
+        files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
+        if len(files) > 2500:
+            for _, path in files[:-2000]:
                 os.unlink(path)
-
-
-def _is_only_ours(folder: Path) -> bool:
-    """Tell whether only this user and the administrator can write into a folder or put another in its place."""
-    if not hasattr(os, "geteuid"):
-        return True
-    folder = folder.resolve()
-    for place in (folder, *folder.parents):
-        try:
-            status = place.stat()
-        except FileNotFoundError:
-            continue
-        except OSError:
-            return False
-        by_others = status.st_mode & stat.S_IWOTH or (status.st_mode & stat.S_IWGRP and status.st_gid != os.getegid())
-        if status.st_uid not in (0, os.geteuid()) or (by_others and not status.st_mode & stat.S_ISVTX):
-            return False
-    return True
 
 
 def read(path: Path) -> bytes:
     """Return the code in a file; empty if there is none that was written whole, by this user or the administrator."""
+    flags = (getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"))
     try:
-        with open(os.open(path, os.O_RDONLY | NO_LINK | NO_WAITING | BINARY), "rb") as file:
-            status = os.fstat(file.fileno())
-            writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-            if not stat.S_ISREG(status.st_mode):
-                return b""
-            if hasattr(os, "geteuid") and (status.st_uid not in (0, os.geteuid()) or writable):
-                return b""
-            content = file.read()
+        with open(os.open(path, sum(flags, os.O_RDONLY)), "rb") as file:
+            content = file.read() if _is_trusted(os.fstat(file.fileno())) else b""
     except OSError:
         return b""
     with contextlib.suppress(OSError):  # the folder may be read-only
@@ -110,19 +80,25 @@ def read(path: Path) -> bytes:
     return code if content[:CHECKSUM_BYTES] == _checksum(path.name, code) else b""
 
 
+def _is_trusted(status: os.stat_result) -> bool:
+    """Return whether an open file is a plain one that only this user and the administrator can have written."""
+    if not stat.S_ISREG(status.st_mode):
+        return False
+    writable = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return not hasattr(os, "geteuid") or (status.st_uid in (0, os.geteuid()) and not writable)
+
+
 def write(path: Path, code: bytes) -> None:
     """Write code to a file so that no other process ever reads a part of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}.part")
+    handle, part = tempfile.mkstemp(".nbc.part", dir=path.parent)
     try:
-        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_LINK | BINARY, 0o600), "wb") as file:
+        with open(handle, "wb") as file:
             file.write(_checksum(path.name, code) + code)
-            if hasattr(os, "fchmod"):
-                os.fchmod(file.fileno(), 0o644)  # whatever the umask; see `read`
+        os.chmod(part, 0o644)  # whatever the umask; see `read`
         os.replace(part, path)
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
+    except BaseException:
+        os.unlink(part)
+        raise
 
 
 def _checksum(name: str, code: bytes) -> bytes:

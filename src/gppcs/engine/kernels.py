@@ -5,26 +5,20 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
-import os
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from platform import machine
-from types import CodeType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from gppcs.engine import kernel_cache, timer
-from gppcs.errors import ParameterError, shown
+from gppcs.errors import ParameterError
 
 try:
     import numba as nb
-except ValueError as error:  # which does not name the variable
-    if (threads := os.environ.get("NUMBA_NUM_THREADS")) is None:
-        raise
-    raise ParameterError(
-        f"expected the environment variable NUMBA_NUM_THREADS to be a whole number from 1 on, found {shown(threads)}; "
-        "unset it, as gppcs has threads of its own"
-    ) from error
+except ValueError as error:
+    raise ParameterError(f"Numba cannot start: {error}; check the environment variable NUMBA_NUM_THREADS") from error
 from llvmlite.binding import get_host_cpu_features
 from numba.core import event
 from numba.core.caching import NullCache
@@ -64,7 +58,7 @@ def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
 class _KernelCache(NullCache):
     """Keeps the code of one kernel. Numba's cache misses changes of what is called, and mixes up files of processes."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    def __init__(self, function: Any, options: dict[str, Any]) -> None:
         self._function, self._options = function, options
         self._digest: str | None = None
         self._folder: Path | None = None
@@ -82,15 +76,15 @@ class _KernelCache(NullCache):
             options = [
                 (name, sorted(value) if isinstance(value, set) else value) for name, value in self._options.items()
             ]
-            content = "\n".join([repr(sorted(options)), *_reached(self._function)])
+            content = "\n".join([repr(sorted(options)), *_dependencies(self._function)])
             self._digest = hashlib.sha256(content.encode()).hexdigest()
         return self._digest
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Return the code for some types of arguments, or None if there is none."""
         target_context.refresh()
-        own = self._name(sig, target_context.codegen().magic_tuple())
-        paths = [folder / own for folder in kernel_cache.folders()]
+        name = self._name(sig, target_context.codegen().magic_tuple())
+        paths = [folder / name for folder in kernel_cache.folders()]
         if shipped := _shipped():
             paths.insert(0, shipped / self._name(sig, SHIPPED_FOR))
         for path in paths:
@@ -125,7 +119,7 @@ def _shipped() -> Path | None:
     if not folder.is_dir():
         return None
     features = get_host_cpu_features()
-    return folder if all(features.get(each[1:]) for each in filter(None, FEATURES.split(","))) else None
+    return folder if all(features.get(feature[1:]) for feature in filter(None, FEATURES.split(","))) else None
 
 
 def _described(numba_type: Any) -> Any:
@@ -138,21 +132,20 @@ def _described(numba_type: Any) -> Any:
     )
 
 
-def _reached(function: Callable[..., Any]) -> Iterator[str]:
+def _dependencies(function: FunctionType) -> Iterator[str]:
     """Yield all that the code of a function depends on: its own code, and the values that it finds by their names."""
-    code: Any = getattr(function, "__code__")  # noqa: B009
-    within: dict[str, Any] = getattr(function, "__globals__")  # noqa: B009
-    values = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
-    yield repr(getattr(function, "__defaults__", None))
-    waiting = [code]
+    values = [cell.cell_contents for cell in function.__closure__ or ()]
+    yield repr(function.__defaults__)
+    waiting = [function.__code__]
     while waiting:
         code = waiting.pop()
+        inner = [constant for constant in code.co_consts if isinstance(constant, CodeType)]
         constants = [
-            None if each == function.__doc__ else each for each in code.co_consts if type(each) is not CodeType
+            None if constant == function.__doc__ else constant for constant in code.co_consts if constant not in inner
         ]
-        waiting += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+        waiting += inner
         yield repr((code.co_code, constants, code.co_names, code.co_varnames))
-        values += [within[name] for name in code.co_names if name in within]
+        values += [function.__globals__[name] for name in code.co_names if name in function.__globals__]
     yield from map(_value, values)
 
 

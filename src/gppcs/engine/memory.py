@@ -1,9 +1,8 @@
-"""Measure the memory that this process has held and may still take; find the groups that limit it; write sizes."""
+"""Measure the memory that this process has held and may still take; write sizes."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -12,29 +11,19 @@ STATUS = Path("/proc/self/status")  # on Linux, this file holds the peak as VmHW
 
 
 def peak_memory() -> int | None:
-    """Return the peak resident memory of this process."""
-    try:
-        status = STATUS.read_text()
-    except OSError:
-        status = ""
-    if "VmHWM:" in status:  # preferred to getrusage, which includes the peak of the program that started this one
-        return int(status.split("VmHWM:")[1].split()[0]) * 1024
-    try:
-        import resource
-    except ImportError:  # on Windows
-        return None
-    unit = {"darwin": 1}.get(sys.platform, 1024)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    """Return the peak resident memory of this process, where the system tells it."""
+    with suppress(OSError, IndexError):  # preferred to getrusage, which includes the peak of the parent process
+        return int(STATUS.read_text().split("VmHWM:")[1].split()[0]) * 1024
+    import psutil
+
+    return getattr(psutil.Process().memory_info(), "peak_wset", None)  # on Windows
 
 
-def available_memory(root: Path = Path("/")) -> int | None:
-    """Return how much memory this process may still take without swapping."""
-    try:
-        lines = (root / "proc/meminfo").read_text().splitlines()
-    except OSError:
-        return None
-    free = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
-    return max(0, min([*free, *_left_to_groups(root)])) if free else None
+def available_memory(root: Path = Path("/")) -> int:
+    """Return how much memory this process may still take without swapping; in a container, the limit of that counts."""
+    import psutil
+
+    return max(0, min([psutil.virtual_memory().available, *_left_to_groups(root)]))
 
 
 def size_of(memory: int) -> str:
@@ -68,5 +57,5 @@ def _left_to_groups(root: Path) -> Iterator[int]:
         ):
             with suppress(OSError, ValueError, KeyError):  # the files of the other version; "max" stands for no limit
                 statistics = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
-                most, used = (int((group / file).read_text()) for file in (limit, usage))
-                yield most - used + int(statistics[cached])
+                maximum, used = (int((group / file).read_text()) for file in (limit, usage))
+                yield maximum - used + int(statistics[cached])

@@ -1,4 +1,4 @@
-"""Time the stages of a run, and the compilation of kernels apart, and report progress to a listener."""
+"""Time the stages of a run, with the compilation of kernels as one of its own, and report progress."""
 
 from __future__ import annotations
 
@@ -7,69 +7,21 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from time import perf_counter
-from typing import Protocol, runtime_checkable
+from typing import TypeAlias
 
 from gppcs.errors import ParameterError, shown
 
-COMPILATION = "compilation"  # the stage to which all compilation of kernels counts
+OnProgress: TypeAlias = Callable[[str, int, int | None], object]  # stage, steps done, their number if known
+
 NOTICE = "compiling the kernels for this task, once; this can take a minute"
-PASSING_NOTICE = (
-    "compiling its kernels, for this run only, since neither its folder nor the user's cache folder can be "
-    "written; set NUMBA_CACHE_DIR to a folder that can"
-)
+COMPILATION = "compilation"  # the stage to which all compilation of kernels counts
 
 
 def in_words(seconds: Mapping[str, float]) -> str:
-    """Return how long a run took, and apart from that the compilation."""
+    """Return how long a run took, and separately the compilation."""
     compilation = seconds.get(COMPILATION, 0.0)
-    words = f"{sum(seconds.values()) - compilation:.3g} s"
-    return f"{words} and {compilation:.3g} s of compilation" if compilation else words
-
-
-@runtime_checkable
-class Listener(Protocol):
-    """The interface of an object that receives the progress of a run, such as a progress bar.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> class Printer:
-    ...     def started(self, stage, total):
-    ...         print(f"{stage}: {total} steps")
-    ...     def advanced(self, steps):
-    ...         print(f"{steps} done")
-    ...     def finished(self):
-    ...         print("over")
-    >>> listener = Printer()
-    >>> with gppcs.Timer(listener)("sum", total=2) as advanced:
-    ...     advanced(2)
-    sum: 2 steps
-    2 done
-    over
-    """
-
-    def started(self, stage: str, total: int | None) -> None:
-        """Receive the start of a stage.
-
-        Parameters
-        ----------
-        stage : str
-            Name of the stage.
-        total : int or None
-            Its number of steps; None if unknown.
-        """
-
-    def advanced(self, steps: int) -> None:
-        """Receive the progress of the current stage.
-
-        Parameters
-        ----------
-        steps : int
-            Number of steps done since the last call.
-        """
-
-    def finished(self) -> None:
-        """Receive the end of the current stage."""
+    run = f"{sum(seconds.values()) - compilation:.3g} s"
+    return f"{run} and {compilation:.3g} s of compilation" if compilation else run
 
 
 class Timer:
@@ -77,17 +29,18 @@ class Timer:
 
     Parameters
     ----------
-    listener : Listener, optional
-        Receives the progress of the run.
+    on_progress : callable, optional
+        Called as `on_progress(stage, done, total)` at the start of each stage, after some of its steps, and at its end,
+        when `done` equals `total`. Before, `total` is None if the number of steps is unknown.
 
     Raises
     ------
     ParameterError
-        If the listener lacks one of the methods of `Listener`.
+        If `on_progress` cannot be called.
 
     Attributes
     ----------
-    listener : Listener or None
+    on_progress : callable or None
     seconds : dict of str to float
         Wall time in seconds by name of the stage, in the order of the run. Stages of the same name add up. If kernels
         were compiled meanwhile, that time is in an entry of its own, `compilation`, and not in those of the stages.
@@ -95,48 +48,52 @@ class Timer:
     Examples
     --------
     >>> import gppcs
-    >>> timer = gppcs.Timer()
-    >>> with timer("sum", total=2) as advanced:
-    ...     advanced(2)
+    >>> timer = gppcs.Timer(print)
+    >>> with timer("sum", total=2) as on_progress:
+    ...     on_progress(1)
+    sum 0 2
+    sum 1 2
+    sum 2 2
     >>> list(timer.seconds)
     ['sum']
     """
 
-    def __init__(self, listener: Listener | None = None) -> None:
-        if listener is not None and not isinstance(listener, Listener):
-            raise ParameterError(
-                f"expected a listener with the methods started, advanced and finished, found {shown(listener)}"
-            )
+    def __init__(self, on_progress: OnProgress | None = None) -> None:
+        if on_progress is not None and not callable(on_progress):
+            raise ParameterError(f"expected on_progress to be a function or None, found {shown(on_progress)}")
         self.seconds: dict[str, float] = {}
-        self.listener = listener
+        self.on_progress = on_progress
 
     @contextmanager
-    def __call__(self, name: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
-        """Run the body of a `with` statement as a stage."""
-        listener = self.listener
-        if listener:
-            listener.started(name, total)
+    def __call__(self, stage: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
+        """Run the body of a `with` statement as a stage; what it gets is to be called with numbers of steps done."""
+        done = 0
+
+        def advance(steps: int) -> None:
+            nonlocal done
+            done += steps
+            if self.on_progress:
+                self.on_progress(stage, done, total)
+
+        advance(0)
         compiled, start = compile_timer.seconds, perf_counter()
         try:
-            yield listener.advanced if listener else _ignore
+            yield advance
         finally:
             elapsed, compilation = perf_counter() - start, compile_timer.seconds - compiled
-            self.seconds[name] = self.seconds.get(name, 0.0) + max(0.0, elapsed - compilation)
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + max(0.0, elapsed - compilation)
             if compilation:
                 self.seconds[COMPILATION] = self.seconds.get(COMPILATION, 0.0) + compilation
-            if listener:
-                listener.finished()
+            if self.on_progress and done != total:
+                done = done if total is None else total
+                self.on_progress(stage, done, done)
 
 
 def timer_of(timer: Timer | None) -> Timer:
-    """Return the timer that a caller gave, or a new one without a listener."""
+    """Return the timer that a caller passed, or a new one."""
     if timer is not None and not isinstance(timer, Timer):
         raise ParameterError(f"expected timer to be a gppcs.Timer or None, found {shown(timer)}")
     return Timer() if timer is None else timer
-
-
-def _ignore(steps: int) -> None:
-    pass
 
 
 class CompileTimer:
@@ -146,18 +103,16 @@ class CompileTimer:
         self.seconds = 0.0  # of all compilations in this process, in any of its threads, that have ended
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._start = 0.0
-        self._collected = self._told = False
+        self._collects = self._is_announced = False
 
     def start(self) -> None:
         """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
-        from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
-
-        if not self._told:
-            self._told = True
-            _tell(NOTICE if folder_to_write() else PASSING_NOTICE)
+        if not self._is_announced:
+            self._is_announced = True
+            _announce()
         if self._depth == 0:
             self._start = perf_counter()
-            self._collected = gc.isenabled()
+            self._collects = gc.isenabled()
             gc.disable()
         self._depth += 1
 
@@ -166,17 +121,22 @@ class CompileTimer:
         self._depth -= 1
         if self._depth == 0:
             self.seconds += perf_counter() - self._start
-            if self._collected:
+            if self._collects:
                 gc.enable()
 
 
 compile_timer = CompileTimer()
 
 
-def _tell(notice: str) -> None:
-    """Log a notice; in an interactive session or notebook, print it on stderr as well."""
+def _announce() -> None:
+    """Log that kernels are compiled; in an interactive session or notebook, print it on stderr as well."""
     import logging
 
+    from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start
+
+    notice = NOTICE
+    if not folder_to_write():
+        notice = "compiling kernels for this run only: no cache folder can be written; set NUMBA_CACHE_DIR to one"
     logging.getLogger("gppcs").info(notice)
     if hasattr(sys, "ps1"):  # IPython and notebooks have it too
         print(f"gppcs: {notice}", file=sys.stderr)  # noqa: T201

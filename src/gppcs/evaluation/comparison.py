@@ -83,7 +83,7 @@ def compare(
         Attributes whose errors are measured, too. Methods that look at attributes let them count in the choice; see
         `gppcs.simplify`.
     timer : Timer, optional
-        Its listener hears of the progress. The times of each run are in its own result.
+        Reports progress. The times of each run are in its own result.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def compare(
         # A run on a part of the cloud compiles the kernels before the method is timed.
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
-        run = Timer(timer.listener)
+        run = Timer(timer.on_progress)
         of_method = counted if Feature.DETAIL in method.supports else None
         result = simplify(
             cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run

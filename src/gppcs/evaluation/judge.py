@@ -58,7 +58,7 @@ def evaluate(
         The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
         compared with `mesh`, which needs PyMeshLab.
     timer : Timer, optional
-        Records the time of each stage. Its listener, if any, hears of the progress.
+        Records the time of each stage, and reports progress.
     detail : str or sequence of str
         Attributes of both clouds whose errors are measured, too; "rgb" stands for red, green and blue.
 
@@ -118,7 +118,7 @@ def evaluate_mesh(
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, distances are measured from its vertices, and to it.
     timer : Timer, optional
-        Records the time of each stage. Its listener, if any, hears of the progress.
+        Records the time of each stage, and reports progress.
 
     Returns
     -------

@@ -128,7 +128,7 @@ def compare_meshes(
             f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
-    return [_entry(way, MeshTask(original, count, Timer(timer.listener)), mesh) for way in chosen]
+    return [_entry(way, MeshTask(original, count, Timer(timer.on_progress)), mesh) for way in chosen]
 
 
 def checked_ways(ways: Iterable[str] | None, ratio: float | str | None, n_points: int | str | None) -> list[str]:

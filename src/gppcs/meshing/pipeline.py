@@ -168,7 +168,7 @@ def mesh(
     invalid : "error" or "drop"
         What to do with points whose coordinates are NaN or infinite: raise an error, or leave them out.
     timer : Timer, optional
-        Measures the time of each stage, and reports progress to its listener.
+        Measures the time of each stage, and reports progress.
 
     Returns
     -------
