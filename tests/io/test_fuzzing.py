@@ -121,6 +121,7 @@ FILES = {
     "stl": (".stl", as_mesh, None),
     "stl ascii": (".stl", as_text_stl, None),
     "ply mesh": (".ply", as_mesh, None),
+    "glb": (".glb", as_mesh, None),
     "colmap": (".points3D.bin", as_colmap, None),
     "colmap text": (".points3D.txt", as_colmap, None),
     "gz": (".csv.gz", plain, None),

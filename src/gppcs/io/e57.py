@@ -134,7 +134,7 @@ def _check_xml(file: BufferedReader, size: int) -> None:
     pages = file.read(length + length // 100 + 4 * page)
     xml = b"".join(pages[i : i + page - 4] for i in range(0, len(pages), page))  # without checksums at the ends
     xml = xml[offset % page :][:length].strip()
-    encoding = re.search(rb"encoding\s*=\s*[\"']([^\"']*)", xml[:200])
+    encoding = re.search(rb"encoding\s*=\s*[\"']([^\"']*)", xml.partition(b"?>")[0])
     if not xml.startswith((b"<", b"\xef\xbb\xbf<")) or (encoding and encoding[1].lower() != b"utf-8"):
         raise FileFormatError("expected XML in UTF-8 in the E57 file, found another encoding")
     if any(word in xml for word in (b"<!DOCTYPE", b"<!ENTITY", b"\0")):

@@ -196,7 +196,8 @@ def _parse_gltf(file: BufferedReader) -> Parsed:
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
         colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
         attributes = dict(zip(COLOURS, map(np.ascontiguousarray, colours), strict=False))
-    return PointCloud(points, attributes, np.dtype(np.float32)), faces, []
+    is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
+    return PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64)), faces, []
 
 
 def _gltf_json(data: bytes) -> dict[str, Any]:
