@@ -32,7 +32,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
-from gppcs.evaluation.report import Rebuilt, figures_of, relative
+from gppcs.evaluation.report import Rebuilt
 from gppcs.scans import SCENES
 from gppcs.surface.local_surface import LocalSurface
 
@@ -78,8 +78,8 @@ COVER_P999 = Column("99.9th percentile of the distance to a kept point, 1e-3 dia
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
 COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS)
-REBUILT = tuple(figures_of(Rebuilt))
-KNOWN = {**figures_of(gppcs.Report), **figures_of(Rebuilt)}
+REBUILT = tuple(Rebuilt.definitions())
+KNOWN = {**gppcs.Report.definitions(), **Rebuilt.definitions()}
 
 
 class Reference(NamedTuple):
@@ -391,8 +391,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
     for name, known in KNOWN.items():
         value = values.get(f"carried_{name}" if carried is not None and name in REBUILT else name)
         if value is not None:
-            scaled = relative(known, value, condition.diagonal)
-            wanted[name] = value if scaled is None else scaled
+            wanted[name] = value / condition.diagonal**known.power if known.power else value
     if condition.exact is None:
         wanted["exact_mean"] = wanted["surface_mean"]
     else:

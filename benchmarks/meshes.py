@@ -16,7 +16,8 @@ from pathlib import Path
 import gppcs
 import report
 from gppcs.engine.timer import Timer
-from gppcs.evaluation.mesh_ways import MESH_WAYS, MeshTask
+from gppcs.errors import NoSurfaceError
+from gppcs.evaluation.mesh_pipelines import PIPELINES, MeshTask
 
 CLOUDS = {  # file: the number or share of vertices, and the file of the original mesh, if there is one
     "dragon": (0.03, "dragon"),
@@ -61,8 +62,8 @@ def measured(name: str) -> list[tuple[str, ...]]:
     for way, called in WAYS.items():
         first, start = name if not rows else "", time.process_time()
         try:
-            mesh = MESH_WAYS[way](MeshTask(cloud, n_vertices, Timer()))
-        except gppcs.errors.NoSurfaceError:
+            mesh = PIPELINES[way](MeshTask(cloud, n_vertices, Timer()))
+        except NoSurfaceError:
             rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", called, "no surface found", *[""] * 11))
             continue
         seconds = time.process_time() - start
@@ -84,7 +85,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
 def main() -> None:
     """Print and write the table."""
     gppcs.set_threads(1)
-    gppcs.compare_meshes(gppcs.sample("sphere", n_points=5000), n_points=100, ways=WAYS)  # loads the kernels
+    gppcs.compare_meshes(gppcs.sample("sphere", n_points=5000), n_points=100, pipelines=WAYS)  # loads the kernels
     names = sys.argv[1:] or [*CLOUDS]
     rows = [row for name in names for row in measured(name)]
     files = {file for name in names for file in (name, CLOUDS[name][1]) if file}

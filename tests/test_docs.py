@@ -14,7 +14,7 @@ import typer.main
 
 import gppcs
 from gppcs.app import program
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, figures_of
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt
 from gppcs.io import FORMATS
 from gppcs.methods.parameters import parameters_of
 
@@ -220,7 +220,7 @@ def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
     for report in (gppcs.Report, DetailErrors, Rebuilt, MeshReport):
         rows = [
             f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
-            for name, figure in figures_of(report).items()
+            for name, figure in report.definitions().items()
         ]
         assert "\n".join(rows) in text("docs/evaluation.md")
 

@@ -22,7 +22,7 @@ import report
 from gppcs.amounts.options import method_of
 from gppcs.clouds.quantities import Amount
 from gppcs.evaluation.comparison import Entry, those_that_fit
-from gppcs.evaluation.report import Rebuilt, figures_of, relative
+from gppcs.evaluation.report import Rebuilt
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -53,7 +53,7 @@ SECONDS_NOTE = (
     "Seconds are of one run, after its kernels were compiled, while other programs may have been running. For times, "
     "see main_job.md and speed.md."
 )
-FIGURES = {**figures_of(gppcs.Report), **figures_of(Rebuilt)}
+FIGURES = {**gppcs.Report.definitions(), **Rebuilt.definitions()}
 
 Methods = Mapping[str, gppcs.Method]  # by the name in the table
 
@@ -168,9 +168,8 @@ def shown(entry: Entry, column: Column, diagonal: float) -> str:
     value = {**entry.report.figures(), "seconds": entry.seconds}.get(column.figure)
     if value is None:
         return ""
-    known = FIGURES.get(column.figure)
-    scaled = relative(known, value, diagonal) if known else None
-    return f"{column.factor * (value if scaled is None else scaled):.{column.digits}f}"
+    power = FIGURES[column.figure].power if column.figure in FIGURES else 0
+    return f"{column.factor * (value / diagonal**power if power else value):.{column.digits}f}"
 
 
 def keep(

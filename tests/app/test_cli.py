@@ -21,18 +21,12 @@ def test_version(printed):
 COMMANDS = typer.main.get_command(program.app).commands
 
 
-WORDS = [(*name, flag) for name in ((), *((each,) for each in COMMANDS)) for flag in ("-h", "--help")]
-
-
-@pytest.mark.parametrize("words", [(), *WORDS])
-def test_every_help_shows_flags_without_a_type(printed, monkeypatch, words):
-    """So does the bare command, which shows the help of the program."""
-    monkeypatch.setenv("COLUMNS", "200")
+@pytest.mark.parametrize("words", [(), ("-h",), *((name, "--help") for name in COMMANDS)])
+def test_help(printed, words):
+    """The bare command shows the help of the program."""
     out = printed(*words)
     assert "--help" in out
-    assert "bool" not in out.lower()
-    if not words or words[0].startswith("-"):
-        assert all(name in out for name in (*COMMANDS, "Examples"))
+    assert len(words) == 2 or all(name in out for name in (*COMMANDS, "Examples"))
 
 
 def options_of(command):
@@ -66,11 +60,6 @@ def test_a_table_of_any_name_and_columns_is_read_and_quiet_is_quiet(printed, sca
     before = files()
     assert printed(*words, "--from", "xyz", "--columns", "z,y,x", "-q") == ""
     assert set(files()) - set(before) == {made} - {None}
-
-
-def test_info_reads_a_file_in_the_given_format(record, scan):
-    np.savetxt("table.dat", scan.points, fmt="%.17g")
-    assert record("info", "table.dat", "--from", "xyz")["points"] == 400
 
 
 def test_the_module_runs_as_the_command():
@@ -119,15 +108,6 @@ def test_a_terminal_of_another_encoding_is_no_reason_to_fail(scan):
     assert run.stdout.startswith(rb"scan.ply \u2192 out.ply")
 
 
-def test_faults_of_the_program_itself_are_not_hidden(monkeypatch):
-    def broken(*arguments, **options):
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(program, "app", broken)
-    with pytest.raises(ZeroDivisionError):
-        program.run([])
-
-
 def test_what_the_library_logs_is_shown_while_a_command_runs(monkeypatch, capsys):
     logger = logging.getLogger("gppcs")
     monkeypatch.setattr(program, "app", lambda *_, **__: logger.info("a notice"))
@@ -142,5 +122,5 @@ def test_examples_of_the_help_name_options_that_exist(name):
     text = (program.app.info.epilog if name is None else COMMANDS[name].epilog) or ""
     lines = [line.split("#")[0].split() for line in text.replace(" && ", "\n").split("\n") if line.startswith("gppcs ")]
     for _, command, *words in [line for line in lines if line[1] in COMMANDS]:
-        known = {option for each in COMMANDS[command].params for option in (*each.opts, *each.secondary_opts)}
+        known = {option for param in COMMANDS[command].params for option in (*param.opts, *param.secondary_opts)}
         assert {word.split("=")[0] for word in words if word.startswith("--")} <= {*known, "--help"}, command

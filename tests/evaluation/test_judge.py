@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 import gppcs
 from dense import distances_to_triangles
 from gppcs.evaluation import judge, reconstruction
-from gppcs.evaluation.report import figures_of
 from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh, moved
 from shapes import square
@@ -117,7 +116,7 @@ def test_rotation_shift_and_scale_change_figures_as_their_units_say(pair, seed, 
     rotation = Rotation.from_quat(np.random.default_rng(seed).standard_normal(4)).as_matrix()
     before = gppcs.evaluate(*pair)
     after = gppcs.evaluate(*(scale * (points @ rotation + [shift, -shift, 2 * shift]) for points in pair))
-    for name, figure in figures_of(gppcs.Report).items():
+    for name, figure in gppcs.Report.definitions().items():
         factor = {"length": scale, "squared length": scale**2}.get(figure.unit, 1)
         if name not in OF_THE_BOX:
             assert getattr(after, name) == pytest.approx(factor * getattr(before, name), rel=1e-5), name

@@ -1,11 +1,11 @@
-"""Several ways to a mesh side by side."""
+"""Several pipelines to a mesh side by side."""
 
 import numpy as np
 import pytest
 
 import gppcs
-from gppcs.evaluation import mesh_ways, reconstruction
-from gppcs.evaluation.mesh_comparison import checked_ways
+from gppcs.evaluation import mesh_pipelines, reconstruction
+from gppcs.evaluation.mesh_comparison import checked_pipelines
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
 from gppcs.spatial.kdtree import KdTree
 from meshes import hull_mesh, moved
@@ -22,29 +22,29 @@ def shallow(monkeypatch):
 def test_entries_are_what_mesh_and_evaluate_mesh_give(bracket):
     cloud = gppcs.PointCloud(bracket[:3000] + np.array([500_000.0, 5_400_000.0, 0.0]))
     broken = np.concatenate([cloud.points, [[np.nan, 0, 0]]])
-    ways = {"mesh": {}, "mesh-moved": {"moved": True}, "mesh-effort": {"effort": 2}}
-    entries = gppcs.compare_meshes(broken, n_points=300, ways=ways, invalid="drop")
-    assert [entry.way for entry in entries] == [*ways]
+    pipelines = {"mesh": {}, "mesh-moved": {"moved": True}, "mesh-effort": {"effort": 2}}
+    entries = gppcs.compare_meshes(broken, n_points=300, pipelines=pipelines, invalid="drop")
+    assert [entry.pipeline for entry in entries] == [*pipelines]
     for entry in entries:
-        expected = gppcs.mesh(cloud, n_points=300, **ways[entry.way]).mesh
+        expected = gppcs.mesh(cloud, n_points=300, **pipelines[entry.pipeline]).mesh
         assert entry.mesh == expected
         assert entry.report == gppcs.evaluate_mesh(cloud, expected)
         assert entry.seconds > 0
         assert entry.failure is None
 
 
-@pytest.mark.parametrize("way", ["poisson-kept", "poisson-decimated", "ball-pivoting", "advancing-front"])
-def test_the_other_ways_find_a_sphere_wherever_it_lies(sphere, way, shallow):
-    if way not in mesh_ways.installed_ways():
+@pytest.mark.parametrize("pipeline", ["poisson-kept", "poisson-decimated", "ball-pivoting", "advancing-front"])
+def test_the_other_pipelines_find_a_sphere_wherever_it_lies(sphere, pipeline, shallow):
+    if pipeline not in mesh_pipelines.installed_pipelines():
         pytest.skip("no CGAL")
     place = np.array([500_000.0, 5_400_000.0, 0.0])
-    (entry,) = gppcs.compare_meshes(sphere[:2000] + place, n_points=300, ways=[way])
+    (entry,) = gppcs.compare_meshes(sphere[:2000] + place, n_points=300, pipelines=[pipeline])
     np.testing.assert_allclose(np.linalg.norm(entry.mesh.vertices - place, axis=1), 1.0, atol=0.05)
     assert (entry.report.mesh_pieces, entry.report.genus) == (1, 0)
     assert entry.report.figures(relative=True)["mesh_mean"] < 0.01
-    if way == "poisson-decimated":
+    if pipeline == "poisson-decimated":
         assert entry.report.triangles == pytest.approx(600, abs=2)
-    elif way == "poisson-kept":
+    elif pipeline == "poisson-kept":
         assert entry.report.triangles > 600
     else:
         kept = gppcs.simplify(sphere[:2000] + place, n_points=300).cloud.points
@@ -53,45 +53,47 @@ def test_the_other_ways_find_a_sphere_wherever_it_lies(sphere, way, shallow):
         assert KdTree.build(kept).nearest_of(used, 1)[1].max() < 1e-12
 
 
-def test_a_way_without_a_surface_says_why_and_stops_no_other(monkeypatch):
+def test_a_pipeline_without_a_surface_says_why_and_stops_no_other(monkeypatch):
     volume = np.random.default_rng(0).random((400, 3))
-    mesh, ball = gppcs.compare_meshes(volume, n_points=100, ways=["mesh", "ball-pivoting"])
+    mesh, ball = gppcs.compare_meshes(volume, n_points=100, pipelines=["mesh", "ball-pivoting"])
     assert (mesh.mesh, mesh.report) == (None, None)
     assert "fill a volume" in mesh.failure
     assert ball.failure is None
     assert ball.report.triangles > 0
 
-    elsewhere = {"mesh": lambda wanted: moved(hull_mesh(volume - 0.5), 90)}
-    monkeypatch.setattr("gppcs.evaluation.mesh_comparison.MESH_WAYS", elsewhere)
-    (entry,) = gppcs.compare_meshes(volume, n_points=100, ways=["mesh"])
+    elsewhere = {"mesh": lambda task: moved(hull_mesh(volume - 0.5), 90)}
+    monkeypatch.setattr("gppcs.evaluation.mesh_comparison.PIPELINES", elsewhere)
+    (entry,) = gppcs.compare_meshes(volume, n_points=100, pipelines=["mesh"])
     assert entry.report is None
     assert "does not lie on the original" in entry.failure
 
 
-def test_all_ways_whose_packages_are_there_by_default(monkeypatch):
+def test_all_pipelines_whose_packages_are_there_by_default(monkeypatch):
     def missing(module):
         raise gppcs.errors.MissingExtraError("no CGAL")
 
-    monkeypatch.setattr(mesh_ways, "require_cgal", missing)
-    assert checked_ways(None, 0.1, None) == [way for way in mesh_ways.MESH_WAYS if way != "advancing-front"]
+    monkeypatch.setattr(mesh_pipelines, "require_cgal", missing)
+    assert checked_pipelines(None, 0.1, None) == [
+        name for name in mesh_pipelines.PIPELINES if name != "advancing-front"
+    ]
     with pytest.raises(gppcs.errors.MissingExtraError):
-        checked_ways(["mesh", "advancing-front"], 0.1, None)
+        checked_pipelines(["mesh", "advancing-front"], 0.1, None)
 
 
 def test_distances_are_measured_from_a_surface_that_is_given(sphere):
     surface = hull_mesh(sphere[:3000])
-    (entry,) = gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=surface)
+    (entry,) = gppcs.compare_meshes(sphere[:1000], n_points=100, pipelines=["mesh"], mesh=surface)
     assert entry.report == gppcs.evaluate_mesh(sphere[:1000], entry.mesh, surface)
     with pytest.raises(gppcs.InputError, match="mesh does not lie on the original"):
-        gppcs.compare_meshes(sphere[:1000], n_points=100, ways=["mesh"], mesh=moved(surface, 9))
+        gppcs.compare_meshes(sphere[:1000], n_points=100, pipelines=["mesh"], mesh=moved(surface, 9))
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"ways": ["poison-kept"], "ratio": 0.1}, "no way to a mesh 'poison-kept'; did you mean 'poisson-kept'"),
-        ({"ways": "mesh", "ratio": 0.1}, "expected a list of ways"),
-        ({"ways": [], "ratio": 0.1}, "at least one way"),
+        ({"pipelines": ["poison-kept"], "ratio": 0.1}, "did you mean 'poisson-kept'"),
+        ({"pipelines": "mesh", "ratio": 0.1}, "list of pipelines"),
+        ({"pipelines": [], "ratio": 0.1}, "at least one pipeline"),
         ({}, "found neither"),
         ({"n_points": 3}, "from 4 on, found 3"),
     ],

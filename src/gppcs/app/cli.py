@@ -1,19 +1,24 @@
-"""The entry point of the command `gppcs`: prepares for Ctrl-C before it imports the program, which takes longer."""
+"""The entry point of the command `gppcs`: it ends with one line on Ctrl-C, also while it still imports the program."""
 
 from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
+from types import FrameType
 
-from gppcs.app import stopping
 
-GC_THRESHOLD = 1_000_000  # objects between two garbage collections; Python's default of 700 slows imports
+class Stopped(BaseException):
+    """A signal asks the program to end; files are tidied up on the way out, as no `except Exception` catches it."""
 
 
 def main() -> None:
     """Run the program with the arguments in `sys.argv`."""
-    stopping.catch_signals()
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # Windows lacks the last
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it ignored
+            signal.signal(number, _stop)
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed, as by 2>&-
             setattr(sys, stream, open(os.devnull, "w"))  # noqa: SIM115
@@ -22,10 +27,15 @@ def main() -> None:
     except FileNotFoundError:  # it was deleted; Numba imports coverage where that is installed, which needs one
         sys.modules["coverage"] = None  # type: ignore[assignment]
     try:
-        gc.set_threshold(GC_THRESHOLD)
+        gc.set_threshold(1_000_000)  # Python's default of 700 objects slows imports
         from gppcs.app.program import run
 
         code = run(sys.argv[1:])
-    except stopping.Stopped:
-        stopping.end()
+    except Stopped as stop:
+        os.write(2, b"gppcs: interrupted\n")
+        os._exit(128 + stop.args[0])  # at once: threads may still compute, and the compiler may be half way
     sys.exit(code)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise Stopped(number)

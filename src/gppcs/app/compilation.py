@@ -33,13 +33,13 @@ ROOM = 40_000  # Points of a scene that makes most steps of a mesh necessary.
 STRAY = 30_000  # Points of a scan with noise and outliers.
 
 
-def compile_all(advanced: Callable[[int], None]) -> tuple[int, list[str]]:
+def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     """Compile every kernel for all types of arrays that the package passes to it."""
     before = sum(map(_compilations, _loaded()))
     original = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
     for method in METHODS:
         kept = simplify(original, ratio=0.1, method=method).cloud
-        advanced(1)
+        on_progress(1)
     evaluate(original, kept)
     estimate_normals(original, kept)
     light = mesh(original, n_points=100, effort=1).mesh

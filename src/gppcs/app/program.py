@@ -2,52 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
+import re
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-import typer.core
 
 from gppcs import __version__
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, say, tell
 
-NAME = "gppcs"  # also if it runs as `python -m gppcs`
 COMMANDS = (
-    "simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert", "sample",
-    "methods", "warmup",
+    "simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert", "sample", "methods",
+    "warmup",
 )  # fmt: skip
 
-
-class _WithoutTypesOfFlags:
-    """Leaves the type `<bool>` of flags out of the help."""
-
-    def get_params(self, context: Any) -> list[Any]:
-        parameters: list[Any] = super().get_params(context)  # type: ignore[misc]
-        for parameter in parameters:
-            if getattr(parameter, "is_flag", False):
-                parameter.metavar = ""
-        return parameters
-
-
-class _Program(_WithoutTypesOfFlags, typer.core.TyperGroup):
-    pass
-
-
-class _Command(_WithoutTypesOfFlags, typer.core.TyperCommand):
-    def __init__(self, *arguments: Any, help: str | None = None, **options: Any) -> None:  # noqa: A002
-        paragraphs = (" ".join(text.split()) for text in (help or "").split("\n\n"))
-        super().__init__(*arguments, help="\n\n".join(paragraphs), **options)  # without the line breaks of the source
-
-
 app = typer.Typer(
-    name=NAME,
-    cls=_Program,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -65,9 +41,7 @@ app = typer.Typer(
 
 
 @app.callback(invoke_without_command=True)
-def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     if version:
         say(__version__)
         raise typer.Exit
@@ -75,17 +49,19 @@ def _root(
 
 for _name in COMMANDS:
     _module = import_module(f"gppcs.app.commands.{_name}")
-    app.command(cls=_Command, epilog=f"[bold]Examples[/bold]\n\n{_module.EPILOG}")(getattr(_module, _name))
+    _function = getattr(_module, _name)
+    _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_function) or "")  # without the line breaks of the source
+    app.command(help=_help, epilog=f"[bold]Examples[/bold]\n\n{_module.EPILOG}")(_function)
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the program."""
+    """Run the program and return its exit code."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
-        with _log_on_stderr(), _notes_for_warnings():
+        with _messages_on_stderr():
             words = list(arguments) or ["--help"]
-            code = app(words, prog_name=NAME, standalone_mode=False, obj=[NAME, *words])  # obj: for pages of commands
+            code = app(words, prog_name="gppcs", standalone_mode=False, obj=["gppcs", *words])  # obj: shown by pages
     except FAILURES as error:
         tell(error)
         return BAD_INPUT
@@ -98,24 +74,17 @@ def run(arguments: Sequence[str]) -> int:
 
 
 @contextmanager
-def _notes_for_warnings() -> Iterator[None]:
-    """Show on stderr what the library warns of while the block runs."""
+def _messages_on_stderr() -> Iterator[None]:
+    """Show what the library warns of and logs while the block runs, such as that it compiles its kernels."""
+    logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)
         warnings.showwarning = lambda message, *_, **__: print_error(f"note: {message}")
-        yield
-
-
-@contextmanager
-def _log_on_stderr() -> Iterator[None]:
-    """Show on stderr what the library logs while the block runs, such as that it compiles its kernels."""
-    logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
-    level = logger.level
-    handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        try:
+            yield
+        finally:
+            logger.setLevel(logging.NOTSET)
+            logger.removeHandler(handler)

@@ -15,7 +15,7 @@ from gppcs.amounts.options import Options
 from gppcs.app.levels import NAME as LEVEL
 from gppcs.app.levels import Levels
 from gppcs.app.outputs import Output
-from gppcs.app.printing import note_left_out, number_in_words, print_error, record_of_run, time_in_words
+from gppcs.app.printing import note_left_out, print_error, record_of_run, text_of, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, unit_of
 from gppcs.engine.memory import size_of
@@ -204,7 +204,7 @@ class Job:
             meaning = next(words for most, words in NOISES if value <= most)
             meaning = "after --denoise" if self.options.denoise else meaning
             return "noise", f"{100 * value:.2g} % of the spacing of the kept points ({meaning})"
-        amount, text = self.options.amount, number_in_words(value)
+        amount, text = self.options.amount, text_of(value)
         asked = {"largest_gap": amount.max_gap}
         if amount.tolerance is not None:
             measure = amount.tolerance.measure

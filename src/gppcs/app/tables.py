@@ -1,138 +1,137 @@
-"""Tables of a comparison: a selection of columns for terminal and Markdown, and CSV with all figures."""
+"""Tables of a comparison: a selection of the figures for terminal and Markdown, and all of them as CSV."""
 
 from __future__ import annotations
 
 import csv
 import dataclasses
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from io import StringIO
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gppcs.evaluation.report import figure_called
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from gppcs.app.printing import visible
+from gppcs.evaluation.report import definition_of
 
 if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
-FACTORS = {"length": 1e4, "squared length": 1e6}
+FACTORS = (1.0, 1e4, 1e6)  # of relative figures, by the power of the length in their unit
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
-UNITS_OF_MESHES = "Lengths in 1e-4 diagonals of the original's bounding box, slivers as a share of the triangles"
 SHOWN = (
+    "points_out", "vertices", "triangles", "seconds",
     "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
     "surface_mean", "surface_mean_by_area", "surface_max", "feature_error", "feature_recall", "normal_deviation",
     "mean_surface_variation", "covering_radius", "covering_p999", "mean_distance", "chamfer",
     "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "borders", "genus",
     "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip
-ERROR = "error_mean"  # ends the figures of attributes that are shown
 
 
-@dataclass(frozen=True)
-class Row:
-    """What the tables say of one method or way to a mesh; `counts` is its size by the titles of columns."""
+class Cell(NamedTuple):
+    """A value of a table as text, and whether it is the best of its column."""
 
-    kind: Literal["method", "way"]
-    name: str
-    label: str
-    parameters: Mapping[str, Any]
-    counts: Mapping[str, int]
-    seconds: float
-    figures: Mapping[str, float]
-    relative: Mapping[str, float]
-    failure: str | None
-
-    @classmethod
-    def of(cls, entry: Entry | MeshEntry) -> Row:
-        """Return the row of an entry of a comparison."""
-        from gppcs.evaluation.comparison import Entry
-
-        report = entry.report
-        figures, relative = (report.figures(), report.figures(relative=True)) if report else ({}, {})
-        measured = entry.seconds, figures, relative, entry.failure
-        if isinstance(entry, Entry):
-            method = entry.result.method
-            counts = {"points": entry.report.points_out}
-            return cls("method", method.name, str(method), dataclasses.asdict(method), counts, *measured)
-        counts = {"vertices": entry.report.vertices, "triangles": entry.report.triangles} if entry.report else {}
-        return cls("way", entry.way, entry.way, {}, counts, *measured)
+    text: str
+    is_best: bool
 
 
-@dataclass(frozen=True)
-class Column:
-    """A figure of each method or way, in the unit that `units_of` gives, and which values of it are better, if any."""
+def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
+    """Return the record of a method or a pipeline, as `--json` prints it."""
+    from gppcs.evaluation.comparison import Entry
 
-    title: str
-    values: tuple[float | None, ...]
-    better: Literal["less", "more"] | None
+    if isinstance(entry, Entry):
+        method = entry.result.method
+        record: dict[str, Any] = {"method": method.name, "parameters": dataclasses.asdict(method)}
+    else:
+        record = {"pipeline": entry.pipeline}
+    return record | {
+        "seconds": entry.seconds,
+        "figures": entry.report.figures() if entry.report else {},
+        "relative": entry.report.figures(relative=True) if entry.report else {},
+        "failure": entry.failure,
+    }
 
-    def is_best(self, row: int) -> bool:
-        """Return whether a row has the best value."""
-        known = [value for value in self.values if value is not None]
-        if self.better is None or len(set(known)) < 2:
-            return False
-        return self.values[row] == (min(known) if self.better == "less" else max(known))
+
+def label_of(entry: Entry | MeshEntry) -> str:
+    """Return what tables call a method or a pipeline."""
+    from gppcs.evaluation.comparison import Entry
+
+    return str(entry.result.method) if isinstance(entry, Entry) else entry.pipeline
 
 
-def columns_of(rows: Sequence[Row]) -> list[Column]:
-    """Return the columns for terminal and Markdown."""
-    counts = dict.fromkeys(name for row in rows for name in row.counts)
-    columns = [
-        *(Column(name, tuple(row.counts.get(name) for row in rows), None) for name in counts),
-        Column("seconds", tuple(row.seconds for row in rows), "less"),
-    ]
-    of_attributes = dict.fromkeys(name for row in rows for name in row.relative if name.endswith(ERROR))
+def columns_of(records: Sequence[dict[str, Any]]) -> dict[str, list[Cell]]:
+    """Return the columns for terminal and Markdown by their titles."""
+    columns = {}
+    values_of = [record["relative"] | {"seconds": record["seconds"]} for record in records]
+    of_attributes = dict.fromkeys(name for values in values_of for name in values if name.endswith("error_mean"))
     for name in (*SHOWN, *of_attributes):
-        if any(name in row.relative for row in rows):
-            known = figure_called(name)
-            values = (row.relative.get(name) for row in rows)
-            scaled = tuple(None if value is None else FACTORS.get(known.unit, 1) * value for value in values)
-            columns.append(Column(name.replace("_", " "), scaled, known.better))
+        values = [record.get(name) for record in values_of]
+        measured = [value for value in values if value is not None]
+        if not measured or (name == "seconds" and len(measured) < len(records)):
+            continue
+        figure = None if name == "seconds" else definition_of(name)
+        better = figure.better if figure else "less"
+        best = (max if better == "more" else min)(measured) if better and len(set(measured)) > 1 else None
+        factor = FACTORS[figure.power] if figure else 1.0
+        title = "points" if name == "points_out" else name.replace("_", " ")
+        columns[title] = [Cell(_text(value, factor), value is not None and value == best) for value in values]
     return columns
 
 
-def units_of(rows: Sequence[Row]) -> str:
-    """Return the units of a table in words."""
-    return UNITS if rows[0].kind == "method" else UNITS_OF_MESHES
-
-
-def as_text(value: float | None) -> str:
-    """Return a number with three significant digits."""
+def _text(value: float | None, factor: float) -> str:
+    """Return a number with three significant digits, whole ones in full."""
     if value is None:
         return "-"
     if isinstance(value, int):
         return f"{value:,}"
-    rounded = f"{value:.3g}"
-    return rounded if abs(float(rounded)) < 1000 else f"{value:.0f}"
+    rounded = f"{factor * value:.3g}"
+    return rounded if abs(float(rounded)) < 1000 else f"{factor * value:.0f}"
 
 
-def as_markdown(rows: Sequence[Row]) -> str:
+def print_table(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]) -> None:
+    """Print a comparison, wider than the terminal rather than cut. The best value of each column is bold."""
+    table = Table(kind, box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for title, cells in columns.items():
+        width = max(len(word) for word in (*title.split(), *(cell.text for cell in cells)))
+        table.add_column(title, justify="right", width=width)
+    for number, label in enumerate(labels):
+        row = [cells[number] for cells in columns.values()]
+        table.add_row(Text(visible(label)), *(Text(text, style="bold" if best else "") for text, best in row))
+    console = Console(highlight=False)
+    console.width = max(console.width, Console(width=10_000).measure(table).maximum)
+    console.print(table)
+    console.print(UNITS, style="dim")
+
+
+def as_markdown(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]) -> str:
     """Return a comparison as a Markdown table."""
-    columns = columns_of(rows)
-    lines = [[rows[0].kind, *(column.title for column in columns)], ["---"] * (len(columns) + 1)]
-    for number, row in enumerate(rows):
-        marked = (("**" if each.is_best(number) else "", as_text(each.values[number])) for each in columns)
-        lines.append([row.label, *(f"{mark}{text}{mark}" for mark, text in marked)])
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{units_of(rows)}; bold: the best.\n"
+    lines = [[kind, *columns], ["---"] * (len(columns) + 1)]
+    for number, label in enumerate(labels):
+        row = [cells[number] for cells in columns.values()]
+        lines.append([label, *(f"**{text}**" if best else text for text, best in row)])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines) + f"\n{UNITS}; bold: the best.\n"
 
 
-def as_csv(rows: Sequence[Row]) -> str:
-    """Return a comparison as CSV."""
-    records: list[dict[str, Any]] = []
-    for row in rows:
-        parameters = " ".join(f"{name}={value}" for name, value in row.parameters.items())
+def as_csv(records: Sequence[dict[str, Any]]) -> str:
+    """Return a comparison as CSV, with all figures."""
+    rows = []
+    for record in records:
+        row = {name: value for name, value in record.items() if name not in ("figures", "relative", "failure")}
+        if "parameters" in row:
+            row["parameters"] = " ".join(f"{name}={value}" for name, value in record["parameters"].items())
         relative = {
             f"{name}_relative": value
-            for name, value in row.relative.items()
-            if name != "diagonal" and figure_called(name).unit in FACTORS
+            for name, value in record["relative"].items()
+            if name != "diagonal" and definition_of(name).power
         }
-        known = {"parameters": parameters} if row.kind == "method" else {}
-        records.append({row.kind: row.name, **known, "seconds": row.seconds, **row.figures, **relative})
-    names = [*dict.fromkeys(name for record in records for name in record), "failure"]
-    for record, row in zip(records, rows, strict=True):
-        record["failure"] = " ".join((row.failure or "").split())
+        rows.append(row | record["figures"] | relative)
+    names = [*dict.fromkeys(name for row in rows for name in row), "failure"]
     file = StringIO()
     writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(records)
+    for row, record in zip(rows, records, strict=True):
+        writer.writerow(row | {"failure": " ".join((record["failure"] or "").split())})
     return file.getvalue()

@@ -26,31 +26,12 @@ PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough f
 
 @dataclass(frozen=True)
 class Entry:
-    """The result of one method in a comparison.
-
-    Attributes
-    ----------
-    result : Result
-        The simplified cloud and the method.
-    report : Report
-        The figures of that cloud.
-    seconds : float
-        Wall time of the simplification, without the compilation of kernels.
-    failure : str or None
-        Why no surface could be rebuilt; None if it could, or if there was no mesh to compare with.
-
-    Examples
-    --------
-    >>> cloud = gppcs.sample("bracket", n_points=2000)
-    >>> (entry,) = gppcs.compare(cloud, ["fps"], ratio=0.1)
-    >>> entry.result.method, entry.report.points_out
-    (FarthestPoint(), 200)
-    """
+    """The result of one method in a comparison."""
 
     result: Result
     report: Report
-    seconds: float
-    failure: str | None = None
+    seconds: float  # wall time of the simplification, without the compilation of kernels
+    failure: str | None = None  # why no surface could be rebuilt
 
 
 def compare(
@@ -88,7 +69,8 @@ def compare(
     Returns
     -------
     list of Entry
-        One for each method, in the order of `methods`. If no surface can be rebuilt, the entry says why.
+        One for each method, in the order of `methods`: `result`, `report`, the wall time `seconds` of the
+        simplification without the compilation of kernels, and `failure`: why no surface could be rebuilt, or None.
 
     Raises
     ------
@@ -108,24 +90,24 @@ def compare(
     True
     """
     chosen = checked_methods(METHODS if methods is None else methods, ratio, n_points, seed)
-    cloud, timer, counted = as_cloud(cloud), timer_of(timer), weights_of_detail(detail)
+    cloud, timer, weights = as_cloud(cloud), timer_of(timer), weights_of_detail(detail)
     if mesh is not None:
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     if methods is None:
-        chosen = those_that_fit(chosen, len(original), Amount.of(ratio, n_points, None, None, None))
+        chosen = those_that_fit(chosen, len(original), Amount.of(ratio, n_points))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
         simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
         run = Timer(timer.on_progress)
-        of_method = counted if Feature.DETAIL in method.supports else None
+        of_method = weights if Feature.DETAIL in method.supports else None
         result = simplify(
             cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run
         )
         seconds = perf_counter() - start - result.seconds.get(COMPILATION, 0.0)
-        report, failure = judged(original, result.cloud, mesh, timer, list(counted))
+        report, failure = judged(original, result.cloud, mesh, timer, list(weights))
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
 

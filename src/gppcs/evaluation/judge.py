@@ -7,7 +7,7 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,24 +17,16 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of, relative
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
+from gppcs.spatial.scaling import Frame, bounds
 
 if TYPE_CHECKING:
     from gppcs.spatial.kdtree import KdTree
 
-FEATURE_QUANTILE = 0.9  # points above this quantile of surface variation are features
-ROUNDING = 1e-12  # smaller surface variation is rounding error
-MAX_DISTANCE = 0.1  # clouds with a larger median distance, in diagonals of the original, show different objects
-SMALL_SIZE = 0.5  # a cloud below this share of the original's size must be closer, to detect another unit:
-MAX_DISTANCE_OF_SMALL = 0.05  # its median distance must be at most this share of its own size
-MEASURABLE = 1e-70, 1e70  # range of sizes whose squared ratios neither overflow nor vanish
-STRAY_DISTANCE = 0.05  # parts of the rebuilt mesh farther than this from the original mesh, in diagonals, are stray
-SLIVER = 0.2  # triangles of a lower quality are thin
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 Points = NDArray[np.float64]
-ReportPart = TypeVar("ReportPart", Report, Rebuilt, MeshReport)
 
 
 def evaluate(
@@ -65,7 +57,7 @@ def evaluate(
     Returns
     -------
     Report
-        Lengths in the unit of the clouds. `figures_of(gppcs.Report)` defines each figure.
+        Lengths in the unit of the clouds. `gppcs.Report.definitions()` defines each figure.
 
     Raises
     ------
@@ -123,7 +115,7 @@ def evaluate_mesh(
     Returns
     -------
     MeshReport
-        Lengths in the unit of the cloud. `figures_of(MeshReport)` defines each figure.
+        Lengths in the unit of the cloud. `MeshReport.definitions()` defines each figure.
 
     Raises
     ------
@@ -149,9 +141,9 @@ def evaluate_mesh(
     original = as_cloud(original)
     require_original(original, mesh)
     before = usable(original, "original cloud")
-    frame = _Frame.of(before)
-    before = frame.inside(before[first_occurrences(before)])
-    simplified, mesh = frame.mesh_inside(simplified), mesh and frame.mesh_inside(mesh)
+    frame = _frame(before, simplified.vertices, *([] if mesh is None else [mesh.vertices]))
+    before = frame.local(before[first_occurrences(before)])
+    simplified, mesh = _local_mesh(simplified, frame), mesh and _local_mesh(mesh, frame)
     with timer_of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
@@ -164,7 +156,7 @@ def evaluate_mesh(
     report = MeshReport(
         vertices=len(used),
         triangles=len(simplified.faces),
-        diagonal=frame.diagonal,
+        diagonal=_diagonal(before),
         **_mean_and_max("mesh", forth),
         **_mean_and_max("mesh_back", back),
         mesh_pieces=topology.pieces,
@@ -173,9 +165,9 @@ def evaluate_mesh(
         non_manifold_edges=topology.non_manifold_edges,
         non_manifold_vertices=topology.non_manifold_vertices,
         self_intersections=intersections,
-        slivers=float((_qualities(simplified) < SLIVER).mean()),
+        slivers=float((_qualities(simplified) < 0.2).mean()),
     )
-    return frame.outside(report)
+    return report.in_unit(_unit_in(frame))
 
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> None:
@@ -184,9 +176,9 @@ def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     _require_measurable(points, "original cloud")
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
-        frame = _Frame.of(points)
-        inside = frame.inside(points)
-        _require_mesh_near(frame.mesh_inside(mesh), inside, inside, frame)
+        frame = _frame(points, mesh.vertices)
+        local = frame.local(points)
+        _require_mesh_near(_local_mesh(mesh, frame), local, local, frame)
 
 
 def _qualities(mesh: Mesh) -> Points:
@@ -210,28 +202,29 @@ def judged(
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
         normals = _carried_normals(simplified)
-    frame = _Frame.of(before)
+    frame = _frame(before, after, *([] if mesh is None else [mesh.vertices]))
     counts, first = (len(before), len(after)), first_occurrences(after)
-    before, after = (frame.inside(points) for points in (before[first_occurrences(before)], after[first]))
+    before, after = (frame.local(points) for points in (before[first_occurrences(before)], after[first]))
     with timer("distances"):
-        report = frame.outside(_without_mesh(before, after, frame, counts))
+        report = _without_mesh(before, after, frame, counts).in_unit(_unit_in(frame))
     if detail:
         with timer("detail"):
             distinct = original.take(np.flatnonzero(first_occurrences(original.points)))
             report = dataclasses.replace(report, detail=_detail_errors(distinct, simplified, list(detail)))
     if mesh is None:
         return report, None
-    mesh, failure = frame.mesh_inside(mesh), None
+    mesh = _local_mesh(mesh, frame)
+    diagonal, failure = _diagonal(before), None
     with timer("rebuilding"):
         _require_mesh_near(mesh, before, after, frame)
         try:
-            report = dataclasses.replace(report, rebuilt=_rebuilt(after, None, mesh, frame))
+            report = dataclasses.replace(report, rebuilt=_rebuilt(after, None, mesh, frame, diagonal))
         except NoSurfaceError as error:
             failure = error
     if normals is None:
         return report, failure
     with timer("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
-        report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame))
+        report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame, diagonal))
     return report, failure
 
 
@@ -239,11 +232,15 @@ def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str
     """Return the figures of some attributes."""
     from gppcs.evaluation.detail import attribute_errors
 
-    found = {}
-    for name, errors in attribute_errors(original, simplified, names).items():
-        p95, nearest_p95 = (float(np.quantile(each, 0.95)) for each in errors)
-        found[name] = DetailErrors(float(errors[0].mean()), p95, float(errors[1].mean()), nearest_p95)
-    return found
+    return {
+        name: DetailErrors(
+            error_mean=float(interpolated.mean()),
+            error_p95=float(np.quantile(interpolated, 0.95)),
+            nearest_error_mean=float(nearest.mean()),
+            nearest_error_p95=float(np.quantile(nearest, 0.95)),
+        )
+        for name, (interpolated, nearest) in attribute_errors(original, simplified, names).items()
+    }
 
 
 def require_mesh(mesh: Any) -> Mesh:
@@ -253,43 +250,31 @@ def require_mesh(mesh: Any) -> Mesh:
     return mesh
 
 
-class _Frame(NamedTuple):
-    """The coordinates in which figures are computed: the original's low corner at the origin, its size about 1."""
+def _frame(*clouds: Points) -> Frame:
+    """Return the coordinates in which figures are computed: those in which all points, (K, 3) each, are below 1."""
+    lower, upper = zip(*map(bounds, clouds), strict=True)
+    return Frame.around(np.min(lower, axis=0), np.max(upper, axis=0))
 
-    corner: Points
-    unit: float  # a power of two, so that scaling does not round
-    diagonal: float  # of the original's bounding box, in `unit`
 
-    @classmethod
-    def of(cls, points: Points) -> _Frame:
-        extent = np.ptp(points, axis=0)
-        unit = 2.0 ** math.frexp(extent.max())[1]
-        return cls(points.min(axis=0), unit, float(np.linalg.norm(extent / unit)))
+def _local_mesh(mesh: Mesh, frame: Frame) -> Mesh:
+    return Mesh(frame.local(mesh.vertices), mesh.faces)
 
-    def inside(self, points: Points) -> Points:
-        return (points - self.corner) / self.unit
 
-    def mesh_inside(self, mesh: Mesh) -> Mesh:
-        return Mesh(self.inside(mesh.vertices), mesh.faces)
-
-    def outside(self, part: ReportPart) -> ReportPart:
-        """Return figures in the unit of the clouds, given the same figures in the unit of the frame."""
-        values: dict[str, Any] = {
-            name: relative(known, getattr(part, name), 1.0 / self.unit)
-            for name, known in figures_of(type(part)).items()
-        }
-        return dataclasses.replace(part, **{name: value for name, value in values.items() if value is not None})
+def _unit_in(frame: Frame) -> float:
+    """Return the unit of the clouds in that of their frame."""
+    return math.ldexp(1.0, -frame.exponent)
 
 
 def _require_measurable(points: Points, name: str) -> None:
     """Raise an error if the points (N, 3) are so large or so small that squared distances overflow or vanish."""
-    least, most = MEASURABLE
-    largest = float(np.abs(points).max())
-    size = float(np.ptp(points, axis=0).max()) if largest <= most else np.inf
-    if size > most or 0 < size < least:
-        found = f"coordinates up to {largest:.3g}" if largest > most else f"a size of {size:.3g}"
+    smallest, largest = 1e-70, 1e70
+    farthest = float(np.abs(points).max())
+    size = float(np.ptp(points, axis=0).max()) if farthest <= largest else np.inf
+    if size > largest or 0 < size < smallest:
+        found = f"coordinates up to {farthest:.3g}" if farthest > largest else f"a size of {size:.3g}"
         raise InputError(
-            f"expected the {name} to have a size of {least:g} to {most:g}, found {found}: change the unit of all inputs"
+            f"expected the {name} to have a size of {smallest:g} to {largest:g}, found {found}: change the unit of all "
+            "inputs"
         )
 
 
@@ -316,7 +301,7 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
     return normals
 
 
-def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[int, int]) -> Report:
+def _without_mesh(before: Points, after: Points, frame: Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
     from gppcs.spatial.kdtree import KdTree, surface_area
     from gppcs.spatial.spacing import areas_of_points
@@ -339,7 +324,7 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     return Report(
         points_in=counts[0],
         points_out=counts[1],
-        diagonal=frame.diagonal,
+        diagonal=_diagonal(before),
         covering_radius=float(distances.max()),
         covering_p999=float(np.quantile(distances, 0.999)),
         mean_distance=float(distances.mean()),
@@ -359,18 +344,24 @@ def _without_mesh(before: Points, after: Points, frame: _Frame, counts: tuple[in
     )
 
 
-def _weighted_quantile(values: Points, weights: Points, share: float) -> float:
-    """Return the value, (N,), below which a share of the weight, (N,), lies, between the middles of weights."""
+def _diagonal(points: Points) -> float:
+    """Return the diagonal of the bounding box of points, (K, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _weighted_quantile(values: Points, weights: Points, fraction: float) -> float:
+    """Return the value, (N,), below which a fraction of the weight, (N,), lies, between the middles of weights."""
     order = np.argsort(values)
     ends = np.cumsum(weights[order])
-    return float(np.interp(share * ends[-1], ends - weights[order] / 2.0, values[order]))
+    return float(np.interp(fraction * ends[-1], ends - weights[order] / 2.0, values[order]))
 
 
 def _rough(variation: Points) -> NDArray[np.bool_]:
     """Return which points (N,) are features: the tenth of largest surface variation, with ties, or all if flat."""
-    if variation.max() <= ROUNDING:
+    rounding = 1e-12  # smaller surface variation is rounding error
+    if variation.max() <= rounding:
         return np.ones(len(variation), dtype=np.bool_)
-    return variation >= max(np.quantile(variation, FEATURE_QUANTILE) * (1.0 - 1e-9), ROUNDING)
+    return variation >= max(np.quantile(variation, 0.9) * (1.0 - 1e-9), rounding)
 
 
 def _angles(first: Points, second: Points) -> Points:
@@ -391,7 +382,7 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     return float(features_in_radius(tree, radius).surface_variation.mean())
 
 
-def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) -> Rebuilt:
+def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
     """Return the mesh rebuilt from points (M, 3) and its figures. Normals (M, 3) are estimated if not given."""
     from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
 
@@ -400,18 +391,18 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: _Frame) 
     rebuilt = reconstruct(points, normals)
     forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
     areas = rebuilt.face_areas()
-    astray = (back[rebuilt.faces] > STRAY_DISTANCE * frame.diagonal).any(axis=1)
+    astray = (back[rebuilt.faces] > 0.05 * diagonal).any(axis=1)
     figures = Rebuilt(
-        mesh=Mesh(frame.corner + frame.unit * rebuilt.vertices, rebuilt.faces),
+        mesh=Mesh(frame.corner + np.ldexp(rebuilt.vertices, frame.exponent), rebuilt.faces),
         **_mean_and_max("hausdorff", forth),
         **_mean_and_max("back", back),
         pieces=rebuilt.count_pieces(),
         stray_share=float(areas[astray].sum() / areas.sum()),
     )
-    return frame.outside(figures)
+    return figures.in_unit(_unit_in(frame))
 
 
-def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame) -> None:
+def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: Frame) -> None:
     """Raise an error unless the mesh has an area and lies on the original; the boxes tell first."""
     from gppcs.evaluation.reconstruction import distances_to, require_area
 
@@ -422,22 +413,22 @@ def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: _Frame)
     _require_near(distances_to(mesh, after), "mesh", used, before, frame)
 
 
-def _require_near(distances: Points, name: str, points: Points, original: Points, frame: _Frame) -> None:
+def _require_near(distances: Points, name: str, points: Points, original: Points, frame: Frame) -> None:
     """Raise an error if the median of the distances (K,) of points (K, 3) to the original is too large."""
-    middle, limit = float(np.median(distances)), MAX_DISTANCE * frame.diagonal
-    if frame.diagonal == 0.0:
-        limit = float(np.finfo(np.float32).eps * np.abs(frame.corner).max())  # rounding to float32 may move a point
-    elif len(points) >= 10 and _spread(points) < SMALL_SIZE * _spread(original):
-        limit = min(limit, MAX_DISTANCE_OF_SMALL * _spread(points))
+    middle, diagonal = float(np.median(distances)), _diagonal(original)
+    limit = 0.1 * diagonal  # clouds farther from each other show different objects
+    if diagonal == 0.0:  # rounding to float32 may move a point
+        limit = math.ldexp(np.finfo(np.float32).eps * np.abs(frame.corner).max(), -frame.exponent)
+    elif len(points) >= 10 and _spread(points) < 0.5 * _spread(original):  # probably in another unit
+        limit = min(limit, 0.05 * _spread(points))
     if middle <= limit:
         return
-    size = np.linalg.norm(np.ptp(points, axis=0))
-    found, of, whole = (f"{frame.unit * value:.3g}" for value in (middle, size, frame.diagonal))
-    low = ", ".join(f"{frame.unit * value:.6g}" for value in points.min(axis=0))
+    distance, size, expected = (math.ldexp(value, frame.exponent) for value in (middle, _diagonal(points), diagonal))
+    corner = ", ".join(f"{value:.6g}" for value in np.ldexp(points.min(axis=0) - original.min(axis=0), frame.exponent))
     raise InputError(
         f"the {name} does not lie on the original: expected distances of a few spacings between them, found a median "
-        f"of {found}; the bounding box of the {name} has a diagonal of {of}, that of the original {whole}, and the low "
-        f"corners are ({low}) apart: use the same unit and origin for both"
+        f"of {distance:.3g}; the bounding box of the {name} has a diagonal of {size:.3g}, that of the original "
+        f"{expected:.3g}, and the low corners are ({corner}) apart: use the same unit and origin for both"
     )
 
 

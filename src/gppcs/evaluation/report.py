@@ -1,120 +1,64 @@
-"""The figures of a simplification, with the unit and the definition of each, which help and docs print."""
+"""The figures of a simplification, each declared once with its unit and definition, which help and docs print."""
 
 from __future__ import annotations
 
 import dataclasses
-import inspect
-import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
-
-from gppcs.errors import ParameterError, shown
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 if TYPE_CHECKING:
     from gppcs.clouds.mesh import Mesh
 
-Unit = Literal["count", "length", "squared length", "degrees", "share", "ratio"]
-Class = TypeVar("Class", bound=type)
-
 BY_AREA = "each original point weighted by the area of the surface that it stands for"
 
 
-@dataclass(frozen=True)
-class Figure:
-    """The unit and the definition of one figure.
+class Figure(NamedTuple):
+    """The unit and the definition of a figure; lengths are in the unit of the coordinates."""
 
-    Attributes
-    ----------
-    unit : str
-        One of "count", "length", "squared length", "degrees", "share" and "ratio". Lengths are in the unit of the
-        coordinates.
-    definition : str
-        What the figure measures.
-    better : "less", "more" or None
-        Which values are better; None if neither are.
-
-    Examples
-    --------
-    >>> from gppcs.evaluation.report import figures_of
-    >>> figure = figures_of(gppcs.Report)["covering_radius"]
-    >>> figure.unit, figure.better
-    ('length', 'less')
-    """
-
-    unit: Unit
+    unit: Literal["count", "length", "squared length", "degrees", "share", "ratio"]
     definition: str
-    better: Literal["less", "more"] | None = None
+    better: Literal["less", "more"] | None  # which values are better, if any
+
+    @property
+    def power(self) -> int:
+        """The power of the length in the unit."""
+        return {"length": 1, "squared length": 2}.get(self.unit, 0)
 
 
-def figure(unit: Unit, definition: str, better: Literal["less", "more"] | None = "less") -> Any:
+def figure(unit: str, definition: str, better: str | None = "less") -> Any:
     """Return a dataclass field that holds a figure."""
-    return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})
+    return dataclasses.field(metadata={"figure": Figure(unit, definition, better)})  # type: ignore[arg-type]
 
 
-def relative(known: Figure, value: float, diagonal: float) -> float | None:
-    """Return a length over a diagonal, or a squared length over its square; None for other figures or no diagonal."""
-    power = {"length": 1, "squared length": 2}.get(known.unit)
-    return None if power is None or not diagonal > 0 else value / diagonal**power
+class Figures:
+    """A part of a report: a dataclass whose fields are figures."""
+
+    @classmethod
+    def definitions(cls) -> dict[str, Figure]:
+        """Return the unit and the definition of each figure by the name of its field."""
+        fields = dataclasses.fields(cls)  # type: ignore[arg-type]
+        return {field.name: field.metadata["figure"] for field in fields if "figure" in field.metadata}
+
+    def values_in(self, unit: float = 1.0) -> dict[str, float]:
+        """Return all figures by name, with lengths in a unit that is given in theirs; 0 leaves them."""
+        scaled = {}
+        for name, definition in self.definitions().items():
+            value = getattr(self, name)
+            scaled[name] = value / unit**definition.power if definition.power and unit > 0.0 else value
+        return scaled
+
+    def in_unit(self, unit: float) -> Self:
+        """Return the same figures with lengths in another unit, which is given in theirs."""
+        return dataclasses.replace(self, **self.values_in(unit))  # type: ignore[type-var]
 
 
-def _told(report: Class) -> Class:
-    """Complete the docstring of a report by its fields, before its examples, unless `python -OO` has removed it."""
-    if report.__doc__:
-        before, title, examples = inspect.cleandoc(report.__doc__).partition("Examples\n--------")
-        told = []
-        for each in dataclasses.fields(report):
-            meaning = each.metadata["figure"].definition if "figure" in each.metadata else each.metadata["meaning"]
-            text = textwrap.indent(textwrap.fill(f"{meaning[0].upper()}{meaning[1:]}.", 96), "    ")
-            told.append(f"{each.name} : {each.type}\n{text}\n")
-        report.__doc__ = f"{before}Attributes\n----------\n{''.join(told)}\n{title}{examples}"
-    return report
-
-
-def figures_of(report: type) -> Mapping[str, Figure]:
-    """Return unit and definition of each figure of a report.
-
-    Parameters
-    ----------
-    report : type
-        `gppcs.Report`, `DetailErrors`, `Rebuilt` or `MeshReport`.
-
-    Returns
-    -------
-    dict of str to Figure
-        By the name of the field, in the order of the fields.
-
-    Raises
-    ------
-    ParameterError
-        If `report` is neither of them.
-
-    Examples
-    --------
-    >>> from gppcs.evaluation.report import figures_of
-    >>> figures_of(gppcs.Report)["covering_radius"].definition
-    'largest distance from an original point to the nearest kept point'
-    """
-    if not (isinstance(report, type) and issubclass(report, Report | DetailErrors | Rebuilt | MeshReport)):
-        raise ParameterError(f"expected Report, DetailErrors, Rebuilt or MeshReport, found {shown(report)}")
-    return {field.name: field.metadata["figure"] for field in dataclasses.fields(report) if "figure" in field.metadata}
-
-
-@_told
 @dataclass(frozen=True)
-class DetailErrors:
+class DetailErrors(Figures):
     """How far an attribute of the original is from that of a simplified cloud.
 
     The unit is the range of the attribute: of numbers from the 2nd to the 98th percentile, of colours the distance of
     black and white in the space OKLab, of classes the distance of two classes.
-
-    Examples
-    --------
-    >>> cloud = gppcs.sample("bracket", n_points=2000)
-    >>> kept = gppcs.simplify(cloud, ratio=0.1, detail="curvature").cloud
-    >>> errors = gppcs.evaluate(cloud, kept, detail=["curvature"]).detail["curvature"]
-    >>> errors.rms > 0
-    True
     """
 
     error_mean: float = figure(
@@ -127,32 +71,14 @@ class DetailErrors:
     nearest_error_p95: float = figure("share", "95th percentile of those errors")
 
 
-@_told
 @dataclass(frozen=True)
-class Rebuilt:
+class Rebuilt(Figures):
     """The mesh rebuilt from a simplified cloud by screened Poisson reconstruction, compared with the original mesh.
 
-    Lengths are in the unit of the cloud. `figures_of(Rebuilt)` defines each figure.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.spatial import ConvexHull
-    >>> ball = gppcs.sample("sphere", n_points=3000)
-    >>> faces = ConvexHull(ball.points).simplices
-    >>> inward = np.linalg.det(ball.points[faces]) < 0
-    >>> surface = gppcs.Mesh(ball.points, np.where(inward[:, None], faces[:, ::-1], faces))
-    >>> kept = gppcs.simplify(ball, ratio=0.2, method="fps").cloud
-    >>> rebuilt = gppcs.evaluate(ball, kept, mesh=surface).rebuilt
-    >>> rebuilt.pieces
-    1
+    Lengths are in the unit of the cloud.
     """
 
-    mesh: Mesh = dataclasses.field(
-        repr=False,
-        compare=False,
-        metadata={"meaning": "the rebuilt mesh, in the unit and frame of the simplified cloud"},
-    )
+    mesh: Mesh = dataclasses.field(repr=False, compare=False)  # in the unit and frame of the simplified cloud
     hausdorff_mean: float = figure(
         "length", "mean distance from the vertices of the original mesh to the rebuilt mesh (the paper's H mean)"
     )
@@ -167,13 +93,12 @@ class Rebuilt:
     )
 
 
-@_told
 @dataclass(frozen=True)
-class MeshReport:
+class MeshReport(Figures):
     """The figures of a simplified mesh.
 
     Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
-    `figures_of(MeshReport)` defines each figure.
+    `MeshReport.definitions()` says of each figure what it measures, its unit, and which values are better.
 
     Examples
     --------
@@ -221,16 +146,15 @@ class MeshReport:
         -------
         dict of str to float
         """
-        return _values(self, self.diagonal if relative else None)
+        return self.values_in(self.diagonal if relative else 1.0) | {"diagonal": self.diagonal}
 
 
-@_told
 @dataclass(frozen=True)
-class Report:
+class Report(Figures):
     """The figures of a simplification.
 
     Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
-    `figures_of(gppcs.Report)` defines each figure.
+    `Report.definitions()` says of each figure what it measures, its unit, and which values are better.
 
     Examples
     --------
@@ -241,6 +165,17 @@ class Report:
     >>> relative = report.figures(relative=True)
     >>> relative["surface_mean"] == report.surface_mean / report.diagonal
     True
+    >>> gppcs.Report.definitions()["covering_radius"].definition
+    'largest distance from an original point to the nearest kept point'
+
+    Attributes
+    ----------
+    detail : mapping of str to DetailErrors
+        The errors of the attributes that were named.
+    rebuilt : Rebuilt or None
+        The mesh rebuilt with normals estimated on the simplified cloud, if a mesh was given.
+    rebuilt_carried : Rebuilt or None
+        The same with the normals `nx`, `ny` and `nz` of the cloud, if it has some and they give a surface.
     """
 
     points_in: int = figure("count", "points of the original, N", None)
@@ -279,17 +214,9 @@ class Report:
         "degrees", "mean angle between the normals estimated at an original point and at the nearest kept point"
     )
     mean_surface_variation: float = figure("ratio", "mean surface variation of the simplified cloud", "more")
-    detail: Mapping[str, DetailErrors] = dataclasses.field(
-        default_factory=dict, metadata={"meaning": "the errors of the attributes that were named"}
-    )
-    rebuilt: Rebuilt | None = dataclasses.field(
-        default=None,
-        metadata={"meaning": "the mesh rebuilt with normals estimated on the simplified cloud, if asked for"},
-    )
-    rebuilt_carried: Rebuilt | None = dataclasses.field(
-        default=None,
-        metadata={"meaning": "the same with the normals `nx`, `ny` and `nz` of the cloud, if there are, and a surface"},
-    )
+    detail: Mapping[str, DetailErrors] = dataclasses.field(default_factory=dict)
+    rebuilt: Rebuilt | None = None
+    rebuilt_carried: Rebuilt | None = None
 
     def figures(self, relative: bool = False) -> dict[str, float]:
         """Return all figures by name.
@@ -305,30 +232,20 @@ class Report:
             The figures of this report and of `rebuilt`, those of `rebuilt_carried` with the prefix "carried_", and
             those of `detail` with the names of the attributes as prefixes.
         """
-        values = {}
-        parts: list[tuple[str, Report | DetailErrors | Rebuilt | None]] = [("", self)]
-        parts += [(f"{name}_", errors) for name, errors in self.detail.items()]
+        unit = self.diagonal if relative else 1.0
+        values = self.values_in(unit) | {"diagonal": self.diagonal}
+        parts = [(f"{name}_", errors) for name, errors in self.detail.items()]
         for prefix, part in (*parts, ("", self.rebuilt), ("carried_", self.rebuilt_carried)):
-            of_part = _values(part, self.diagonal if relative else None) if part else {}
-            values.update({prefix + name: value for name, value in of_part.items()})
+            if part:
+                values |= {prefix + name: value for name, value in part.values_in(unit).items()}
         return values
 
 
-def figure_called(name: str) -> Figure:
-    """Return the figure of a name in `Report.figures` or `MeshReport.figures`."""
-    known = {**figures_of(Report), **figures_of(Rebuilt), **figures_of(MeshReport)}
-    if (bare := name.removeprefix("carried_")) in known:
-        return known[bare]
-    # The longest name of a figure of an attribute that the name ends in.
-    ends = [each for each in figures_of(DetailErrors) if name.endswith(f"_{each}")]
-    return figures_of(DetailErrors)[max(ends, key=len)]
-
-
-def _values(part: Report | DetailErrors | Rebuilt | MeshReport, diagonal: float | None) -> dict[str, float]:
-    """Return the figures of a report by name, relative to a diagonal if one is given."""
-    values = {}
-    for name, known in figures_of(type(part)).items():
-        value = getattr(part, name)
-        scaled = relative(known, value, diagonal) if diagonal is not None and name != "diagonal" else None
-        values[name] = value if scaled is None else scaled
-    return values
+def definition_of(name: str) -> Figure:
+    """Return the definition of a figure by its name in `Report.figures` or `MeshReport.figures`."""
+    definitions = Report.definitions() | Rebuilt.definitions() | MeshReport.definitions()
+    if (bare := name.removeprefix("carried_")) in definitions:
+        return definitions[bare]
+    # Of an attribute: the longest name that it ends in, as "nearest_error_mean" ends in "error_mean", too.
+    ends = [figure for figure in DetailErrors.definitions() if name.endswith(f"_{figure}")]
+    return DetailErrors.definitions()[max(ends, key=len)]

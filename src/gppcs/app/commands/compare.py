@@ -1,25 +1,25 @@
-"""The command `gppcs compare`: several methods, or ways to a mesh, on one cloud, as tables and a picture."""
+"""The command `gppcs compare`: several methods, or pipelines to a mesh, on one cloud, as tables and a picture."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gppcs.app import options
+from gppcs.app.options import option
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.panels import LOOK, METHOD
-from gppcs.app.printing import names_of, print_error, print_json, say, started
+from gppcs.app.printing import emit, names_of, print_error, say, started
 from gppcs.clouds.quantities import count_of, share_of
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
 
 if TYPE_CHECKING:
-    from gppcs.app.tables import Row
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
     from gppcs.drawing.viewpoint import Viewpoint
@@ -27,13 +27,12 @@ if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
-ADVICE = "; give a mesh with --mesh"  # where the original is too large to be rebuilt
 EPILOG = (
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
     "gppcs compare scan.ply --points 5k --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
     "gppcs compare scan.ply --ratio 3% --meshes -o meshes\n\n"
     "gppcs compare scan.ply --ratio 3% --meshes --methods mesh,poisson-decimated -o meshes\n\n"
-    "[bold]Ways to a mesh[/bold]\n\n"
+    "[bold]Pipelines to a mesh[/bold]\n\n"
     "mesh, mesh-moved, mesh-effort: gppcs mesh, without and with --moved, and with --effort 2\n\n"
     "poisson-kept, ball-pivoting, advancing-front: gp keeps points; then screened Poisson reconstruction, ball "
     "pivoting or CGAL's advancing front (needs the extra cgal) makes a mesh of them\n\n"
@@ -44,136 +43,170 @@ EPILOG = (
 
 def compare(
     context: typer.Context,
-    cloud: Path = options.CLOUD,
-    output: Path = options.output(
-        "DIR", "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist."
-    ),
-    ratio: str | None = options.RATIO,
-    points: str | None = options.POINTS,
-    meshes: bool = options.flag(
-        "--meshes",
-        "Compare ways to make a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
-        METHOD,
-    ),
-    methods: str | None = options.option(
-        "NAME,...",
-        "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With "
-        "--meshes, names of ways to a mesh; by default all ways whose packages are installed.",
-        METHOD,
-        show_default="all",
-    ),
-    mesh: Path | None = options.option(
-        None, "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.", LOOK
-    ),
-    seed: int | None = options.SEED,
-    detail: list[str] | None = options.option(
-        "NAME[:WEIGHT]",
-        "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or classes. "
-        "Can be repeated.",
-        METHOD,
-    ),
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    drop: options.Invalid | None = options.DROP_INVALID,
-    picture: bool = options.option(
-        None,
-        "Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.",
-        LOOK,
-        default=True,
-    ),
-    colour: str | None = options.COLOUR,
-    report: bool = options.flag(
-        "--report",
-        "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; "
-        "see gppcs report.",
-        LOOK,
-    ),
-    view: str | None = options.VIEW,
-    up: options.Axis | None = options.UP,
-    threads: int | None = options.THREADS,
-    force: bool = options.FORCE,
-    quiet: bool = options.QUIET,
-    as_json: bool = options.JSON,
+    cloud: options.Cloud,
+    output: Annotated[
+        Path,
+        options.output(
+            "DIR",
+            "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
+        ),
+    ],
+    ratio: options.Ratio = None,
+    points: options.Points = None,
+    meshes: Annotated[
+        bool,
+        option(
+            "Compare pipelines to a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
+            METHOD,
+            "--meshes",
+        ),
+    ] = False,
+    methods: Annotated[
+        str | None,
+        option(
+            "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With --meshes, "
+            "names of pipelines. By default all methods that memory suffices for, and all pipelines whose packages "
+            "are installed.",
+            METHOD,
+            metavar="NAME,...",
+        ),
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        option(
+            "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.", LOOK
+        ),
+    ] = None,
+    seed: options.Seed = None,
+    detail: Annotated[
+        list[str] | None,
+        option(
+            "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or "
+            "classes. Can be repeated.",
+            METHOD,
+            metavar="NAME[:WEIGHT]",
+        ),
+    ] = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    drop: options.Drop = None,
+    picture: Annotated[
+        bool, option("Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.", LOOK)
+    ] = True,
+    colour: options.Colour = None,
+    report: Annotated[
+        bool,
+        option(
+            "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; see "
+            "gppcs report.",
+            LOOK,
+            "--report",
+        ),
+    ] = False,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
 
-    With --meshes, make a light mesh of the cloud in several ways instead.
+    With --meshes, make a light mesh of the cloud by several pipelines instead.
     """
     from gppcs import io
-    from gppcs.app.console import print_comparison
-    from gppcs.app.tables import Row, as_csv, as_markdown
-    from gppcs.drawing.attributes import Colourable
+    from gppcs.app.tables import as_csv, as_markdown, columns_of, label_of, print_table, record_of
     from gppcs.drawing.web.contents import Named, report_page
-    from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab, require_pyvista
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
-    from gppcs.evaluation.mesh_comparison import checked_ways, compare_meshes
-    from gppcs.evaluation.mesh_ways import require_way
+    from gppcs.evaluation.mesh_comparison import checked_pipelines, compare_meshes
     from gppcs.io.mesh_files import read_mesh
 
     timer = started(quiet, threads)
-    share = None if ratio is None else share_of("ratio", ratio)
+    fraction = None if ratio is None else share_of("ratio", ratio)
     count = None if points is None else count_of("n_points", points)
-    counted = options.weights_of(detail)
-    for wrong, message in (
-        (meshes and seed is not None, "expected --seed without --meshes, whose ways draw no random numbers"),
-        (meshes and counted, "expected --detail without --meshes, whose ways look at no attributes"),
-        (
-            (view or up) and not (picture or report),
-            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture",
-        ),
-        (colour and not picture, "expected a picture to colour by --colour, found none; leave out --no-picture"),
-    ):
-        if wrong:
-            raise ParameterError(message)
+    weights = options.weights_of(detail)
+    _check_options(meshes, seed, weights, picture, report, view or up, colour)
     if picture:
-        ways = (partial(require_way, name) for name in names_of(methods) or ())
-        require_all(require_pymeshlab, require_matplotlib, require_pyvista, *ways)
+        _require_extras(names_of(methods) or ())
     work: Any
     if meshes:
-        work = partial(compare_meshes, ways=checked_ways(names_of(methods), share, count))
+        work = partial(compare_meshes, pipelines=checked_pipelines(names_of(methods), fraction, count))
     else:
-        checked_methods(names_of(methods) or METHODS, share, count, seed)
-        work = partial(compared, methods=names_of(methods) or None, seed=seed, detail=counted)
+        checked_methods(names_of(methods) or METHODS, fraction, count, seed)
+        work = partial(compared, methods=names_of(methods) or None, seed=seed, detail=weights)
     viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)
     surface = read_mesh(mesh) if mesh else None
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
-        Colourable.of(original).require(colour)
-    entries = work(
-        original, ratio=share, n_points=count, mesh=surface, invalid="drop" if drop else "error", timer=timer
-    )
-    rows = [Row.of(entry) for entry in entries]
-    if not (meshes or methods) and (missing := METHODS.keys() - {row.name for row in rows}):
+        _require_colour(original, colour)
+    invalid = "drop" if drop else "error"
+    entries = work(original, ratio=fraction, n_points=count, mesh=surface, invalid=invalid, timer=timer)
+    kind, labels, records = "pipeline" if meshes else "method", [*map(label_of, entries)], [*map(record_of, entries)]
+    if not (meshes or methods) and (missing := METHODS.keys() - {record["method"] for record in records}):
         print_error(f"note: {cloud}: left out, as memory is too small: {', '.join(sorted(missing))}")
     with timer("tables and picture"):
-        contents = {"table.csv": as_csv(rows).encode(), "table.md": as_markdown(rows).encode()}
+        table = kind, labels, columns_of(records)
+        contents = {"table.csv": as_csv(records).encode(), "table.md": as_markdown(*table).encode()}
         shown = _meshes(entries) if meshes else _clouds(entries, original, surface, picture)
         if not meshes and picture and surface is None:
-            surface = rebuilt("the original", finite := original.take(original.finite_rows()), finite, ADVICE)
+            finite = original.take(original.finite_rows())
+            surface = rebuilt("the original", finite, finite, "; give a mesh with --mesh")
         if picture:
-            contents["picture.png"] = _drawn(original, surface, shown, rows, viewpoint, colour)
-    if report and shown:  # without results no way has found a surface, and the notes say so
+            relative = [record["relative"] for record in records if record["relative"]]
+            contents["picture.png"] = _drawn(original, surface, shown, relative, viewpoint, colour)
+    if report and shown:  # without results no pipeline has found a surface, and the notes say so
         made = how_made(context.obj, inputs)
         page = BytesIO()
-        report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer, list(counted)).write(page)
+        report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer, list(weights)).write(page)
         contents["report.html"] = page.getvalue()
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
         with io.whole_file(output / name, force) as file:
             file.write(content)
     if not (as_json or quiet):
-        print_comparison(rows)
+        print_table(*table)
         say(f"{output}: {', '.join(contents)}")
-    for row in rows:
+    for label, record in zip(labels, records, strict=True):
         if as_json:
-            parameters = {"parameters": row.parameters} if row.kind == "method" else {}
-            measured = {"seconds": row.seconds, "figures": row.figures, "relative": row.relative}
-            print_json({row.kind: row.name, **parameters, **measured, "failure": row.failure})
-        if row.failure:
-            print_error(f"note: {row.label}: {row.failure}")
+            emit(record, as_json)
+        if record["failure"]:
+            print_error(f"note: {label}: {record['failure']}")
+
+
+def _check_options(
+    meshes: bool, seed: int | None, detail: object, picture: bool, report: bool, viewpoint: object, colour: object
+) -> None:
+    """Check that the options go together."""
+    for is_wrong, message in (
+        (meshes and seed is not None, "expected --seed without --meshes, whose pipelines draw no random numbers"),
+        (meshes and detail, "expected --detail without --meshes, whose pipelines look at no attributes"),
+        (
+            viewpoint and not (picture or report),
+            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture",
+        ),
+        (colour and not picture, "expected a picture to colour by --colour, found none; leave out --no-picture"),
+    ):
+        if is_wrong:
+            raise ParameterError(message)
+
+
+def _require_extras(pipelines: Sequence[str]) -> None:
+    """Raise an error that names all packages that a picture lacks."""
+    from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab, require_pyvista
+    from gppcs.evaluation.mesh_pipelines import require_pipeline
+
+    needed = (partial(require_pipeline, name) for name in pipelines)
+    require_all(require_pymeshlab, require_matplotlib, require_pyvista, *needed)
+
+
+def _require_colour(original: PointCloud, colour: str) -> None:
+    """Raise an error if a cloud cannot be coloured so."""
+    from gppcs.drawing.attributes import Colourable
+
+    Colourable.of(original).require(colour)
 
 
 def _clouds(entries: Sequence[Entry], original: PointCloud, surface: Mesh | None, drawn: bool) -> list[Named]:
@@ -199,18 +232,20 @@ def _meshes(entries: Sequence[MeshEntry]) -> list[Named]:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.drawing.web.contents import Named
 
-    return [
-        Named(way, PointCloud(mesh.vertices[np.unique(mesh.faces)]), mesh, f"it is a vertex of the mesh by {way}")
-        for way, mesh in ((entry.way, entry.mesh) for entry in entries if entry.report)
-        if mesh
-    ]
+    shown = []
+    for entry in entries:
+        if entry.report and entry.mesh:
+            vertices = PointCloud(entry.mesh.vertices[np.unique(entry.mesh.faces)])
+            reason = f"it is a vertex of the mesh by {entry.pipeline}"
+            shown.append(Named(entry.pipeline, vertices, entry.mesh, reason))
+    return shown
 
 
 def _drawn(
     original: PointCloud,
     surface: Mesh | None,
     shown: Sequence[Named],
-    rows: Sequence[Row],
+    relative: Sequence[dict[str, float]],
     viewpoint: Viewpoint,
     colour: str | None,
 ) -> bytes:
@@ -220,20 +255,14 @@ def _drawn(
 
     everything, legend = painted(original.take(original.finite_rows()), colour)
     columns = [Column("original", everything, "", surface)]
-    captions = {row.label: _caption(row.relative) for row in rows if row.relative}
-    counted: Literal["points", "vertices"] = "points" if rows[0].kind == "method" else "vertices"
-    for each in shown:
-        kept = everything.at(each.cloud.points)
-        columns.append(Column(each.name, kept, captions[each.name], each.mesh, counted))
+    for named, figures in zip(shown, relative, strict=True):
+        name = next(name for name in ("mesh_mean", "hausdorff_mean", "surface_mean") if name in figures)
+        caption = f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
+        counted = "vertices" if "vertices" in figures else "points"
+        columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh, counted))
     image = BytesIO()
     draw_comparison(image, columns, viewpoint, legend)
     return image.getvalue()
-
-
-def _caption(relative: Mapping[str, float]) -> str:
-    """Return the mean error of a result, in diagonals of the original's bounding box."""
-    name = next(name for name in ("mesh_mean", "hausdorff_mean", "surface_mean") if name in relative)
-    return f"{name.replace('_', ' ')}\n{relative[name]:.2e} diagonals"
 
 
 def _check_folder(folder: Path, names: list[str], inputs: list[Path], force: bool) -> None:

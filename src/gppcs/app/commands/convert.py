@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
@@ -19,29 +19,42 @@ EPILOG = (
 
 
 def convert(
-    source: Path = options.file_argument(
-        "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
-    ),
-    target: Path = options.file_argument("OUT", "The file to write."),
-    input_format: str | None = options.FROM,
-    output_format: str | None = options.TO,
-    ascii: bool | None = options.ASCII,  # noqa: A002
-    columns: str | None = options.COLUMNS,
-    inside: list[str] | None = options.INSIDE,
-    only: str | None = options.ONLY,
-    resolution: float | None = options.RESOLUTION,
-    levels_by: Literal["gp", "fps", "random", "order"] | None = options.option(
-        None,
-        "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without this "
-        "option, fps or random, or by the order of the input.",
-    ),
-    drop: options.Invalid | None = options.option(None, "Leave out the points with NaN or infinite coordinates."),
-    assume_same_crs: bool = options.ASSUME_SAME_CRS,
-    memory: str | None = options.MEMORY,
-    workers: str | None = options.WORKERS,
-    force: bool = options.FORCE,
-    lossy: bool = options.LOSSY,
-    quiet: bool = options.QUIET,
+    source: Annotated[
+        Path,
+        options.files(
+            "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
+        ),
+    ],
+    target: Annotated[Path, options.files("OUT", "The file to write.")],
+    input_format: options.From = None,
+    output_format: options.To = None,
+    ascii: options.Ascii = None,  # noqa: A002
+    columns: options.Columns = None,
+    inside: options.Inside = None,
+    only: options.Only = None,
+    resolution: options.Resolution = None,
+    levels_by: Annotated[
+        Literal["gp", "fps", "random", "order"] | None,
+        options.option(
+            "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without "
+            "this option, fps or random, or by the order of the input."
+        ),
+    ] = None,
+    drop: options.Drop = None,
+    assume_same_crs: Annotated[
+        bool,
+        options.option(
+            "If several files are one cloud, give all of them the coordinate system of the first file. Without this "
+            "option, files with different coordinate systems are an error.",
+            None,
+            "--assume-same-crs",
+        ),
+    ] = False,
+    memory: options.Memory = None,
+    workers: options.Workers = None,
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a cloud in another format, with every attribute.
 

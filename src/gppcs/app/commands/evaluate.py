@@ -1,19 +1,20 @@
-"""The command `gppcs evaluate`: how good a simplified cloud is."""
+"""The command `gppcs evaluate`: how good a simplified cloud or mesh is."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 from gppcs.app import options
-from gppcs.app.printing import figure_rows, names_of, print_error, show, started
+from gppcs.app.printing import emit, length_in_words, names_of, print_error, started, text_of
 from gppcs.errors import ParameterError
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report, figures_of
+from gppcs.evaluation.report import DetailErrors, Figures, MeshReport, Rebuilt, Report, definition_of
 
 
-def _defined(report: type) -> str:
+def _defined(report: type[Figures]) -> str:
     return "\n\n".join(
         f"[cyan]{name.replace('_', ' ')}[/cyan] ({figure.unit}): {figure.definition}"
-        for name, figure in figures_of(report).items()
+        for name, figure in report.definitions().items()
     )
 
 
@@ -36,20 +37,22 @@ EPILOG = (
 
 
 def evaluate(
-    original: Path = options.file_argument("ORIGINAL", "The original cloud."),
-    simplified: Path | None = options.file_argument("SIMPLIFIED", "The simplified cloud.", default=None),
-    mesh: Path | None = options.option(
-        None, "The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."
-    ),
-    simplified_mesh: Path | None = options.option(
-        "FILE", "A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED."
-    ),
-    detail: list[str] | None = options.MEASURED,
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    threads: int | None = options.THREADS,
-    quiet: bool = options.QUIET,
-    as_json: bool = options.JSON,
+    original: Annotated[Path, options.files("ORIGINAL", "The original cloud.")],
+    simplified: Annotated[Path | None, options.files("SIMPLIFIED", "The simplified cloud.")] = None,
+    mesh: Annotated[
+        Path | None,
+        options.option("The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."),
+    ] = None,
+    simplified_mesh: Annotated[
+        Path | None,
+        options.option("A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED.", metavar="FILE"),
+    ] = None,
+    detail: options.Measured = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    threads: options.Threads = None,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
@@ -75,28 +78,40 @@ def evaluate(
             f"--simplified-mesh {simplified}"
         )
     clouds = [cloud.take(cloud.finite_rows()) for cloud, _ in read]
-    report = (
-        evaluate_mesh(clouds[0], judged, surface, timer)
-        if judged
-        else measured(clouds[0], clouds[1], surface, timer, detail or ())
-    )
-    result = {"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}
-    counts = {} if judged else {"points": f"{len(clouds[0]):,} in, {len(clouds[1]):,} out"}
-    show(
-        {
-            "original": str(original),
-            **result,
-            "mesh": str(mesh) if mesh else None,
-            "figures": report.figures(),
-            "relative": report.figures(relative=True),
-        },
-        f"{original} → {simplified_mesh or simplified}",
-        counts | figure_rows(report, unit_of(clouds[0].header)),
-        as_json,
-        quiet,
-    )
+    report: Report | MeshReport
+    if judged:
+        report = evaluate_mesh(clouds[0], judged, surface, timer)
+    else:
+        report = measured(clouds[0], clouds[1], surface, timer, detail or ())
+    record = {
+        "original": str(original),
+        **({"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}),
+        "mesh": str(mesh) if mesh else None,
+        "figures": report.figures(),
+        "relative": report.figures(relative=True),
+    }
+    rows = _rows(report, unit_of(clouds[0].header))
+    emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", rows)
     if isinstance(report, Report):
         _note_strays(report)
+
+
+def _rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
+    """Return the figures as rows of a table, with units."""
+    figures, relative = report.figures(), report.figures(relative=True)
+    rows = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
+    for name, value in figures.items():
+        known_unit = definition_of(name).unit
+        if known_unit == "length":
+            text = length_in_words(value, unit, None if name == "diagonal" else report.diagonal)
+        elif known_unit == "squared length":
+            text = f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)"
+        elif known_unit == "share":
+            text = f"{100 * value:.4g} %"
+        else:
+            text = text_of(value) + (" degrees" if known_unit == "degrees" else "")
+        rows[name] = text
+    return rows
 
 
 def _note_strays(report: Report) -> None:

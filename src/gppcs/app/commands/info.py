@@ -5,27 +5,26 @@ from __future__ import annotations
 import dataclasses
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from gppcs.app import options
 from gppcs.app.outputs import sources_of
-from gppcs.app.printing import for_each, names_of, show
+from gppcs.app.printing import emit, for_each, names_of, text_of
 
 if TYPE_CHECKING:
-    from gppcs.clouds.summary import Summary
     from gppcs.io.reading import Loaded
 
 EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
 
 def info(
-    files: list[Path] = options.file_argument("FILE...", options.FILES),
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    inside: list[str] | None = options.INSIDE,
-    only: str | None = options.ONLY,
-    resolution: float | None = options.RESOLUTION,
-    as_json: bool = options.JSON,
+    files: Annotated[list[Path], options.files("FILE...", options.FILES)],
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    inside: options.Inside = None,
+    only: options.Only = None,
+    resolution: options.Resolution = None,
+    as_json: options.Json = False,
 ) -> None:
     """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
 
@@ -44,36 +43,23 @@ def _print(file: Path, loaded: Loaded, as_json: bool) -> None:
     from gppcs.clouds.summary import info as summarise
 
     summary, faces = summarise(loaded.cloud), loaded.faces
-    unit = f" {summary.unit}" if summary.unit else ""
-    rows = {
-        "points": f"{summary.points:,}",
-        "low corner": "  ".join(f"{value:.9g}" for value in summary.low),
-        "high corner": "  ".join(f"{value:.9g}" for value in summary.high),
-        "unit": summary.unit or "the file does not say it",
-        "diagonal": f"{summary.diagonal:.6g}{unit}",
-        "spacing": f"{summary.spacing:.4g}{unit} (median distance to the nearest other point)",
-        "repeats": f"{summary.repeats:,}",
-        "not finite": f"{summary.non_finite:,}",
-        "coordinates": summary.coordinate_type,
-    }
-    if summary.crs:
-        rows["coordinate system"] = summary.crs
-    if faces:
-        rows["faces"] = f"{faces:,} (the file is a mesh; only its vertices are read)"
     record = {"file": str(file), **dataclasses.asdict(summary), "faces": faces}
-    show(record, str(file), rows | _attribute_rows(summary), as_json)
-
-
-def _attribute_rows(summary: Summary) -> dict[str, str]:
-    """Return the type and the range of each attribute as rows of a table."""
-    kinds = {name: re.sub(r"^[<>]U\d+", "text", kind) for name, kind in summary.attributes.items()}
-    width = max(map(len, kinds.values()), default=0)
-    return {f"attribute {name}": f"{kind:<{width}}  {_written(summary.ranges[name])}" for name, kind in kinds.items()}
+    rows = {
+        name: value
+        for name, value in record.items()
+        if value is not None and name not in ("file", "attributes", "ranges")
+    }
+    rows |= {name: "  ".join(f"{value:.9g}" for value in rows[name]) for name in ("low", "high")}  # may be far away
+    rows |= {"unit": summary.unit or "the file does not say it"}
+    for name, kind in summary.attributes.items():
+        kind = re.sub(r"^[<>]U\d+", "text", kind)
+        rows[f"attribute {name}"] = f"{kind:<8}  {_written(summary.ranges[name])}"
+    emit(record, as_json, False, str(file), rows)
 
 
 def _written(limits: tuple[float, float] | None) -> str:
-    """Return a range in words; whole numbers in full, others with nine digits, as coordinates have."""
+    """Return the range of an attribute."""
     if limits is None:
         return ""
-    least, greatest = (f"{limit}" if isinstance(limit, int) else f"{limit:.9g}" for limit in limits)
-    return least if least == greatest else f"{least} to {greatest}"
+    smallest, largest = map(text_of, limits)
+    return smallest if smallest == largest else f"{smallest} to {largest}"

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 from gppcs.app import options
 from gppcs.app.outputs import check_output
 from gppcs.app.pages import different_names
-from gppcs.app.panels import LOOK
 from gppcs.app.printing import names_of, note_left_out, print_error, say, started, visible
 from gppcs.errors import ParameterError, shown
 
@@ -27,27 +26,32 @@ EPILOG = (
 
 
 def render(
-    sources: list[Path] = options.file_argument(
-        "IN [SIMPLIFIED]",
-        "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
-        "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
-    ),
-    output: Path = options.output("PNG", "The picture to write; - is standard output."),
-    colour: str | None = options.option(
-        "NAME",
-        "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
-        "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
-        "surface variation.",
-        LOOK,
-    ),
-    size: str = options.option("WIDTHxHEIGHT", "Size in pixels, of one cloud or mesh.", LOOK, default="1280x960"),
-    view: str | None = options.VIEW,
-    up: options.Axis | None = options.UP,
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    threads: int | None = options.THREADS,
-    force: bool = options.FORCE,
-    quiet: bool = options.QUIET,
+    sources: Annotated[
+        list[Path],
+        options.files(
+            "IN [SIMPLIFIED]",
+            "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
+            "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
+        ),
+    ],
+    output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
+    colour: Annotated[
+        str | None,
+        options.option(
+            "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
+            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
+            "surface variation.",
+            metavar="NAME",
+        ),
+    ] = None,
+    size: Annotated[str, options.option("Size in pixels, of one cloud or mesh.", metavar="WIDTHxHEIGHT")] = "1280x960",
+    view: options.View = None,
+    up: options.Up = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -22,26 +23,33 @@ EPILOG = (
 
 def report(
     context: typer.Context,
-    original: Path = options.file_argument("ORIGINAL", "The original cloud."),
-    simplified: list[Path] = options.file_argument(
-        "SIMPLIFIED...",
-        "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them "
-        "without --add kept.",
-    ),
-    output: Path = options.output("HTML", "The page to write; - is standard output."),
-    meshes: bool = options.flag(
-        "--meshes",
-        "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
-        "extra evaluate.",
-    ),
-    detail: list[str] | None = options.MEASURED,
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    view: str | None = options.VIEW,
-    up: options.Axis | None = options.UP,
-    threads: int | None = options.THREADS,
-    force: bool = options.FORCE,
-    quiet: bool = options.QUIET,
+    original: Annotated[Path, options.files("ORIGINAL", "The original cloud.")],
+    simplified: Annotated[
+        list[Path],
+        options.files(
+            "SIMPLIFIED...",
+            "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them without "
+            "--add kept.",
+        ),
+    ],
+    output: Annotated[Path, options.output("HTML", "The page to write; - is standard output.")],
+    meshes: Annotated[
+        bool,
+        options.option(
+            "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
+            "extra evaluate.",
+            None,
+            "--meshes",
+        ),
+    ] = False,
+    detail: options.Measured = None,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a page that shows simplified clouds beside their original, to turn in the browser.
 
@@ -63,11 +71,11 @@ def report(
         read = io.read_each(inputs, input_format, names_of(columns))
         clouds = [Named(name, cloud) for name, (cloud, _) in zip(different_names(inputs), read, strict=True)]
     if meshes:
-        with timer("meshes", len(clouds)) as advanced:
-            finite = [each.cloud.take(each.cloud.finite_rows()) for each in clouds]
+        with timer("meshes", len(clouds)) as on_progress:
+            finite = [named.cloud.take(named.cloud.finite_rows()) for named in clouds]
             for number, cloud in enumerate(finite if all(map(len, finite)) else []):  # the page refuses empty clouds
                 clouds[number] = replace(clouds[number], mesh=rebuilt(clouds[number].name, cloud, finite[0]))
-                advanced(1)
+                on_progress(1)
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
         page.write(file)

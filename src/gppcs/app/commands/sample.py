@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from gppcs import __version__
 from gppcs.app import options
+from gppcs.app.options import option
 from gppcs.app.outputs import check_output
-from gppcs.app.printing import note_left_out, print_json, say, started
+from gppcs.app.printing import emit, note_left_out, say, started
 from gppcs.clouds.quantities import count_of
 
 EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
@@ -23,33 +24,35 @@ def _names() -> list[str]:
 
 
 def sample(
-    name: str = typer.Argument(
-        ...,
-        metavar="NAME",
-        help="medallion, bracket, fan, statue or sphere; or a scene as a sensor sees it: room, street or terrain.",
-        show_default=False,
-        autocompletion=_names,
-    ),
-    output: Path = options.output("OUT", "The file to write."),
-    points: str = options.option(
-        "N", "Number of points, outliers included, such as 50000, 50k or 1.5M.", default="200k"
-    ),
-    noise: float = options.option(
-        None, "Standard deviation of the noise on each coordinate, as a share of the diagonal.", default=0.0
-    ),
-    outliers: float = options.option(
-        None, "Share of the points that are outliers, anywhere in the enlarged bounding box.", default=0.0
-    ),
-    uneven: float = options.option(
-        None, "Share of the density that is lost from one end of an object to the other, from 0 to 0.999.", default=0.0
-    ),
-    seed: int = options.option(None, "Seed of random numbers. The same seed gives the same scan.", default=0),
-    output_format: str | None = options.TO,
-    ascii: bool | None = options.ASCII,  # noqa: A002
-    force: bool = options.FORCE,
-    lossy: bool = options.LOSSY,
-    quiet: bool = options.QUIET,
-    as_json: bool = options.JSON,
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="medallion, bracket, fan, statue or sphere; or a scene as a sensor sees it: room, street or terrain.",
+            show_default=False,
+            autocompletion=_names,
+        ),
+    ],
+    output: Annotated[Path, options.output("OUT", "The file to write.")],
+    points: Annotated[
+        str, option("Number of points, outliers included, such as 50000, 50k or 1.5M.", metavar="N")
+    ] = "200k",
+    noise: Annotated[
+        float, option("Standard deviation of the noise on each coordinate, as a share of the diagonal.")
+    ] = 0.0,
+    outliers: Annotated[
+        float, option("Share of the points that are outliers, anywhere in the enlarged bounding box.")
+    ] = 0.0,
+    uneven: Annotated[
+        float, option("Share of the density that is lost from one end of an object to the other, from 0 to 0.999.")
+    ] = 0.0,
+    seed: Annotated[int, option("Seed of random numbers. The same seed gives the same scan.")] = 0,
+    output_format: options.To = None,
+    ascii: options.Ascii = None,  # noqa: A002
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Make a synthetic scan of a surface that is known exactly, with its normals.
 
@@ -66,6 +69,6 @@ def sample(
     if io.is_standard(output):
         return
     if as_json:
-        print_json({"output": str(output), "name": name, "points": len(cloud), **settings, "version": __version__})
+        emit({"output": str(output), "name": name, "points": len(cloud), **settings, "version": __version__}, as_json)
     elif not quiet:
         say(f"{output}: {len(cloud):,} points")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from gppcs.app import options
 from gppcs.app.levels import Levels
+from gppcs.app.options import option
 from gppcs.app.outputs import outputs_of
-from gppcs.app.panels import ATTRIBUTES, CHOICE, METHOD
-from gppcs.app.printing import for_each, names_of, say, say_aside, show, started
+from gppcs.app.panels import ATTRIBUTES, CHOICE, LARGE, METHOD, SIZE
+from gppcs.app.printing import emit, for_each, names_of, say, say_aside, started
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
 
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 KINDS = ("invalid", "outliers")  # of points that --drop leaves out
 ADDED = ("normals", "scores", "index", "kept")  # what --add adds
+SPACING = "Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of --points. " + " ".join(
+    f"{name}: {method.supports[Feature.SPACING]}"
+    for name, method in METHODS.built_in.items()
+    if Feature.SPACING in method.supports
+)
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
@@ -46,72 +52,149 @@ EPILOG = (
 
 
 def simplify(
-    inputs: list[Path] = options.file_argument("IN...", options.FILES),
-    output: str = options.option(
-        "OUT",
-        "The file to write. Several inputs are then one cloud. For a result of each input, give a folder, or a "
-        "pattern with {stem} (the name of the input without suffix), {name}, {suffix} or {parent} (its folder). A "
-        "folder is made if it is missing; end the name of a new one with a slash.",
-        None,
-        "--output",
-        "-o",
-        default=...,
-    ),
-    ratio: str | None = options.RATIO,
-    points: str | None = options.POINTS,
-    tolerance: str | None = options.TOLERANCE,
-    spacing: str | None = options.SPACING,
-    max_gap: str | None = options.MAX_GAP,
-    levels: str | None = options.LEVELS,
-    unit: str | None = options.UNIT,
-    keep: str | None = options.KEEP,
-    weight: str | None = options.WEIGHT,
-    detail: list[str] | None = options.DETAIL,
-    quota: list[str] | None = options.QUOTA,
-    group: str | None = options.GROUP,
-    method: str = options.option(
-        "NAME",
-        "Name of the method, from the list below.",
-        METHOD,
-        autocompletion=lambda: list(METHODS),
-        default=DEFAULT.name,
-    ),
-    settings: list[str] | None = options.option(
-        "KEY=VALUE", "Set a parameter of the method. Can be repeated.", METHOD, "--set"
-    ),
-    denoise: bool = options.flag(
-        "--denoise",
-        "Move the kept points onto the surface that all points observe with noise. They keep their attributes, but get "
-        "normals of that surface if the input has normals (method gp).",
-        METHOD,
-    ),
-    input_format: str | None = options.FROM,
-    output_format: str | None = options.TO,
-    inside: list[str] | None = options.INSIDE,
-    only: str | None = options.ONLY,
-    drop: str | None = options.option(
-        "KIND,...",
-        "Leave out points before all else: outliers, which neither their neighbours nor the surface explain; "
-        "invalid ones, with NaN or infinite coordinates, which are otherwise an error; or invalid,outliers.",
-        CHOICE,
-    ),
-    add: str | None = options.option(
-        "NAME,...",
-        "Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
-        "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
-        "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0. "
-        "kept, or kept:NAME for another name, alone: write all points that are read, with 1 for kept ones and 0 for "
-        "others.",
-        ATTRIBUTES,
-    ),
-    threads: int | None = options.THREADS,
-    memory: str | None = options.MEMORY,
-    workers: str | None = options.WORKERS,
-    dry_run: bool = options.DRY_RUN,
-    force: bool = options.FORCE,
-    lossy: bool = options.LOSSY,
-    quiet: bool = options.QUIET,
-    as_json: bool = options.JSON,
+    inputs: Annotated[list[Path], options.files("IN...", options.FILES)],
+    output: Annotated[
+        str,
+        option(
+            "The file to write. Several inputs are then one cloud. For a result of each input, give a folder, or a "
+            "pattern with {stem} (the name of the input without suffix), {name}, {suffix} or {parent} (its folder). A "
+            "folder is made if it is missing; end the name of a new one with a slash.",
+            None,
+            "--output",
+            "-o",
+            metavar="OUT",
+        ),
+    ],
+    ratio: options.Ratio = None,
+    points: options.Points = None,
+    tolerance: Annotated[
+        str | None,
+        option(
+            "Keep the fewest points whose local surface no original point is farther from than this, outliers aside: "
+            "0.5 (in the unit of the coordinates), 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind "
+            "it, it bounds that error instead; with :max, outliers count, too. In place of --points.",
+            SIZE,
+            metavar="LENGTH[:p95]",
+        ),
+    ] = None,
+    spacing: Annotated[str | None, option(SPACING, SIZE, metavar="LENGTH")] = None,
+    max_gap: Annotated[
+        str | None,
+        option(
+            "Add points until each original point has a kept one within this distance. Alone or with --points and so "
+            "on.",
+            SIZE,
+            metavar="LENGTH",
+        ),
+    ] = None,
+    levels: Annotated[
+        str | None,
+        option(
+            "Make several sizes at once, such as 10%,3%,1% or 50k,5k, of which each is the start of the next. With "
+            "{level} in the name, each is a file: level 0 is the coarsest. Otherwise OUT is the finest, and its "
+            "attribute level tells to which level each point belongs first. In place of --points.",
+            SIZE,
+            metavar="SIZE,...",
+        ),
+    ] = None,
+    unit: options.Unit = None,
+    keep: Annotated[
+        str | None,
+        option(
+            "Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'. They "
+            "count in --points, and the others are chosen where these are not (method gp).",
+            CHOICE,
+            metavar="CONDITION",
+        ),
+    ] = None,
+    weight: Annotated[
+        str | None,
+        option(
+            "Multiply the density of the kept points by this attribute, from 0 on (method gp).", CHOICE, metavar="NAME"
+        ),
+    ] = None,
+    detail: Annotated[
+        list[str] | None,
+        option(
+            "Let this attribute count beside the shape: rgb (red, green and blue), a number such as intensity, or "
+            "classes. The weight, from 0 to 1000, is 1 if none is given. Can be repeated (method gp).",
+            CHOICE,
+            metavar="NAME[:WEIGHT]",
+        ),
+    ] = None,
+    quota: Annotated[
+        list[str] | None,
+        option(
+            "Keep exactly this number of points that meet a condition, or this share of the kept points, such as "
+            "'classification == 6: 10%'. The other points share the rest. Can be repeated (methods that rank their "
+            "points).",
+            CHOICE,
+            metavar="'CONDITION: NUMBER'",
+        ),
+    ] = None,
+    group: Annotated[
+        str | None,
+        option(
+            "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time. "
+            "There are then as near to --points as whole groups allow (methods that rank their points).",
+            CHOICE,
+            metavar="NAME",
+        ),
+    ] = None,
+    method: Annotated[
+        str,
+        option(
+            "Name of the method, from the list below.", METHOD, metavar="NAME", autocompletion=lambda: list(METHODS)
+        ),
+    ] = DEFAULT.name,
+    settings: Annotated[
+        list[str] | None,
+        option("Set a parameter of the method. Can be repeated.", METHOD, "--set", metavar="KEY=VALUE"),
+    ] = None,
+    denoise: Annotated[
+        bool,
+        option(
+            "Move the kept points onto the surface that all points observe with noise. They keep their attributes, "
+            "but get normals of that surface if the input has normals (method gp).",
+            METHOD,
+            "--denoise",
+        ),
+    ] = False,
+    input_format: options.From = None,
+    output_format: options.To = None,
+    inside: options.Inside = None,
+    only: options.Only = None,
+    drop: Annotated[
+        str | None,
+        option(
+            "Leave out points before all else: outliers, which neither their neighbours nor the surface explain; "
+            "invalid ones, with NaN or infinite coordinates, which are otherwise an error; or invalid,outliers.",
+            CHOICE,
+            metavar="KIND,...",
+        ),
+    ] = None,
+    add: Annotated[
+        str | None,
+        option(
+            "Add attributes to each kept point. normals: estimated from all points of the input, to rebuild a "
+            "surface; those of closed pieces point outward, of flat pieces along +z. scores: the score and standard "
+            "deviation when the point was chosen (method gp). index: its row among the points that are read, from 0. "
+            "kept, or kept:NAME for another name, alone: write all points that are read, with 1 for kept ones and 0 "
+            "for others.",
+            ATTRIBUTES,
+            metavar="NAME,...",
+        ),
+    ] = None,
+    threads: options.Threads = None,
+    memory: options.Memory = None,
+    workers: options.Workers = None,
+    dry_run: Annotated[
+        bool, option("Print what would be done and in how much memory, and do nothing.", LARGE, "--dry-run")
+    ] = False,
+    force: options.Force = False,
+    lossy: options.Lossy = False,
+    quiet: options.Quiet = False,
+    as_json: options.Json = False,
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
@@ -167,7 +250,7 @@ def _print(told: Told, dry_run: bool, is_one_of_several: bool, quiet: bool, as_j
     elif is_one_of_several and not (quiet or as_json):
         say(f"{told.title}: {told.line}")
     else:
-        show(told.record, told.title, told.rows, as_json, quiet)
+        emit(told.record, as_json, quiet, told.title, told.rows)
 
 
 def _added(given: str | None) -> tuple[list[str], str | None]:

@@ -6,7 +6,7 @@ import tempfile
 import webbrowser
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,20 +22,23 @@ EPILOG = "gppcs view scan.ply\n\ngppcs view before.ply after.ply --up z\n\ngppcs
 
 def view(
     context: typer.Context,
-    inputs: list[Path] = options.file_argument("FILE...", "Point cloud files."),
-    output: Path | None = options.output(
-        "HTML",
-        "The page to write. By default, a temporary file. With -, the page goes to standard output and is not opened.",
-        default=None,
-    ),
-    opened: bool = options.option(None, "Open the page in the browser.", None, "--open/--no-open", default=True),
-    input_format: str | None = options.FROM,
-    columns: str | None = options.COLUMNS,
-    view: str | None = options.VIEW,
-    up: options.Axis | None = options.UP,
-    threads: int | None = options.THREADS,
-    force: bool = options.FORCE,
-    quiet: bool = options.QUIET,
+    inputs: Annotated[list[Path], options.files("FILE...", "Point cloud files.")],
+    output: Annotated[
+        Path | None,
+        options.output(
+            "HTML",
+            "The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
+            "opened.",
+        ),
+    ] = None,
+    opened: Annotated[bool, options.option("Open the page in the browser.", None, "--open/--no-open")] = True,
+    input_format: options.From = None,
+    columns: options.Columns = None,
+    view: options.View = None,
+    up: options.Up = None,
+    threads: options.Threads = None,
+    force: options.Force = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Show point clouds side by side in the browser, in views that turn together.
 

@@ -6,13 +6,13 @@ from time import perf_counter
 
 from gppcs import __version__
 from gppcs.app import options
-from gppcs.app.printing import print_json, say, started
+from gppcs.app.printing import emit, say, started
 from gppcs.errors import OutputError
 
 EPILOG = "gppcs warmup"
 
 
-def warmup(quiet: bool = options.QUIET, as_json: bool = options.JSON) -> None:
+def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     """Compile all kernels now, in a minute or two. Later runs then start at once.
 
     Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,
@@ -29,10 +29,10 @@ def warmup(quiet: bool = options.QUIET, as_json: bool = options.JSON) -> None:
             "be written; set NUMBA_CACHE_DIR to a folder that can"
         )
     start = perf_counter()
-    with started(quiet)("compiling kernels", len(METHODS)) as advanced:
-        compiled, folders = compile_all(advanced)
+    with started(quiet)("compiling kernels", len(METHODS)) as on_progress:
+        compiled, folders = compile_all(on_progress)
     seconds = perf_counter() - start
     if as_json:
-        print_json({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__})
+        emit({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__}, as_json)
     elif not quiet:
         say(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")

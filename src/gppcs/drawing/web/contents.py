@@ -26,7 +26,7 @@ from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.detail import attribute_errors
 from gppcs.evaluation.judge import evaluate
-from gppcs.evaluation.report import DetailErrors, Report, figures_of
+from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
@@ -56,11 +56,11 @@ class Page:
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
-        known = dict(figures_of(Report))
+        known = dict(Report.definitions())
         for name in detail:
-            known |= {f"{name}_{figure}": each for figure, each in figures_of(DetailErrors).items()}
+            known |= {f"{name}_{figure}": each for figure, each in DetailErrors.definitions().items()}
         described["figures"] = [
-            {"name": name, "title": name.replace("_", " "), **vars(each)} for name, each in known.items()
+            {"name": name, "title": name.replace("_", " "), **each._asdict()} for name, each in known.items()
         ]
         return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
 

@@ -1,4 +1,4 @@
-"""The ways from a dense cloud to a light mesh that `compare_meshes` puts side by side."""
+"""The pipelines from a dense cloud to a light mesh that `compare_meshes` puts side by side."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class MeshTask:
     timer: Timer
 
     def kept(self) -> NDArray[np.int64]:
-        """Return the rows of the points that `gp` keeps, (M,)."""
+        """Return the indices of the points that `gp` keeps, (M,)."""
         return simplify(self.cloud, n_points=self.n_vertices, timer=self.timer).indices
 
     def poisson(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
@@ -49,10 +49,10 @@ def _with_normals(
 ) -> Mesh:
     """Join points, those that `gp` keeps or all, with normals of the surface of all."""
     points, corner, exponent = normalised(task.cloud.points)
-    places = points[task.kept()] if kept else points
+    vertices = points[task.kept()] if kept else points
     with task.timer("normals"):
-        normals = estimate_normals(points, places if kept else None)
-    made = join(task, places, normals)
+        normals = estimate_normals(points, vertices if kept else None)
+    made = join(task, vertices, normals)
     return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
 
 
@@ -72,20 +72,20 @@ def _advancing_front(task: MeshTask) -> Mesh:
     point, point_set = require_cgal("Kernel").Point_3, require_cgal("Point_set_3").Point_set_3
     front = require_cgal("Advancing_front_surface_reconstruction")
     kept = task.cloud.points[task.kept()]
-    places, _, _ = normalised(kept)
+    vertices, _, _ = normalised(kept)
     corners: list[int] = []
     with task.timer("advancing front"):
-        given = point_set()
-        for place in places.tolist():
-            given.insert(point(*place))
-        front.advancing_front_surface_reconstruction(given, corners)
+        points = point_set()
+        for vertex in vertices.tolist():
+            points.insert(point(*vertex))
+        front.advancing_front_surface_reconstruction(points, corners)
         if not corners:
             raise NoSurfaceError(f"the advancing front joined none of the {len(kept)} points")
-        mesh = oriented_alike(Mesh(places, np.reshape(corners, (-1, 3))))  # CGAL gives corners in any order
+        mesh = oriented_alike(Mesh(vertices, np.reshape(corners, (-1, 3))))  # CGAL gives corners in any order
         return Mesh(kept, mesh.faces)
 
 
-MESH_WAYS: Mapping[str, Callable[[MeshTask], Mesh]] = {
+PIPELINES: Mapping[str, Callable[[MeshTask], Mesh]] = {
     "mesh": partial(_ours, moved=False),
     "mesh-moved": partial(_ours, moved=True),
     "mesh-effort": partial(_ours, moved=True, effort=2),
@@ -96,17 +96,17 @@ MESH_WAYS: Mapping[str, Callable[[MeshTask], Mesh]] = {
 }
 
 
-def require_way(name: str) -> None:
-    """Raise an error if a way needs a package that is missing; PyMeshLab, which all figures need, is not checked."""
+def require_pipeline(name: str) -> None:
+    """Raise an error if a pipeline needs a package that is missing, besides PyMeshLab, which all figures need."""
     if name == "advancing-front":
         require_cgal("Advancing_front_surface_reconstruction")
 
 
-def installed_ways() -> list[str]:
-    """Return the names of the ways whose packages are installed."""
-    found = []
-    for name in MESH_WAYS:
+def installed_pipelines() -> list[str]:
+    """Return the names of the pipelines whose packages are installed."""
+    installed = []
+    for name in PIPELINES:
         with contextlib.suppress(MissingExtraError):
-            require_way(name)
-            found.append(name)
-    return found
+            require_pipeline(name)
+            installed.append(name)
+    return installed
