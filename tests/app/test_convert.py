@@ -53,4 +53,4 @@ def test_a_virtual_point_cloud_becomes_one_file(printed, refused, two_systems):
     assert printed("convert", "all.vpc", "one.las", "--assume-same-crs") == ""
     expected = np.concatenate([gppcs.read(path).points for path in two_systems])
     assert gppcs.read("one.las").points.tobytes() == expected.tobytes()
-    assert gppcs.info("one.las").crs == "UTM 32N"
+    assert gppcs.info(gppcs.read("one.las")).crs == "UTM 32N"
