@@ -47,10 +47,9 @@ def _reported() -> AbstractContextManager[None]:
 def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], count: int | None = None) -> Reader:
     """Return a reader of a table, whose `batches` of at most n rows have the columns that are asked for."""
     names = list(schema.names)
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise FileFormatError(f"expected columns of different names, found {name!r} twice; rename one")
-        _check_type(name, schema.field(i).type)
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise FileFormatError(f"expected columns of different names, found {repeated!r} twice; rename one")
     axes = list(coordinate_names(names))
 
     def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
@@ -69,27 +68,6 @@ def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], cou
     return Reader(chunks, count)
 
 
-def _check_type(name: str, kind: Any) -> None:
-    """Raise an error if a column has a type that a cloud does not hold."""
-    types = require_pyarrow().types
-    kind = kind.value_type if types.is_dictionary(kind) else kind
-    if types.is_fixed_size_list(kind):
-        if kind.list_size > 1 << 20:
-            raise FileFormatError(f"expected at most 1,048,576 numbers in each row of {name!r}, found more")
-        if _is_number(kind.value_type):
-            return
-    if not (_is_number(kind) or types.is_string(kind) or types.is_large_string(kind)):
-        raise FileFormatError(
-            f"expected columns of numbers, truth values or texts, or lists of fixed size, found {kind} in {name!r}; "
-            "convert or remove the column"
-        )
-
-
-def _is_number(kind: Any) -> bool:
-    types = require_pyarrow().types
-    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind))
-
-
 def _cloud(batch: Any) -> PointCloud:
     """Return the cloud of some rows of a table whose schema has been checked."""
     batch.validate(full=True)  # damaged texts would crash what reads them
@@ -102,17 +80,22 @@ def _values(name: str, column: Any) -> Column:
     types = require_pyarrow().types
     if types.is_dictionary(column.type):
         column = column.dictionary_decode()
-    if column.null_count and not types.is_floating(column.type):
+    kind = column.type
+    if column.null_count and not types.is_floating(kind):
         raise FileFormatError(
             f"expected a value for each point in {name!r}, found {column.null_count:,} missing; fill them or remove "
             "the column"
         )
-    if types.is_fixed_size_list(column.type):
-        return _values(name, column.flatten()).reshape(len(column), column.type.list_size)
-    if _is_number(column.type):
-        values = column.to_numpy(zero_copy_only=False)  # null becomes NaN
-        return np.asarray(values, column.type.to_pandas_dtype())
-    return _texts(name, column.to_pylist())
+    if types.is_fixed_size_list(kind) and types.is_primitive(kind.value_type) and kind.list_size <= 1 << 20:
+        return _values(name, column.flatten()).reshape(len(column), kind.list_size)
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind):
+        return np.asarray(column.to_numpy(zero_copy_only=False), kind.to_pandas_dtype())  # null becomes NaN
+    if types.is_string(kind) or types.is_large_string(kind):
+        return _texts(name, column.to_pylist())
+    raise FileFormatError(
+        f"expected columns of numbers, truth values or texts, or lists of fixed size, found {kind} in {name!r}; "
+        "convert or remove the column"
+    )
 
 
 def _texts(name: str, texts: list[str]) -> Column:
@@ -167,20 +150,13 @@ def _stored(cloud: PointCloud) -> PointCloud:
 
 
 FORMATS = (
-    Format(
-        "Parquet",
-        (".parquet",),
-        open_parquet,
-        write_parquet,
-        lambda start, size: start.startswith(b"PAR1"),
-        _stored,
-    ),
+    Format("Parquet", (".parquet",), open_parquet, write_parquet, lambda start, _: start.startswith(b"PAR1"), _stored),
     Format(
         "Feather",
         (".feather", ".arrow"),
         open_feather,
         write_feather,
-        lambda start, size: start.startswith(b"ARROW1\0\0"),
+        lambda start, _: start.startswith(b"ARROW1\0\0"),
         _stored,
     ),
 )

@@ -12,7 +12,7 @@ import re
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from io import BufferedReader
@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import full_scale
@@ -91,7 +90,7 @@ def open_e57(file: BufferedReader) -> Reader:
         kept = shared if attributes else {}
         with _reported():
             for number, (scan, types) in enumerate(zip(scans, dtypes, strict=True)):
-                fields = [*_axes(types), *_state(types), *kept]
+                fields = {field: types[field] for field in [*_axes(types), *_state(types), *kept]}
                 for block in _blocks(opened.image_file, scan, fields, min(n, BLOCK)):
                     for state in _state(types):
                         block = {field: values[block[state] == 0] for field, values in block.items()}
@@ -109,7 +108,7 @@ def open_e57(file: BufferedReader) -> Reader:
         n_invalid = 0
         for scan, types in zip(scans, dtypes, strict=True):
             for state in _state(types):
-                blocks = _blocks(opened.image_file, scan, [state], BLOCK)
+                blocks = _blocks(opened.image_file, scan, {state: types[state]}, BLOCK)
                 n_invalid += sum(int(np.count_nonzero(block[state])) for block in blocks)
         fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
         invalid = [f"points without a valid position ({n_invalid:,})"] if n_invalid else []
@@ -172,12 +171,12 @@ def _state(fields: Mapping[str, object]) -> list[str]:
     return [state] if state in fields else []
 
 
-def _blocks(image: Any, scan: Any, fields: list[str], n: int) -> Iterator[dict[str, Column]]:
+def _blocks(image: Any, scan: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> Iterator[dict[str, Column]]:
     """Read fields of all points of a scan, at most n at once."""
     if not scan.point_count:  # of which libE57Format makes no reader
-        yield {field: np.empty(0) for field in fields}
+        yield {field: np.empty(0) for field in dtypes}
         return
-    blocks, buffers = _buffers(image, fields, n)
+    blocks, buffers = _buffers(image, dtypes, n)
     reader = scan.points.reader(buffers)
     try:
         done = 0
@@ -190,10 +189,11 @@ def _blocks(image: Any, scan: Any, fields: list[str], n: int) -> Iterator[dict[s
         raise ends_early("point", done, scan.point_count)
 
 
-def _buffers(image: Any, fields: Iterable[str], n: int) -> tuple[dict[str, NDArray[np.float64]], Any]:
+def _buffers(image: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> tuple[dict[str, Column], Any]:
     """Return arrays for n values of each field, and the buffers through which libE57Format fills or reads them."""
     libe57 = require_pye57().libe57
-    blocks, buffers = {field: np.empty(n) for field in fields}, libe57.VectorSourceDestBuffer()
+    blocks = {field: np.empty(n, np.float32 if dtype == np.float32 else np.float64) for field, dtype in dtypes.items()}
+    buffers = libe57.VectorSourceDestBuffer()
     for field, values in blocks.items():
         buffers.append(libe57.SourceDestBuffer(image, field, values, n, True, True))
     return blocks, buffers
@@ -241,7 +241,7 @@ def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
         _fill(image, image.root(), about)
         scan = libe57.StructureNode(image)
         about["data3D"].append(_fill(image, scan, {"guid": guid, **_limits(columns), "points": points}))
-        blocks, buffers = _buffers(image, columns, BLOCK)
+        blocks, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, BLOCK)
         writer = points.writer(buffers)
         for start in range(0, len(cloud), BLOCK):
             length = min(BLOCK, len(cloud) - start)
@@ -316,11 +316,4 @@ def _stored(cloud: PointCloud) -> PointCloud:
     return keeping(cloud, holds, E57Header, plain_names=True)
 
 
-FORMAT = Format(
-    "E57",
-    (".e57",),
-    open_e57,
-    write_e57,
-    lambda start, size: start.startswith(b"ASTM-E57"),
-    _stored,
-)
+FORMAT = Format("E57", (".e57",), open_e57, write_e57, lambda start, _: start.startswith(b"ASTM-E57"), _stored)

@@ -183,7 +183,8 @@ def _parse_gltf(file: BufferedReader) -> Parsed:
 
     data = file.read()
     with reported("trimesh", "a whole glTF file"):  # it checks little of a damaged file
-        counts = [accessor["count"] for accessor in _gltf_json(data).get("accessors", [])]
+        description = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])  # the first chunk
+        counts = [accessor["count"] for accessor in description.get("accessors", [])]
         if max(counts, default=0) > len(data):
             raise FileFormatError(f"expected at most {len(data):,} numbers in a file of so many bytes, found more")
         # Without a resolver, no other file is read.
@@ -198,12 +199,6 @@ def _parse_gltf(file: BufferedReader) -> Parsed:
         attributes = dict(zip(COLOURS, map(np.ascontiguousarray, colours), strict=False))
     is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     return PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64)), faces, []
-
-
-def _gltf_json(data: bytes) -> dict[str, Any]:
-    """Return the description of the scene, the first chunk of a binary file."""
-    description: dict[str, Any] = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    return description
 
 
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
