@@ -1,4 +1,4 @@
-"""What a viewer shows of a COPC file at its levels: levels by `gp`, by `fps`, at random and by a grid.
+"""Prefixes of rankings as levels of detail: levels by `gp`, by `fps`, at random and by a grid.
 
 The grid is the rule of PDAL's `writers.copc` and of untwine, made again here from their sources; it is not their
 program. Points begin in the nodes of the deepest level. From there upwards, each node takes a random one of its
@@ -24,8 +24,6 @@ import report
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
-from gppcs.io.copc_levels import DEEPEST, Cube
-from gppcs.io.copc_writing import ranked_of
 
 CLOUDS = {  # scenes, then objects
     "autzen_airborne": "land from the air",
@@ -40,6 +38,7 @@ WAYS = ("gp", "fps", "random", "grid")
 BOUNDS = {"random": 0.8, "grid": 0.95}  # of the mean error of gp, divided by that of another way
 ROOT_CELLS, CELLS = 128 * 3**0.5, 128 * 3**0.5 / 1.5  # of the grid, along the edge of the first node, and of others
 FULL, FEW, FEW_TOGETHER = 100_000, 100, 1500  # points of a node, and of children that give them all
+DEEPEST = 20  # octree level of the smallest cells
 STEPS = 12  # of the search for the scale
 PICTURE, DRAWN, LEVELS = Path(__file__).parents[1] / "docs" / "levels.png", ("autzen_airborne", "dragon"), (2, 3)
 PANEL, ABOVE = 400, 34  # pixels: width and height of a picture, and its caption
@@ -52,20 +51,21 @@ def grid_levels(points: NDArray[np.float64], scale: float) -> NDArray[np.int64]:
 
     Shapes: points (N, 3), in random order; returns (N,).
     """
-    cube = Cube.around(points.min(axis=0), points.max(axis=0))
-    codes, places = cube.codes(points), (points - cube.low) / cube.side
+    lower = points.min(axis=0)
+    places = (points - lower) / np.ptp(points, axis=0).max()
+    smallest = np.minimum(places * 2**DEEPEST, 2**DEEPEST - 1).astype(np.int64)
     level = np.zeros(len(points), np.int64)
     deepest = 0
     left = np.arange(len(points))
     while len(left):  # in nodes that hold too much
         deepest += 1
         level[left] = deepest
-        _, node, counts = np.unique(at(codes[left], deepest), return_inverse=True, return_counts=True)
+        _, node, counts = np.unique(at(smallest[left], deepest), return_inverse=True, return_counts=True)
         left = left[counts[node] > scale * FULL]
     for above in range(deepest - 1, -1, -1):
         pool = np.flatnonzero(level == above + 1)
-        _, child, counts = np.unique(at(codes[pool], above + 1), return_inverse=True, return_counts=True)
-        _, node, together = np.unique(at(codes[pool], above), return_inverse=True, return_counts=True)
+        _, child, counts = np.unique(at(smallest[pool], above + 1), return_inverse=True, return_counts=True)
+        _, node, together = np.unique(at(smallest[pool], above), return_inverse=True, return_counts=True)
         given = (counts[child] < scale * FEW) | (together[node] < scale * FEW_TOGETHER)
         cells = scale**0.5 * (CELLS if above else ROOT_CELLS)
         inside = (np.modf(places[pool] * 2**above)[0] * cells).astype(np.int64)
@@ -78,9 +78,9 @@ def grid_levels(points: NDArray[np.float64], scale: float) -> NDArray[np.int64]:
     return level
 
 
-def at(codes: NDArray[np.int64], level: int) -> NDArray[np.int64]:
-    """Return the codes of the nodes on a level."""
-    return codes >> 3 * (DEEPEST - level)
+def at(smallest: NDArray[np.int64], level: int) -> NDArray[np.int64]:
+    """Return the number of the node on an octree level around each smallest cell (n, 3)."""
+    return (smallest >> DEEPEST - level) @ np.array([1 << 2 * DEEPEST, 1 << DEEPEST, 1])
 
 
 def by_grid(points: NDArray[np.float64], share: float, last: int) -> NDArray[np.int64]:
@@ -103,9 +103,9 @@ class Shown(NamedTuple):
 
     @classmethod
     def of(cls, name: str) -> Shown:
-        """Read a cloud, rank its points as for a COPC file, and take as many on each level as the grid does."""
+        """Read a cloud, rank a quarter of its points, and take as many on each level as the grid does."""
         cloud = gppcs.PointCloud(gppcs.read(report.DATA / f"{name}.ply").points)
-        n = ranked_of(len(cloud))
+        n = len(cloud) // 4
         ranking = {way: gppcs.simplify(cloud, n_points=n, method=way).indices for way in WAYS[:-1]}
         rows = {}
         for share, last in SHARES.items():
@@ -156,11 +156,11 @@ def main() -> None:
     )  # fmt: skip
     report.write_sections(
         "levels",
-        "What a viewer shows of a COPC file at its levels",
+        "Prefixes of rankings as levels of detail",
         sections,
         [report.DATA / f"{name}.ply" for name in CLOUDS],
         ["Figures of `gppcs.evaluate`, in 1e-4 diagonals: distance of all points to the local surface of those shown."],
-        "`gp`, `fps` and random rank a quarter of the points, as in a COPC file; a level shows the first of them. The "
+        "`gp`, `fps` and random rank a quarter of the points; a level shows the first of them. The "
         "grid is the rule of PDAL's `writers.copc` and of untwine, made again from their sources, at a smaller scale.",
     )
 

@@ -22,7 +22,7 @@ from gppcs.drawing.web.contents import Named, report_page
 from gppcs.drawing.web.levels import Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.evaluation.comparison import rebuilt_mesh
-from gppcs.io.copc_nodes import nodes_of
+from gppcs.io.copc import nodes_of
 
 DRAGON = report.DATA / "dragon.ply"
 METHODS = "gp", "fps", "voxel", "random", "qem"

@@ -20,7 +20,7 @@ FLOORS = (
     ("gppcs.amounts",),
     ("gppcs.streaming",),
     ("gppcs.simplification",),
-    ("gppcs.estimator", "gppcs.meshing", "gppcs.streaming.copc"),
+    ("gppcs.estimator", "gppcs.meshing"),
     ("gppcs.evaluation",),
     ("gppcs.drawing",),
     ("gppcs",),

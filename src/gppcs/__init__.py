@@ -71,7 +71,6 @@ from pathlib import Path
 from typing import Any
 
 from gppcs import errors as errors
-from gppcs.clouds import above
 
 __version__ = "0.1.0"
 
@@ -91,6 +90,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
-
-
-above.rank = lambda cloud, method, count: __getattr__("simplify")(cloud, method=method, n_points=count).indices

@@ -8,22 +8,20 @@ import pytest
 
 import gppcs
 from command_line import assert_one_line
-from gppcs.io import copc_levels, copc_writing
+from gppcs.io import copc_writing
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.streaming import copc
 
-N, ROOT, MOST = 30_000, 500, 1500
+N, FULL, LARGEST = 30_000, 500, 800
 
 
 @pytest.fixture(autouse=True)
 def beyond_memory(monkeypatch):
-    """Let no method fit into memory, and make nodes, blocks and chunks small."""
-    for method in gppcs.METHODS.values():
-        monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
-    for module in (copc_levels, copc_writing):
-        monkeypatch.setattr(module, "MOST", MOST)
-    monkeypatch.setattr(copc_levels, "ROOT", ROOT)
-    monkeypatch.setattr(copc, "BLOCK", 7_000)
+    """Let no cloud fit into memory, and make nodes, blocks and parts small."""
+    monkeypatch.setattr(copc, "PROGRAM", 10**12)
+    monkeypatch.setattr(copc, "PART", 4_000)
+    for name, value in (("FULL", FULL), ("LARGEST", LARGEST), ("BLOCK", 7_000)):
+        monkeypatch.setattr(copc_writing, name, value)
 
 
 def tiles(names, formats=(3, 3)):
@@ -44,11 +42,11 @@ def tiles(names, formats=(3, 3)):
     return json.dumps({"type": "FeatureCollection", "features": features})
 
 
-@pytest.mark.parametrize("method", ["gp", "random"])
-def test_all_points_are_written_level_by_level(gppcs_command, folder, method):
+@pytest.mark.parametrize("levels_by", ["order", "random"])
+def test_all_points_are_written_level_by_level(gppcs_command, folder, levels_by):
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"]))
     code, out, err = gppcs_command(
-        "convert", "scan.vpc", "scan.copc.laz", "--levels-by", method, "--memory", "1GB", "--quiet"
+        "convert", "scan.vpc", "scan.copc.laz", "--levels-by", levels_by, "--memory", "1GB", "--quiet"
     )
     assert (code, out) == (0, "")
     assert "scan_angle_rank" in err
@@ -58,14 +56,13 @@ def test_all_points_are_written_level_by_level(gppcs_command, folder, method):
     for name, values in cloud.attributes.items():
         kept = found.attributes["scan_angle" if name == "scan_angle_rank" else name][order]
         np.testing.assert_array_equal(np.rint(kept * 0.006) if name == "scan_angle_rank" else kept, values)
-    ranking = gppcs.simplify("scan.vpc", n_points=N // 4, method=method, memory="1GB").cloud.points
     with laspy.CopcReader.open("scan.copc.laz") as reader:
         counts = [entry.point_count for entry in reader.root_page.entries.values()]
         assert sum(counts) == N
-        assert max(counts) <= MOST
-        for level, count in enumerate([ROOT, 4 * ROOT]):
-            seen = reader.query(level=range(level + 1))
-            assert set(map(tuple, np.column_stack([seen.x, seen.y, seen.z]))) == set(map(tuple, ranking[:count]))
+        assert max(counts) <= LARGEST
+        times = np.sort(reader.query(level=0).gps_time)
+        assert np.array_equal(times[:FULL], cloud.attributes["gps_time"][:FULL]) == (levels_by == "order")
+        assert (times[-1] > N) == (levels_by == "random")  # also of the second tile
         mean = cloud.points.mean(axis=0)
         box = laspy.copc.Bounds(cloud.points.min(axis=0), mean)
         assert len(reader.query(bounds=box)) == (cloud.points <= mean).all(axis=1).sum()
@@ -76,14 +73,11 @@ def test_all_points_are_written_level_by_level(gppcs_command, folder, method):
 
 def test_simplify_writes_level_by_level_what_it_chose_first(gppcs_command, folder):
     np.save("scan.npy", gppcs.sample("bracket", n_points=20_000).points.round(2))
-    options = ["--points", "5000", "--memory", "1GB", "--quiet"]
-    assert gppcs_command("simplify", "scan.npy", "-o", "small.copc.laz", *options)[0] == 0
-    chosen = gppcs.simplify("scan.npy", n_points=5000, memory="1GB").cloud.points
+    assert gppcs_command("simplify", "scan.npy", "-o", "small.copc.laz", "--points", "5000", "--quiet")[0] == 0
+    chosen = gppcs.simplify(gppcs.read("scan.npy"), n_points=5000).cloud.points
     with laspy.CopcReader.open("small.copc.laz") as reader:
-        for level, count in enumerate([ROOT, 5000]):  # the second has room for all
-            seen = reader.query(level=range(level + 1))
-            found = set(map(tuple, np.column_stack([seen.x, seen.y, seen.z]).round(2)))
-            assert found == set(map(tuple, chosen[:count]))
+        points = np.column_stack([getattr(reader.query(level=0), axis) for axis in "xyz"]).round(2)
+    assert set(map(tuple, chosen[:FULL])) <= set(map(tuple, points))
 
 
 def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused, folder):
@@ -96,31 +90,32 @@ def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused
     assert code == 0
     assert "points with NaN or infinite coordinates (1)" in err
     assert len(gppcs.read("scan.copc.laz")) == 4999
+    np.save(folder / "none.npy", np.full((9, 3), np.nan))
+    refused(("convert", "none.npy", "none.copc.laz", "--drop", "invalid", "--quiet"), "found none")
 
 
-def test_a_full_disk_leaves_the_old_file(gppcs_command, folder):
+def test_a_full_disk_leaves_the_old_file(gppcs_command, folder, monkeypatch):
     """Files of more than some bytes cannot be written here."""
     resource = pytest.importorskip("resource", reason="limits as on Unix")
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"]))
     (folder / "scan.copc.laz").write_text("old")
     files, limits = sorted(folder.iterdir()), resource.getrlimit(resource.RLIMIT_FSIZE)
-    # the first limit is met by the points on disk, the second by the COPC file itself
-    for limit, more in ((10**6, ["--memory", "1GB"]), (2 * 10**5, ["--levels-by", "order"])):
+    # First the points on disk are too large, then, in memory, the COPC file itself.
+    for limit, program in ((10**5, 10**12), (2 * 10**5, 0)):
+        monkeypatch.setattr(copc, "PROGRAM", program)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limits[1]))
         try:
-            result = gppcs_command("convert", "scan.vpc", "scan.copc.laz", "--force", "--quiet", *more)
+            result = gppcs_command("convert", "scan.vpc", "scan.copc.laz", "--force", "--quiet")
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        assert_one_line(result, "written" if limit == 10**6 else "the disk may be full, or its quota used up")
+        assert_one_line(result, "written" if limit == 10**5 else "the disk may be full, or its quota used up")
         assert (folder / "scan.copc.laz").read_text() == "old"
         assert sorted(folder.iterdir()) == files
 
 
 def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, folder, monkeypatch):
-    monkeypatch.undo()  # all fits into memory
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(copc_writing, "MOST", 100)
-    monkeypatch.setattr(gppcs.LocalGP, "__call__", lambda *given: pytest.fail("points were ranked"))
+    monkeypatch.setattr(copc, "PROGRAM", 0)  # all fits into memory
+    monkeypatch.setattr(gppcs.LocalGP, "__call__", lambda *_: pytest.fail("points were chosen"))
     points = gppcs.sample("bracket", n_points=200).points
 
     def full(value):
@@ -129,7 +124,7 @@ def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, fol
     for attributes, told in [
         ({"a" * 33: 1}, "a name of at most 32 bytes"),
         ({f"a{i}": 1 for i in range(342)}, "at most 341 attributes"),
-        ({f"a{i}": np.zeros((200, 255), np.uint8) for i in range(258)}, "points of at most 65,535 bytes"),
+        ({"a": np.zeros((200, 342), np.uint8)}, "at most 341 attributes"),
         ({"label": "text"}, "COPC cannot hold: attribute label (text)"),
     ]:
         cloud = gppcs.PointCloud(points, {name: full(value) for name, value in attributes.items()})
@@ -143,13 +138,13 @@ def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, fol
 
 def test_files_of_other_dimensions_are_refused(refused, folder):
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"], (3, 1)))
-    refused(("convert", "scan.vpc", "scan.copc.laz", "--memory", "1GB", "--quiet"))
+    refused(("convert", "scan.vpc", "scan.copc.laz", "--memory", "1GB", "--quiet"), "the same attributes in all files")
 
 
 @pytest.mark.parametrize("digits", [3, None])
 def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeypatch, digits):
     """As in memory, even if the first chunk would have another, or has no point to keep."""
-    monkeypatch.setattr(CloudFiles.chunks, "__defaults__", (4000,))
+    monkeypatch.setattr(CloudFiles.chunks, "__defaults__", (True, 4000))
     points = gppcs.sample("bracket", n_points=20_000).points
     points = points.astype(np.float32).astype(np.float64) if digits is None else points.round(digits)
     points[:4000] = np.nan

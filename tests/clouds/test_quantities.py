@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from gppcs.clouds.quantities import METRES, Length, metres_of, name_of_unit
-from gppcs.io.las_header import _metres_of_wkt
+from gppcs.io.las_header import metres_of_wkt
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ GEOGRAPHIC = 'GEOGCS["WGS 84",DATUM["W",SPHEROID["W",6378137,298.25]],UNIT["degr
     ],
 )  # fmt: skip
 def test_the_unit_of_a_projected_system(text, metres):
-    assert _metres_of_wkt(text.encode()) == metres
+    assert metres_of_wkt(text) == metres
 
 
 def test_the_coordinate_system_of_a_file_tells_the_unit(two_systems):

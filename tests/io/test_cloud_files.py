@@ -16,8 +16,6 @@ from gppcs.errors import FileFormatError
 from gppcs.io import cloud_files, files
 from gppcs.io.cloud_files import CloudFiles, open_clouds
 from gppcs.io.format import Reader
-from gppcs.io.las_header import LASZIP, read_header
-from gppcs.io.laz import chunks_of_points
 from gppcs.io.query import Query
 from gppcs.simplification import simplify_files
 from gppcs.streaming.plan import make_plan
@@ -270,21 +268,6 @@ def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, place, value, me
         list(files.parts(1_000)[0].chunks(True))
 
 
-def test_damage_behind_the_counted_points_is_refused_in_parts_too(divisible, tmp_path):
-    """A third chunk whose first layer is larger than it, in a file that counts the points of the first two only."""
-    content = bytearray((divisible / "a.laz").read_bytes())
-    content[247:255] = (90_000).to_bytes(8, "little")
-    with open(divisible / "a.laz", "rb") as file:
-        laszip = read_header(file)[2][LASZIP]
-        *_, (behind, _, _) = chunks_of_points(file, np.dtype("V30"), LARGE, laszip)
-    layers = behind + 30 + 4
-    content[layers : layers + 4] = b"\xf0\xff\xff\xff"
-    (tmp_path / "a.laz").write_bytes(content)
-    for attempt in (CloudFiles.read, lambda files: files.parts(1)):
-        with CloudFiles([tmp_path / "a.laz"]) as files, pytest.raises(FileFormatError, match="all compressed points"):
-            attempt(files)
-
-
 def test_each_file_tells_its_number_of_points(tmp_path):
     """A first file with long rows says nothing of one with short rows."""
     rng = np.random.default_rng(0)
@@ -346,5 +329,4 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, 
         simplify_files(both, options, planned, Timer())
     assert planned.readings == (3 if query else 2)
     counted = sum(read)
-    each = len(gppcs.read(path, **query)) if suffix != ".ply" and "box" in query else 20_000  # LAS yields no others
-    assert counted == pytest.approx(planned.readings * each, rel=0.01)
+    assert counted == pytest.approx(planned.readings * 20_000, rel=0.01)

@@ -1,90 +1,142 @@
-"""Finds the chunks of a COPC file that a query asks for, by the octree in the file.
-
-laspy's reader is not used: it holds all points that it finds at once, and some damaged files keep it busy for ever.
-"""
+"""Reads COPC files by the octree that they hold: parts of the cloud, or single nodes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from io import BufferedReader
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
+from gppcs.io import las as las_files
+from gppcs.io.format import Reader
+from gppcs.io.las_header import LasHeader, read_header
+from gppcs.io.laz import decompressed
 from gppcs.io.query import Query
 
-# As the COPC specification names and places them. The chunk of an entry holds the points of one cell of the octree.
-INFO = np.dtype(
-    [
-        ("center", "<f8", 3), ("halfsize", "<f8"), ("spacing", "<f8"), ("root_offset", "<u8"), ("root_size", "<u8"),
-        ("gps_time", "<f8", 2), ("reserved", "V88"),
-    ]
-)  # fmt: skip
+if TYPE_CHECKING:
+    import laspy
+    from laspy.copc import CopcInfoVlr
+
+# An entry of the index, as the COPC specification places its fields: a node, whose points are a chunk of the file.
 ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")])
-_PAGE = -1  # the count of an entry that stands for a page with more entries
 
 
-def chunks_of(
-    file: BufferedReader, info: bytes, query: Query, scales: NDArray[np.float64]
-) -> list[tuple[int, int, int]]:
-    """Return the chunks with all points that a query asks for. Shapes: scales (3,)."""
-    found = entries_of(file, info_of(info), query, scales)
-    return list(zip(found["offset"].tolist(), found["size"].tolist(), found["count"].tolist(), strict=True))
+def open_copc(file: BufferedReader, query: Query | None = None) -> Reader:
+    """Open a COPC file, of which only those nodes are read that a query may need."""
+    return las_files.open_las(file, partial(chunks_in, query=query)) if query else las_files.open_las(file)
 
 
-def info_of(info: bytes) -> Any:
-    """Return what a file says of its octree, by the names of `INFO`."""
-    if len(info) < INFO.itemsize:
-        raise FileFormatError(f"expected at least {INFO.itemsize} bytes about the COPC index, found {len(info)}")
-    fields = np.frombuffer(info, INFO, 1)[0]
-    if not (0 < fields["spacing"] < math.inf and 0 < fields["halfsize"] < math.inf):
+def chunks_in(file: BufferedReader, las: laspy.LasHeader, query: Query | None = None) -> NDArray[Any]:
+    """Return the entries (K,) of all nodes with points that a query needs, in the order of the file.
+
+    laspy's reader of queries is not used: it holds all points at once, and some damaged files keep it busy for ever.
+    """
+    info = info_of(las)
+    pages = [page[page["count"] > 0] for page in _pages(file, info, query, las.scales)]
+    entries = np.concatenate([np.empty(0, ENTRY), *pages])
+    entries = entries[np.lexsort([entries["count"], entries["size"], entries["offset"]])]
+    ends = entries["offset"] + entries["size"].astype(np.uint64)
+    if (ends[:-1] > entries["offset"][1:]).any():
+        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
+    return entries
+
+
+def info_of(las: laspy.LasHeader) -> CopcInfoVlr:
+    """Return what the header of a file says of its octree."""
+    records = las.vlrs.get("CopcInfoVlr")
+    if not records:
+        raise FileFormatError("expected a COPC file, found LAS or LAZ without its index")
+    info = records[0]
+    if not (0 < info.spacing < math.inf and 0 < info.halfsize < math.inf):
         raise FileFormatError(
             "expected a COPC index with a spacing and a size above 0, found "
-            f"{fields['spacing']:g} and {fields['halfsize']:g}; get the whole file again"
+            f"{info.spacing:g} and {info.halfsize:g}; get the whole file again"
         )
-    return fields
-
-
-def entries_of(file: BufferedReader, info: Any, query: Query, scales: NDArray[np.float64]) -> NDArray[Any]:
-    """Return the entries, (K,), of all nodes with points that a query asks for, in the order of the file."""
-    deepest = np.iinfo(np.int32).max
-    if query.resolution is not None:
-        deepest = math.ceil(math.log2(info["spacing"]) - math.log2(query.resolution))
-    pages = _pages(file, info, query, max(0, deepest), scales)
-    found = np.concatenate([np.empty(0, ENTRY), *(page[page["count"] > 0] for page in pages)])
-    found = found[np.lexsort([found["count"], found["size"], found["offset"]])]
-    offsets, sizes = found["offset"].tolist(), found["size"].tolist()
-    if any(offset + size > after for offset, size, after in zip(offsets, sizes, offsets[1:], strict=False)):
-        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
-    return found
+    return info
 
 
 def _pages(
-    file: BufferedReader, info: Any, query: Query, deepest: int, scales: NDArray[np.float64]
+    file: BufferedReader, info: CopcInfoVlr, query: Query | None, scales: NDArray[np.float64]
 ) -> Iterator[NDArray[Any]]:
-    """Yield the entries that a query asks for, page by page."""
-    size = left = file.seek(0, 2)
-    places = [(int(info["root_offset"]), int(info["root_size"]))]
-    while places:
-        offset, length = places.pop()
-        left -= length
-        if not 0 <= length <= size - offset or left < 0:  # pages that lead to each other would be read for ever
+    """Yield the entries that a query needs, page by page."""
+    deepest = np.iinfo(np.int32).max
+    if query and query.resolution is not None:
+        deepest = max(0, math.ceil(math.log2(info.spacing) - math.log2(query.resolution)))
+    size = unread = file.seek(0, 2)
+    pages = [(info.hierarchy_root_offset, info.hierarchy_root_size)]
+    while pages:
+        offset, length = pages.pop()
+        unread -= length
+        if not 0 <= length <= size - offset or unread < 0:  # pages that lead to each other would be read for ever
             raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
         file.seek(offset)
         page = np.frombuffer(file.read(length // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
-        page = page[(page["level"] <= deepest) & _meets(page, info, query, scales)]
-        further = page[page["count"] == _PAGE]
-        places += zip(further["offset"].tolist(), further["size"].tolist(), strict=True)
+        page = page[page["level"] <= deepest]
+        if query:
+            page = page[_meets(page, info, query, scales)]
+        links = page[page["count"] == -1]
+        pages += zip(links["offset"].tolist(), links["size"].tolist(), strict=True)
         yield page
 
 
-def _meets(page: NDArray[Any], info: Any, query: Query, scales: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether the cell of each entry meets the box."""
+def _meets(page: NDArray[Any], info: CopcInfoVlr, query: Query, scales: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return whether the cell of each entry meets the box of a query."""
     with np.errstate(all="ignore"):  # an entry of no possible level meets nothing
-        side = np.ldexp(2 * info["halfsize"], -page["level"])[:, np.newaxis]
-        low = info["center"] - info["halfsize"] + page["cell"] * side
+        side = np.ldexp(2 * info.halfsize, -page["level"])[:, np.newaxis]
+        lower = info.center - info.halfsize + page["cell"] * side
         # Coordinates are rounded to the scale, which may move a point out of its cell.
-        return np.logical_and.reduce((low - scales <= query.high) & (low + side + scales >= query.low), axis=1)
+        return np.logical_and.reduce((lower - scales <= query.high) & (lower + side + scales >= query.low), axis=1)
+
+
+class CopcNodes:
+    """The nodes of an open COPC file that have points, from coarse to fine.
+
+    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `rows`, (K,), the row in the file
+    of its first point. `las` is the header of the file, and `info` what it says of the octree.
+    """
+
+    def __init__(self, file: BufferedReader) -> None:
+        self._file = file
+        self.las = read_header(file)
+        self.info = info_of(self.las)
+        entries = chunks_in(file, self.las)
+        order = np.argsort(entries["level"], kind="stable")
+        counts = entries["count"].astype(np.int64)
+        self.entries, self.rows = entries[order], (np.cumsum(counts) - counts)[order]
+
+    def read(self, numbers: Sequence[int]) -> tuple[NDArray[np.int64], PointCloud]:
+        """Return the points of some nodes: their coordinates as whole numbers (N, 3), and as a cloud."""
+        empty = np.empty(0, self.las.point_format.dtype())
+        records = np.concatenate([empty, *decompressed(self._file, self.las, self.entries[list(numbers)])])
+        multiples = np.stack([records[axis].astype(np.int64) for axis in "XYZ"], axis=1)
+        attributes = las_files.attributes_of(records, self.las)
+        return multiples, PointCloud(
+            las_files.coordinates_of(records, self.las), attributes, header=LasHeader.from_laspy(self.las)
+        )
+
+
+@contextmanager
+def nodes_of(path: Path, more_than: int = 0) -> Iterator[CopcNodes | None]:
+    """Open a COPC file by its nodes; return none if the file is another one, or has no more points than that."""
+    if not path.is_file():
+        yield None
+        return
+    with open(path, "rb") as file:
+        if is_copc(file.read(1024), path.stat().st_size):
+            nodes = CopcNodes(file)
+            yield nodes if nodes.entries["count"].sum() > more_than else None
+        else:
+            yield None
+
+
+def is_copc(start: bytes, size: int) -> bool:
+    """Return whether a file is COPC, given its first bytes."""
+    return start.startswith(b"LASF") and start[377:382] == b"copc\0"

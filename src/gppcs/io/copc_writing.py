@@ -1,207 +1,223 @@
-"""Writes COPC files: LAZ files whose chunks are the nodes of an octree, from coarse to fine."""
+"""Writes COPC files: LAZ files whose chunks are the nodes of an octree, from coarse to fine.
+
+The order of the points decides: each lies in the coarsest node around it that is not full yet. So the first node holds
+the first points of a ranking, and every node the first ones of those in its cell that no coarser node holds.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import islice
-from typing import Any, BinaryIO
+import struct
+from collections import Counter, defaultdict
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds import above
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column
-from gppcs.errors import OutputError
-from gppcs.io import las
-from gppcs.io.copc import ENTRY, INFO
-from gppcs.io.copc_levels import MOST, Cube, by_node, level_and_cell, levels_of
-from gppcs.io.las_header import (
-    COPC,
-    COPC_HIERARCHY,
-    EXTENDED,
-    RECORD,
-    SIZES,
-    TYPES,
-    WAVEFORMS,
-    LasHeader,
-    empty_header,
-    record_of,
-)
+from gppcs.io import copc, las
+from gppcs.io.format import Format
+from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of
+from gppcs.io.laz import chunks_of
 
-ORDERS = ("gp", "fps", "random", "order")
-RANKED, RANKED_SHARE = 1 << 20, 4  # Points that a method ranks, at most: so many, or this part of the cloud.
-AT_ONCE = 16  # Nodes that are compressed at once.
-# Point formats of older versions, and of waveforms, and those that hold their dimensions.
-_RAISED = {0: 6, 1: 6, 2: 7, 3: 7, 4: 6, 5: 7, 9: 6, 10: 8}
-_VERSIONS = dict.fromkeys((6, 7, 8), 4)
-_DEGREES = 0.006  # of which scan angles are multiples from point format 6 on
-_OF_WAVEFORMS = 0b110  # bits of the global encoding
+if TYPE_CHECKING:
+    import laspy
 
-
-@dataclass(frozen=True)
-class Summary:
-    """What a file says of its points."""
-
-    header: LasHeader
-    layout: las.Layout  # how each of them is stored
-    counts: dict[str, Any]  # fields of the header: their number, how many there are of each return, and bounds
-    gps_time: NDArray[np.float64]  # (2,), the earliest and the latest
-
-    @classmethod
-    def of(cls, cloud: PointCloud) -> Summary:
-        """Return what is said of a cloud that `FORMAT` has made fit."""
-        times = cloud.attributes.get("gps_time", np.zeros(1))
-        span = np.array([times.min(initial=np.inf), times.max(initial=-np.inf)])
-        return cls(las.header_of(cloud), las.layout_to_write(cloud), las.counts_of(cloud), span)
-
-    @property
-    def cube(self) -> Cube:
-        """The cell of the first level."""
-        high, low = self.counts["bounds"].T
-        return Cube.around(low, high)
+ORDERS = ("order", "random")
+BLOCK = 1 << 20  # Points that are sorted at once.
+FULL = 1 << 16  # Points of a node with others below it. With fewer, these would hold less than some 10,000.
+LARGEST = 100_000  # Points of a node that takes in those of small nodes below it. Viewers load complete nodes.
+DEEPEST = 20  # Octree level whose cells three numbers of 21 bits can name.
 
 
 def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str = ORDERS[0]) -> None:
-    """Write a COPC file of a cloud in memory."""
-    summary, ranking = Summary.of(cloud), np.arange(len(cloud))
-    if levels_by != "order" and len(cloud) > MOST:
-        ranking = above.rank(cloud, levels_by, ranked_of(len(cloud)))
-    codes = summary.cube.codes(cloud.points)
-    level = levels_of(codes, ranking)
-    keys, order, starts = by_node(codes, level)
-    rows = np.split(order, starts[1:])[: len(keys)]  # one part, without points, if there are no nodes
-    records = (las.records_of(cloud.take(each), summary.layout) for each in rows)
-    write_octree(file, summary, keys.tolist(), cloud.points[level == 0], records)
+    """Write a COPC file of a cloud in memory, which `stored` has returned."""
+    header = las.header_of(cloud)
+    records = las.records_of(cloud, header)
+    if levels_by == "random":
+        np.random.default_rng(0).shuffle(records)
+    write_octree(file, header, records)
 
 
-def ranked_of(n: int) -> int:
-    """Return how many of so many points are ranked."""
-    return max(1, min(n // RANKED_SHARE, RANKED))
-
-
-def write_octree(
-    file: BinaryIO, summary: Summary, keys: list[int], root: NDArray[np.float64], records: Iterator[NDArray[Any]]
-) -> None:
-    """Write a COPC file, given the nodes, the places of points in the first, (n, 3), and of each as stored."""
+def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any]) -> None:
+    """Write a COPC file of points as they are stored, (n,), the most important first. It sorts them in place."""
+    import laspy
     import lazrs
 
-    kind = las.compression_of(summary.header, summary.layout, by_nodes=True)
-    info = record_of(COPC, b"copc info", bytes(INFO.itemsize))
-    cube = summary.cube
-    counts = {**summary.counts, "bounds": np.column_stack([cube.high, cube.low])}
-    header = las.write_header(file, summary.header, summary.layout, kind, counts, [info])
-    start = file.tell()
-    with las.reported_compression():
+    header, info = deepcopy(header), laspy.VLR("copc", 1, "copc info", bytes(160))
+    header.vlrs.insert(0, info)
+    kind = las.compression_of(header, by_nodes=True)
+    las.write_header(file, header, kind)
+    times = _count(header, records)
+    octree = Octree(header)
+    pieces = octree.sort(records)
+    keys = sorted(pieces)
+    with las.reported_writing():
         compressor = lazrs.ParLasZipCompressor(file, kind)
-        while several := [each.view(np.uint8) for each in islice(records, AT_ONCE)]:
-            compressor.compress_chunks(several)
+        for begin in range(0, len(keys), 16):  # nodes that are compressed at once
+            nodes = (np.concatenate([records[i:j] for i, j in pieces[key]]) for key in keys[begin : begin + 16])
+            compressor.compress_chunks([node.view(np.uint8) for node in nodes])
         compressor.done()
-        file.seek(start)
-        chunks = lazrs.read_chunk_table(file, kind) if keys else []
-    hierarchy = _hierarchy(keys, chunks, start + 8)  # behind the place of the table of chunks
-    record = record_of(COPC_HIERARCHY, b"EPT Hierarchy", hierarchy, extended=True)
-    position = file.seek(0, 2) + EXTENDED.itemsize
-    las.write_extended(file, replace(header, records=(record, *header.records)))
-    times = summary.gps_time if len(keys) else np.zeros(2)
-    half, rounding = cube.side / 2, np.spacing(np.abs(counts["bounds"]).max())
-    fields = (cube.low + half, half + rounding, _spacing(root, cube), position, len(hierarchy), times, bytes(88))
-    file.seek(SIZES[4] + RECORD.itemsize)
-    file.write(np.array([fields], INFO).tobytes())
-    file.seek(0, 2)
+    hierarchy = _hierarchy(keys, chunks_of(file, header) if keys else np.zeros(1, copc.ENTRY))
+    position = file.seek(0, 2) + 60  # behind the head of its record
+    header.evlrs = [laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy), *(header.evlrs or [])]
+    half, last_place = octree.side / 2, np.spacing(np.abs([header.mins, header.maxs]).max())
+    spacing = octree.side / np.sqrt(max(1, octree.counts[1]))  # as if the first node were a square
+    info.record_data = struct.pack(
+        "<5d2Q2d88x", *(octree.lower + half), half + last_place, spacing, position, len(hierarchy), *times
+    )
+    las.write_rest(file, header)
 
 
-def _hierarchy(keys: list[int], chunks: list[tuple[int, int]], start: int) -> bytes:
-    """Return the entries of the nodes, and of those above them that have no points, in the order of the levels."""
-    places = {1: (0, 0, 0)}
-    for key, (count, size) in zip(keys, chunks, strict=True):
-        places[key] = (start, size, count)
-        start += size
-        while key := key >> 3:
-            places.setdefault(key, (0, 0, 0))
-    return np.array([(*level_and_cell(key), *places[key]) for key in sorted(places)], ENTRY).tobytes()
+def _count(header: laspy.LasHeader, records: NDArray[Any]) -> tuple[float, float]:
+    """Let a header count the points, and return the first and the last time of them."""
+    import laspy
+
+    if not len(records):
+        header.update([])
+        return 0.0, 0.0
+    first, last = np.inf, -np.inf
+    for begin in range(0, len(records), BLOCK):
+        block = records[begin : begin + BLOCK]
+        header.grow(laspy.PackedPointRecord(block, header.point_format))
+        first, last = min(first, block["gps_time"].min()), max(last, block["gps_time"].max())
+    longest = int(np.argmax(header.maxs - header.mins))
+    if header.maxs[longest] > header.mins[longest]:
+        # copclib takes the cube from these bounds, and adds up the borders of cells, which must not fall short.
+        header.maxs[longest] += 4 * np.spacing(max(abs(header.mins[longest]), abs(header.maxs[longest])))
+    return first, last
 
 
-def _spacing(points: NDArray[np.float64], cube: Cube) -> float:
-    """Return the mean spacing of the points of the first level, (n, 3), on their surface."""
-    from gppcs.spatial.kdtree import KdTree, surface_area
-    from gppcs.spatial.scaling import normalised
-
-    if not len(points):
-        return cube.side
-    local, _, exponent = normalised(points)  # squares of far coordinates would overflow
-    return float(np.ldexp(np.sqrt(surface_area(KdTree.build(local)) / len(points)), exponent)) or cube.side
-
-
-def _stored(cloud: PointCloud) -> PointCloud:
-    """Return a cloud as `write_copc` writes it, without waveforms."""
-    header = cloud.header if isinstance(cloud.header, LasHeader) else las.new_header(cloud, _VERSIONS)
-    attributes: dict[str, Column] = dict(cloud.attributes)
-    ranks = attributes.get("scan_angle_rank")
-    if ranks is not None and ranks.dtype == np.int8 and "scan_angle" not in attributes:  # of an older point format
-        attributes["scan_angle"] = np.rint(attributes.pop("scan_angle_rank") / _DEGREES).astype(np.int16)
-    attributes, header = _one_number_each(attributes, _raised(header))
-    without = replace(header, records=tuple(each for each in header.records if each.kind != WAVEFORMS))
-    return las.stored(replace(cloud, header=without, attributes=attributes))
+def _hierarchy(keys: list[int], chunks: NDArray[Any]) -> bytes:
+    """Return the entries of nodes, whose keys are in the order of their chunks."""
+    entries = np.zeros(len(chunks), copc.ENTRY)
+    for name in ("offset", "size", "count"):
+        entries[name] = chunks[name]
+    for i, key in enumerate(keys):
+        level = (key.bit_length() - 1) // 3
+        entries["level"][i] = level
+        entries["cell"][i] = [sum((key >> 3 * bit + axis & 1) << bit for bit in range(level)) for axis in range(3)]
+    return entries.tobytes()
 
 
-def _raised(header: LasHeader) -> LasHeader:
-    """Return a header of LAS 1.4 with a point format that COPC has."""
-    number, fields = header.point_format, header.fields()[0]
-    raised = empty_header(4, _RAISED.get(number, number))
-    kept = {name: fields[name] for name in fields.dtype.names if name not in ("major", "minor", "size", "point_format")}
-    uses_wkt = int(raised.fields()["global_encoding"][0])
-    kept["global_encoding"] = int(fields["global_encoding"]) & ~_OF_WAVEFORMS | uses_wkt
-    return replace(raised.with_fields(**kept), records=header.records)
+class Octree:
+    """Sorts points into the nodes of a cube around them.
+
+    The key of a node is a bit that tells its octree level, and behind it the code of its cell. Three bits less name the
+    node above.
+    """
+
+    def __init__(self, header: laspy.LasHeader) -> None:
+        self._header = header
+        self.lower = np.array(header.mins)
+        self.side = float(np.max(header.maxs - self.lower)) or 1.0
+        self.counts: Counter[int] = Counter()  # points of each node
+
+    def sort(self, records: NDArray[Any]) -> dict[int, list[tuple[int, int]]]:
+        """Sort points block by block, and return for each node, by its key, the slices with its points."""
+        pieces = defaultdict(list)
+        for begin in range(0, len(records), BLOCK):
+            block = records[begin : begin + BLOCK]
+            keys = self._keys_of(self._codes_of(block))
+            order = np.argsort(keys, kind="stable")
+            block[:] = block[order]
+            nodes, starts = np.unique(keys[order], return_index=True)
+            ends = [*starts[1:], len(block)]
+            for node, start, end in zip(nodes.tolist(), starts.tolist(), ends, strict=True):
+                pieces[node].append((begin + start, begin + int(end)))
+        parents = {1}
+        for key in sorted(pieces, reverse=True):  # each node behind those below it
+            if key in parents or self.counts[key >> 3] + self.counts[key] > LARGEST:
+                parents.add(key >> 3)
+            else:
+                self.counts[key >> 3] += self.counts.pop(key)
+                pieces[key >> 3] += pieces.pop(key)
+        return pieces
+
+    def _codes_of(self, records: NDArray[Any]) -> NDArray[np.int64]:
+        """Return the cell of each point on the deepest level; three bits less name that on the level above."""
+        codes, step = np.zeros(len(records), np.int64), self.side / 2**DEEPEST
+        for axis, points in enumerate(las.coordinates_of(records, self._header).T):
+            lower = self.lower[axis]
+            cells = np.floor((points - lower) / step)
+            cells -= points < lower + step * cells  # Readers round borders so: no point may lie beyond by its last bit.
+            cells += points >= lower + step * (cells + 1)
+            numbers = np.clip(cells, 0, 2**DEEPEST - 1).astype(np.int64)
+            for shift, mask in (  # put two zeros between the bits
+                (32, 0x1F00000000FFFF),
+                (16, 0x1F0000FF0000FF),
+                (8, 0x100F00F00F00F00F),
+                (4, 0x10C30C30C30C30C3),
+                (2, 0x1249249249249249),
+            ):
+                numbers = (numbers | numbers << shift) & mask
+            codes |= numbers << axis
+        return codes
+
+    def _keys_of(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the node of each point, by codes of its cell, and count it there. Shapes: (n,), (n,)."""
+        keys, remaining = np.zeros(len(codes), np.int64), np.arange(len(codes))
+        full = np.array([*sorted(key for key, count in self.counts.items() if count >= FULL), 2**62])
+        for level in range(DEEPEST + 1):
+            nodes = 1 << 3 * level | codes[remaining] >> 3 * (DEEPEST - level)
+            is_open = full[np.searchsorted(full, nodes)] != nodes
+            nodes, candidates = nodes[is_open], remaining[is_open]
+            order = np.argsort(nodes, kind="stable")
+            nodes, candidates = nodes[order], candidates[order]
+            unique, starts, counts = np.unique(nodes, return_index=True, return_counts=True)
+            rooms = counts
+            if level < DEEPEST:
+                rooms = np.minimum(counts, [FULL - self.counts[key] for key in unique.tolist()])
+            fits = np.arange(len(nodes)) - np.repeat(starts, counts) < np.repeat(rooms, counts)
+            keys[candidates[fits]] = nodes[fits]
+            self.counts.update(dict(zip(unique.tolist(), rooms.tolist(), strict=True)))
+            remaining = remaining[keys[remaining] == 0]
+            if not len(remaining):
+                break
+        return keys
 
 
-def _one_number_each(attributes: dict[str, Column], header: LasHeader) -> tuple[dict[str, Column], LasHeader]:
-    """Return attributes, and a header that describes them, with a name for each number of those with several."""
-    found, known = dict[str, Column](), header.extra_bytes
-    several = _several(attributes, header)
-    for name, values in attributes.items():
-        if name not in several:
-            found[name] = values
-            continue
-        for i, column in enumerate(values.reshape(len(values), -1).T):
-            part = f"{name}_{i}"
-            if part in attributes:
-                raise OutputError(
-                    f"expected attributes with different names, found {part} and {name}, whose numbers COPC files hold "
-                    f"as {name}_0, {name}_1 and so on; rename one of them"
-                )
-            found[part] = column
-            if name in known and len(part.encode()) <= las.LONGEST_NAME:  # otherwise an error tells it
-                known[part] = _description_of_one(known[name], part, i)
-    return found, header.with_extra_bytes(known.values())
+def stored(cloud: PointCloud) -> PointCloud:
+    """Return a cloud as `write_copc` writes it: LAS 1.4 in a point format that COPC has, without waveforms."""
+    attributes = dict(cloud.attributes)
+    header = cloud.header
+    if isinstance(header, LasHeader):
+        header = LasHeader(_raised(header.las))
+        angles = attributes.get("scan_angle_rank")
+        if angles is not None and angles.dtype == np.int8 and "scan_angle" not in attributes:  # of older formats
+            del attributes["scan_angle_rank"]
+            attributes["scan_angle"] = np.rint(np.asarray(angles, np.float64) / 0.006).astype(
+                np.int16
+            )  # multiples of 0.006 degrees
+    cloud = PointCloud(cloud.points, attributes, header=header)
+    # Many readers refuse extra bytes of two or three numbers.
+    return las.stored(cloud, las.POINT_FORMATS[-3:], widest=1)
 
 
-def _several(attributes: Mapping[str, Column], header: LasHeader | None) -> list[str]:
-    """Return the attributes that extra bytes would hold as two or three numbers, a type that many readers refuse."""
-    known = header.extra_bytes if header else {}
-    bytes_alone = {las.UNDESCRIBED, *(name for name, each in known.items() if not each["type"])}
-    return [
-        name for name, values in attributes.items() if math.prod(values.shape[1:]) in (2, 3) and name not in bytes_alone
-    ]
+def _raised(las: laspy.LasHeader) -> laspy.LasHeader:
+    """Return a header of LAS 1.4 with a point format that COPC has and that holds the dimensions of the old one."""
+    import laspy
+
+    header = deepcopy(las)
+    raised = {0: 6, 1: 6, 2: 7, 3: 7, 4: 6, 5: 7, 9: 6, 10: 8}.get(las.point_format.id, las.point_format.id)
+    point_format = laspy.PointFormat(raised)
+    point_format.dimensions += las.point_format.extra_dimensions
+    if raised != las.point_format.id:
+        header.set_version_and_point_format(laspy.header.Version(1, 4), point_format)
+    header.global_encoding.wkt = True
+    header.global_encoding.waveform_data_packets_internal = False
+    header.global_encoding.waveform_data_packets_external = False
+    header.evlrs = [record for record in header.evlrs or [] if kind_of(record) != WAVEFORMS]
+    return header
 
 
-def _description_of_one(description: NDArray[Any], name: str, index: int) -> NDArray[Any]:
-    """Return what describes one of several numbers."""
-    one, place = description.copy(), slice(8 * index, 8 * index + 8)
-    one["name"], one["type"] = name.encode(), (description["type"] - 1) % len(TYPES) + 1
-    for field in ("no_data", "scale", "offset"):
-        one[field] = np.void(bytes(description[field])[place].ljust(24, b"\0"))
-    return one
-
-
-def _is_copc(head: bytes, size: int) -> bool:
-    user = SIZES[4] + RECORD.fields["user"][1]  # type: ignore[index]
-    return las.FORMATS[1].recognises(head, size) and head[user : user + 5] == b"copc\0"
-
-
-FORMAT = replace(
-    las.FORMATS[1], name="COPC", suffixes=(".copc.laz",), write=write_copc, recognises=_is_copc, stored=_stored,
-    options=frozenset({"query", "levels_by"}), renames={"scan_angle_rank": "scan_angle"},
-)  # fmt: skip
+FORMAT = Format(
+    "COPC",
+    (".copc.laz",),
+    copc.open_copc,
+    write_copc,
+    copc.is_copc,
+    stored,
+    frozenset({"query", "levels_by"}),
+    {"scan_angle_rank": "scan_angle"},
+)

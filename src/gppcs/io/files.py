@@ -125,9 +125,8 @@ def write(
         Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
         is written as such again; all others are binary. Other formats have no such choice.
     levels_by : str, optional
-        By what the points of the coarse levels of a COPC file are chosen: "gp", the default, "fps", "random" or
-        "order", which takes the points in the order of the cloud. The first choices are on the first level. The
-        methods choose a quarter of the points, up to a million; the others follow at random.
+        Which points are on the coarse levels of a COPC file: "order", the default, takes the first ones of the cloud,
+        such as those that `simplify` has chosen first; "random" takes random ones.
 
     Raises
     ------

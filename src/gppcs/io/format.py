@@ -84,8 +84,8 @@ class Format:
                     remarks.append(f"the name {name!a} (it becomes {new})")
                 elif not _are_equal(column, stored.attributes[name]):
                     values.append(f"the exact values of attribute {name}")
-            elif f"{new}_0" in stored.attributes:
-                remarks.append(f"attribute {name} under one name (its numbers become {new}_0, {new}_1 and so on)")
+            elif part := next((part for part in (name, new) if f"{part}_0" in stored.attributes), None):
+                remarks.append(f"attribute {name} under one name (its numbers become {part}_0, {part}_1 and so on)")
             else:
                 values.append(f"attribute {name} ({'text' if column.dtype.kind == 'U' else column.dtype})")
         digits, tolerated = rounding(cloud.points, stored.points)

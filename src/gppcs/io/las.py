@@ -1,15 +1,15 @@
-"""Reads and writes LAS and LAZ files; reads COPC files, which are LAZ files with an index of the points."""
+"""Reads and writes LAS and LAZ files: headers by laspy, compressed points by lazrs; reads COPC files as LAZ."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
 from functools import partial
-from io import BufferedReader, BytesIO
+from io import BufferedReader
 from itertools import chain, pairwise
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,347 +18,240 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name
-from gppcs.io.copc import chunks_of
-from gppcs.io.format import Format, Reader, Span, from_start
-from gppcs.io.las_header import (
-    COPC,
-    EXTRA_BYTES,
-    LASZIP,
-    TYPES,
-    WITH_WKT,
-    LasHeader,
-    Record,
-    Scaling,
-    empty_header,
-    extra_name,
-    read_header,
-    record_of,
-    scaling_of,
-    waveforms_at,
-)
-from gppcs.io.laz import chunks_of_points, decompressed_chunks, fewest_points
-from gppcs.io.query import Query, not_empty, without_levels
-from gppcs.io.rows import BLOCK, at_most, check_length, type_and_shape
+from gppcs.io.format import Format, Reader, Span
+from gppcs.io.las_header import WAVEFORMS, LasHeader, read_header
+from gppcs.io.laz import chunks_of, counted_chunks, decompressed
+from gppcs.io.query import not_empty
+from gppcs.io.rows import BLOCK, at_most, check_length
 
-_AXES = ("X", "Y", "Z")
-UNDESCRIBED = "ExtraBytes"  # laspy's name for bytes of each point that no record describes
-LONGEST_NAME = 32
-LAST_PLACES = 2.0  # Units in the last place by which 41 times 0.01 may differ from 0.41.
+if TYPE_CHECKING:
+    import laspy
+    import lazrs
+    from laspy.point.dims import DimensionInfo
+
 FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
-_LONGEST_RECORD = 2**16 - 1
-_SAMPLE = 1000  # coordinates by which a scale is tried first
-_FINEST = -300  # the smallest power of ten of a scale
-# Point formats for clouds of other sources, in the order of preference, and the versions that have them.
-_VERSIONS = {0: 2, 1: 2, 2: 2, 3: 2, 6: 4, 7: 4, 8: 4}
+# Point formats for clouds of other sources, in the order of preference: none has waveforms, COPC has the last three.
+POINT_FORMATS = (0, 1, 2, 3, 6, 7, 8)
 
 
-@dataclass(frozen=True)
-class _Dimension:
-    """Where an attribute stands in the record of a point: in a field, or in some bits of one."""
-
-    field: str
-    dtype: np.dtype[Any]
-    mask: int = 0
-    scaling: Scaling | None = None
-
-    @property
-    def shift(self) -> int:
-        return (self.mask & -self.mask).bit_length() - 1
-
-    def values(self, points: NDArray[Any]) -> Column:
-        """Return the attribute of some points."""
-        values = points[self.field]
-        if self.scaling:
-            return self.scaling.physical(values)
-        return (values & self.mask) >> self.shift if self.mask else values
-
-    def store(self, points: NDArray[Any], values: Column) -> None:
-        """Set the attribute of some points, whose bits are zero."""
-        if self.scaling:
-            points[self.field] = self.scaling.stored(values, self.dtype)
-        elif self.mask:
-            points[self.field] |= values.astype(self.dtype) << self.shift
-        else:
-            points[self.field] = values
-
-    def fits(self, values: Column) -> bool:
-        """Return whether a standard dimension holds an attribute exactly."""
-        if values.ndim != 1 or values.dtype.kind not in "biuf":
-            return False
-        if self.dtype.kind == "f":
-            if values.dtype.kind in "iu":
-                return exact_as_double(values) and np.array_equal(values.astype(self.dtype), values.astype(np.float64))
-            return values.astype(self.dtype).astype(values.dtype).tobytes() == values.tobytes()
-        if values.dtype.kind == "f":
-            return False
-        low, high = np.iinfo(self.dtype).min, np.iinfo(self.dtype).max
-        high = self.mask >> self.shift if self.mask else high
-        return not len(values) or (low <= int(values.min()) and int(values.max()) <= high)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How points are stored: the type of a point's record, and the attributes in it by name."""
-
-    record: np.dtype[Any]
-    dimensions: Mapping[str, _Dimension] = field(default_factory=dict)
-
-    def with_extra(
-        self, name: str, dtype: np.dtype[Any], shape: tuple[int, ...] = (), scaling: Scaling | None = None
-    ) -> Layout:
-        """Return a layout with another attribute in extra bytes."""
-        place = f"extra {name}"  # no name of a standard field
-        record = np.dtype([*((each, *type_and_shape(self.record[each])) for each in self.record.names or ()),
-                           (place, dtype, shape)])  # fmt: skip
-        return Layout(record, {**self.dimensions, name: _Dimension(place, dtype, scaling=scaling)})
-
-
-def _standard_layout(point_format: int) -> Layout:
-    from laspy.point.dims import ALL_POINT_FORMATS_DTYPE, COMPOSED_FIELDS
-
-    record = ALL_POINT_FORMATS_DTYPE[point_format]
-    parts = COMPOSED_FIELDS[point_format]
-    dimensions = {}
-    for name in record.names:
-        for part in parts.get(name, ()):
-            dimensions[part.name] = _Dimension(name, record[name], part.mask)
-        if name not in parts and name not in _AXES:
-            dimensions[name] = _Dimension(name, record[name])
-    return Layout(record, dimensions)
-
-
-def layout_of(header: LasHeader, fields: NDArray[Any]) -> Layout:
-    """Return how the points of a file are stored."""
-    number, size = header.point_format, int(fields["point_size"][0])
-    if number > 10:
-        raise FileFormatError(f"expected a point format of 0 to 10, found {number}")
-    layout = _standard_layout(number)
-    if size > layout.record.itemsize:  # otherwise there are no extra bytes, even if some are described
-        for description in header.descriptions():
-            name = extra_name(description)
-            if not name or name in layout.dimensions or name in ("x", "y", "z", *_AXES):
-                raise FileFormatError(f"expected a name of its own for all extra bytes, found {name!r}; rename them")
-            layout = layout.with_extra(name, *_type_of_extra(description), scaling_of(description))
-    rest = size - layout.record.itemsize
-    if rest < 0:
-        raise FileFormatError(f"expected points of {layout.record.itemsize:,} bytes or more, found {size:,}")
-    return layout.with_extra(UNDESCRIBED, TYPES[0], (rest,)) if rest else layout
-
-
-def _type_of_extra(description: NDArray[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    number, options = int(description["type"]), int(description["options"])
-    if number == 0:
-        return TYPES[0], () if options == 1 else (options,)
-    if number > 3 * len(TYPES):
-        raise FileFormatError(f"expected extra bytes of a type of 0 to 30, found {number}; the file may be damaged")
-    several, kind = divmod(number - 1, len(TYPES))
-    return TYPES[kind], (several + 1,) if several else ()
-
-
-def read_las_chunks(
-    file: BufferedReader, rows: int, attributes: bool, query: Query | None = None, span: Span | None = None
-) -> Iterator[PointCloud]:
-    """Read a LAS, LAZ or COPC file in chunks."""
-    yield from at_most(rows, not_empty(_blocks_as_clouds(file, attributes, query, span)))
-
-
-def open_las(file: BufferedReader, query: Query | None = None) -> Reader:
-    """Open a LAS, LAZ or COPC file, of the last of which only those parts are read that a query may ask for."""
+def open_las(
+    file: BufferedReader, select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]] = counted_chunks
+) -> Reader:
+    """Open a LAS, LAZ or COPC file; `select` returns the chunks of compressed points that are read."""
+    las = read_header(file)
+    header = LasHeader.from_laspy(las)
 
     def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-        file.seek(0)
-        return read_las_chunks(file, n, attributes, query, span)
-
-    return Reader(
-        chunks,
-        _count(read_header(file)[1]),
-        skipped=partial(from_start, uncounted_las_points, file),
-        spans=partial(from_start, spans_of_las, file),
-    )
-
-
-def uncounted_las_points(file: BufferedReader) -> list[str]:
-    """Return in words how many points a LAS or LAZ file holds behind those that its header counts, if any."""
-    header, fields, own = read_header(file)
-    layout, start = layout_of(header, fields), file.tell()
-    if _is_compressed(fields):
-        held = fewest_points(file, layout.record, own.get(LASZIP)) if _count(fields) else 0
-    else:
-        behind = [int(fields[name][0]) for name in ("first_extended", "waveforms")]
-        end = min([file.seek(0, 2), *(place for place in behind if place > start)])
-        held = (end - start) // layout.record.itemsize
-    uncounted = held - _count(fields)
-    return [f"points that its header does not count ({uncounted:,} or more)"] if uncounted > 0 else []
-
-
-def spans_of_las(file: BufferedReader, rows: int) -> list[Span]:
-    """Divide the points of a LAS, LAZ or COPC file into parts that can be read by themselves."""
-    header, fields, own = read_header(file)
-    layout, count = layout_of(header, fields), _count(fields)
-    if not count:
-        return []
-    if _is_compressed(fields):
-        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
-        ends = np.cumsum([points for _, _, points in chunks]).tolist()
-    else:
-        check_length(file, layout.record.itemsize, count)
-        ends = range(rows, count, rows)
-    begins = [0]
-    for end in ends:
-        if begins[-1] + rows <= end < count:
-            begins.append(end)
-    return list(pairwise([*begins, count]))
-
-
-def _count(fields: NDArray[Any]) -> int:
-    return int(fields["count"][0]) or int(fields["legacy_count"][0])
-
-
-def _is_compressed(fields: NDArray[Any]) -> bool:
-    return bool(int(fields["point_format"][0]) & 0b11000000)
-
-
-def _blocks_as_clouds(
-    file: BufferedReader, attributes: bool, query: Query | None, span: Span | None
-) -> Iterator[PointCloud]:
-    """Yield a cloud without points, and then one for each block of points."""
-    header, fields, own = read_header(file)
-    layout, compressed = layout_of(header, fields), _is_compressed(fields)
-    count = _count(fields)
-    scales, offsets = fields["scales"][0], fields["offsets"][0]
-    if query and compressed and COPC in own:
-        chunks = chunks_of(file, own[COPC].data, query, scales)
-        blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
-    elif query and query.resolution is not None:
-        raise without_levels("LAZ without them" if compressed else "LAS")
-    elif compressed:
-        chunks = chunks_of_points(file, layout.record, count, own.get(LASZIP))
-        if span:
-            ends = np.cumsum([points for _, _, points in chunks])
-            chunks = chunks[slice(*np.searchsorted(ends, span, side="right"))]
-        blocks = decompressed_chunks(file, layout.record, chunks, own.get(LASZIP))
-    else:
-        blocks = _uncompressed(file, layout, *(span or (0, count)))
-    for block in chain([np.empty(0, layout.record)], blocks):
-        points = coordinates_of(block, scales, offsets)
-        if query:
-            inside = query.holds(points)
-            points, block = points[inside], block[inside]
-        yield PointCloud(points, attributes_of(block, layout) if attributes else {}, header=header)
-
-
-def attributes_of(points: NDArray[Any], layout: Layout) -> dict[str, Column]:
-    """Return the attributes of points as they are stored."""
-    return {
-        name: np.ascontiguousarray(
-            dimension.values(points), np.float64 if dimension.scaling else dimension.dtype.newbyteorder("=")
+        """Read the points in chunks: first a cloud without points, which stays if there are no others."""
+        blocks = _compressed(file, las, select, span) if las.are_points_compressed else _plain(file, las, span)
+        clouds = (
+            PointCloud(coordinates_of(block, las), attributes_of(block, las) if attributes else {}, header=header)
+            for block in chain([np.empty(0, las.point_format.dtype())], blocks)
         )
-        for name, dimension in layout.dimensions.items()
-    }
+        return at_most(n, not_empty(clouds))
+
+    return Reader(chunks, las.point_count, skipped=partial(_uncounted, file, las), spans=partial(_spans, file, las))
 
 
-def _uncompressed(file: BufferedReader, layout: Layout, begin: int, end: int) -> Iterator[NDArray[Any]]:
-    size = layout.record.itemsize
-    check_length(file, size, end)
-    file.seek(begin * size, 1)
-    for first in range(begin, end, BLOCK):
-        n = min(BLOCK, end - first)
-        yield np.frombuffer(file.read(n * size), layout.record, n)
+def _compressed(
+    file: BufferedReader,
+    las: laspy.LasHeader,
+    select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]],
+    span: Span | None,
+) -> Iterator[NDArray[Any]]:
+    """Yield points as they are stored, (n,), of a span that begins and ends with chunks."""
+    chunks = select(file, las)
+    if span:
+        chunks = chunks[slice(*np.searchsorted(np.cumsum(chunks["count"]), span, side="right"))]
+    yield from decompressed(file, las, chunks)
 
 
-def coordinates_of(
-    points: NDArray[Any], scales: NDArray[np.float64], offsets: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the coordinates of points as they are stored, with a scale and an offset of each axis."""
-    result = np.empty((len(points), 3))
+def _plain(file: BufferedReader, las: laspy.LasHeader, span: Span | None) -> Iterator[NDArray[Any]]:
+    """Yield points as they are stored, (n,)."""
+    record = las.point_format.dtype()
+    begin, end = span or (0, las.point_count)
+    file.seek(las.offset_to_point_data)
+    check_length(file, record.itemsize, end)
+    file.seek(las.offset_to_point_data + begin * record.itemsize)
+    for start in range(begin, end, BLOCK):
+        block = np.empty(min(BLOCK, end - start), record)
+        file.readinto(block.view(np.uint8).data)
+        yield block
+
+
+def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
+    """Return the coordinates (n, 3) of points as they are stored, after checking that all can be told apart."""
+    points = np.empty((len(block), 3))
     with np.errstate(all="ignore"):
-        for i, axis in enumerate(_AXES):
-            result[:, i] = points[axis] * scales[i] + offsets[i]
-            if not np.array_equal(np.rint((result[:, i] - offsets[i]) / scales[i]), points[axis]):
+        for axis, values, scale, offset in zip("XYZ", points.T, las.scales, las.offsets, strict=True):
+            values[:] = block[axis] * scale + offset
+            if not np.array_equal(np.rint((values - offset) / scale), block[axis]):
                 raise FileFormatError(
                     f"expected a scale and an offset of {axis} that keep different coordinates different, found "
-                    f"{scales[i]:g} and {offsets[i]:g}; the file may be damaged"
+                    f"{scale:g} and {offset:g}; the file may be damaged"
                 )
-    return result
+    return points
+
+
+def attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:
+    """Return the attributes of points as they are stored."""
+    import laspy
+
+    record = laspy.PackedPointRecord(block, las.point_format)
+    columns = {}
+    for dimension in las.point_format.dimensions[3:]:
+        is_bit_field = dimension.dtype is None
+        values = np.asarray(record[dimension.name]) if is_bit_field else _physical(block[dimension.name], dimension)
+        columns[dimension.name] = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+    return columns
+
+
+def _physical(values: NDArray[Any], dimension: DimensionInfo) -> Column:
+    """Return the values that stored numbers of a dimension stand for."""
+    return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
+
+
+def _stored(values: Column, dimension: DimensionInfo) -> Column | None:
+    """Return an attribute as the numbers that a dimension stores; None if these would not give it back exactly."""
+    dtype = np.dtype(np.uint8) if dimension.dtype is None else dimension.dtype  # of a bit field
+    if values.dtype.kind not in "biuf" or values.shape[1:] != dtype.shape:
+        return None
+    if dtype.base.kind == "f" and values.dtype.kind in "iu" and not exact_as_double(values):
+        return None
+    with np.errstate(all="ignore"):
+        numbers = (values - dimension.offsets) / dimension.scales if dimension.is_scaled else values
+        if numbers.dtype.kind == "f" and dtype.base.kind != "f":
+            numbers = np.rint(numbers)
+        stored = numbers.astype(dtype.base, copy=False)
+        is_exact = np.array_equal(_physical(stored, dimension), values, equal_nan=values.dtype.kind == "f")
+    if dimension.dtype is None and len(stored):
+        is_exact = is_exact and stored.max() <= dimension.max
+    return stored if is_exact else None
+
+
+def _uncounted(file: BufferedReader, las: laspy.LasHeader) -> list[str]:
+    """Return in words how many points a file holds behind those that its header counts, if any."""
+    start = las.offset_to_point_data
+    if las.are_points_compressed:
+        counts = chunks_of(file, las)["count"] if las.point_count else np.empty(0, int)
+        n_points = int(counts[:-1].sum()) + (len(counts) > 0)  # the last chunk may have fewer than the table says
+    else:
+        ends = (las.start_of_first_evlr, las.start_of_waveform_data_packet_record)
+        n_points = (min([file.seek(0, 2), *(end for end in ends if end > start)]) - start) // las.point_format.size
+    n_uncounted = n_points - las.point_count
+    return [f"points that its header does not count ({n_uncounted:,} or more)"] if n_uncounted > 0 else []
+
+
+def _spans(file: BufferedReader, las: laspy.LasHeader, n: int) -> list[Span]:
+    """Divide the points of a file into parts that can be read by themselves."""
+    ends: Iterable[int] = range(n, las.point_count, n)
+    if las.are_points_compressed:
+        ends = np.cumsum(counted_chunks(file, las)["count"]).tolist()
+    else:
+        file.seek(las.offset_to_point_data)
+        check_length(file, las.point_format.size, las.point_count)
+    begins = [0]
+    for end in ends:
+        if begins[-1] + n <= end < las.point_count:
+            begins.append(end)
+    return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
 
 def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
-    """Write a LAS or LAZ file."""
+    """Write a LAS or LAZ file of a cloud that `stored` has returned."""
+    import laspy
     import lazrs
 
-    header, layout = header_of(cloud), layout_to_write(cloud)
-    if header.minor_version < 4 and len(cloud) >= 2**32:
-        raise OutputError(f"expected fewer than 2^32 points in LAS 1.{header.minor_version}, found {len(cloud):,}")
-    kind = compression_of(header, layout) if compressed else None
-    header = write_header(file, header, layout, kind, counts_of(cloud))
-    blocks = (records_of(cloud[start : start + BLOCK], layout) for start in range(0, len(cloud), BLOCK))
-    if kind:
-        with reported_compression():
-            compressor = lazrs.ParLasZipCompressor(file, kind)
-            for block in blocks:
+    las = deepcopy(header_of(cloud))
+    kind = compression_of(las) if compressed else None
+    write_header(file, las, kind)
+    with reported_writing():
+        compressor = lazrs.ParLasZipCompressor(file, kind) if compressed else None
+        for start in range(0, len(cloud), BLOCK):
+            block = records_of(cloud[start : start + BLOCK], las)
+            las.grow(laspy.PackedPointRecord(block, las.point_format))
+            if compressor:
                 compressor.compress_many(block.view(np.uint8))
-            compressor.done()
-        file.seek(0, 2)
-    else:
-        for block in blocks:
-            file.write(block.view(np.uint8).data)
-    write_extended(file, header)
-
-
-def layout_to_write(cloud: PointCloud) -> Layout:
-    """Return how the points of a cloud are stored, which `stored` has returned."""
-    header = header_of(cloud)
-    layout, described = _standard_layout(header.point_format), header.extra_bytes
-    for name, values in cloud.attributes.items():
-        if name not in layout.dimensions:
-            if name in described:
-                layout = layout.with_extra(name, *_type_of_extra(described[name]), scaling_of(described[name]))
             else:
-                assert name == UNDESCRIBED
-                layout = layout.with_extra(name, values.dtype.newbyteorder("<"), values.shape[1:])
-    if (size := layout.record.itemsize) > _LONGEST_RECORD:
-        raise OutputError(f"expected points of at most {_LONGEST_RECORD:,} bytes, found {size:,}; drop attributes")
-    return layout
+                file.write(block.view(np.uint8).data)
+        if compressor:
+            compressor.done()
+    write_rest(file, las)
 
 
-def header_of(cloud: PointCloud) -> LasHeader:
+def header_of(cloud: PointCloud) -> laspy.LasHeader:
     """Return the header of a cloud that `stored` has returned."""
     assert isinstance(cloud.header, LasHeader)
-    return cloud.header
+    return cloud.header.las
 
 
-def compression_of(header: LasHeader, layout: Layout, by_nodes: bool = False) -> Any:
+def records_of(cloud: PointCloud, las: laspy.LasHeader) -> NDArray[Any]:
+    """Return the points of a cloud as they are stored, (n,)."""
+    import laspy
+
+    record = laspy.PackedPointRecord.zeros(len(cloud), las.point_format)
+    set_coordinates(record.array, cloud.points, las)
+    for dimension in las.point_format.dimensions[3:]:
+        if dimension.name in cloud.attributes:
+            values = _stored(cloud.attributes[dimension.name], dimension)
+            if dimension.dtype is None:
+                record[dimension.name][:] = values
+            else:
+                record.array[dimension.name] = values
+    return record.array
+
+
+def set_coordinates(block: NDArray[Any], points: NDArray[np.float64], las: laspy.LasHeader) -> None:
+    """Set the coordinates of points as they are stored."""
+    for axis, values, scale, offset in zip("XYZ", points.T, las.scales, las.offsets, strict=True):
+        block[axis] = np.rint((values - offset) / scale)
+
+
+def compression_of(las: laspy.LasHeader, by_nodes: bool = False) -> lazrs.LazVlr:
     """Return lazrs' description of the compression; `by_nodes` lets chunks have any number of points."""
     import lazrs
 
-    number = header.point_format
-    extra = layout.record.itemsize - _standard_layout(number).record.itemsize
-    return lazrs.LazVlr.new_for_compression(number, extra, use_variable_size_chunks=by_nodes)
+    extra = las.point_format.num_extra_bytes
+    return lazrs.LazVlr.new_for_compression(las.point_format.id, extra, use_variable_size_chunks=by_nodes)
 
 
-def write_header(
-    file: BinaryIO, header: LasHeader, layout: Layout, kind: Any, counts: dict[str, Any], first: Sequence[Record] = ()
-) -> LasHeader:
-    """Write what stands before the points, and return it; `first` are the first records."""
-    records = [*first, *(each for each in header.records if not each.extended)]
+def write_header(file: BinaryIO, las: laspy.LasHeader, kind: lazrs.LazVlr | None) -> None:
+    """Write what stands before the points, and make a header ready to count them."""
+    import laspy
+
     if kind:
-        records.append(record_of(LASZIP, b"lazrs", bytes(kind.record_data())))
-    before = b"".join(each.content for each in records) + header.padding
-    header = header.with_fields(
-        offset_to_points=len(header.block) + len(before),
-        n_records=len(records),
-        point_format=header.point_format | (0b10000000 if kind else 0),
-        point_size=layout.record.itemsize,
-        **counts,
-    )
-    file.write(header.block + before)
-    return header
+        las.are_points_compressed = True
+        las.vlrs.append(laspy.vlrs.known.LasZipVlr(bytes(kind.record_data())))
+    with reported_writing():
+        las.write_to(file, encoding_errors="surrogateescape")
+    las.partial_reset()
+
+
+def write_rest(file: BinaryIO, las: laspy.LasHeader) -> None:
+    """Write the records behind the points, and the header again, which has counted these."""
+    import laspy
+
+    position = file.seek(0, 2)
+    if not las.point_count:
+        las.update([])
+    with reported_writing():
+        for record in las.evlrs or []:
+            if (record.user_id, record.record_id) == WAVEFORMS:
+                las.start_of_waveform_data_packet_record = file.tell()
+            one = laspy.vlrs.vlrlist.VLRList([record])
+            one.write_to(file, as_extended=True, encoding_errors="surrogateescape")
+        if las.evlrs and las.version.minor >= 4:
+            las.start_of_first_evlr = position
+            las.number_of_evlrs = len(las.evlrs)
+        file.seek(0)
+        las.write_to(file, ensure_same_size=True, encoding_errors="surrogateescape")
 
 
 @contextmanager
-def reported_compression() -> Iterator[None]:
-    """Raise an error of lazrs, which hides why the file could not be written, as an OutputError."""
+def reported_writing() -> Iterator[None]:
+    """Raise an error of laspy or lazrs as an OutputError; lazrs hides why the file could not be written."""
+    import laspy
     import lazrs
 
     try:
@@ -367,142 +260,119 @@ def reported_compression() -> Iterator[None]:
         if getattr(error, "errno", None) is not None:  # not from lazrs
             raise
         raise OutputError(f"expected to write LAZ, but {error}; the disk may be full, or its quota used up") from error
+    except (laspy.LaspyException, ValueError, OverflowError) as error:
+        raise OutputError(f"expected a header that LAS can hold, but laspy reports: {error}") from error
 
 
-def write_extended(file: BinaryIO, header: LasHeader) -> None:
-    """Write the records behind the points, and where they are."""
-    position = file.tell()
-    waveforms, content = waveforms_at(header.records, position)
-    if content:
-        file.write(content)
-        fields = {"waveforms": waveforms}
-        if header.minor_version >= 4:
-            fields |= {"first_extended": position, "n_extended": sum(each.extended for each in header.records)}
-        file.seek(0)
-        file.write(header.with_fields(**fields).block)
-
-
-def counts_of(cloud: PointCloud) -> dict[str, Any]:
-    """Return what the public header block says of the points: how many, how many of each return, and bounds."""
-    header = header_of(cloud)
-    returns = np.bincount(cloud.attributes.get("return_number", np.empty(0, np.uint8)), minlength=16)[1:16]
-    bounds = np.zeros((3, 2))
-    if len(cloud):
-        bounds = np.array([[values.max(), values.min()] for values in cloud.points.T])
-    fields: dict[str, Any] = {"bounds": bounds}
-    if header.minor_version >= 4:
-        fields |= {"count": len(cloud), "returns": returns}
-    if header.point_format < WITH_WKT and len(cloud) < 2**32:
-        fields |= {"legacy_count": len(cloud), "legacy_returns": returns[:5]}
-    return fields
-
-
-def records_of(cloud: PointCloud, layout: Layout) -> NDArray[Any]:
-    """Return the points of a cloud as they are stored."""
-    block = np.zeros(len(cloud), layout.record)
-    store_coordinates(block, cloud.points, header_of(cloud))
-    for name, values in cloud.attributes.items():
-        layout.dimensions[name].store(block, values)
-    return block
-
-
-def store_coordinates(block: NDArray[Any], points: NDArray[np.float64], header: LasHeader) -> None:
-    """Set the coordinates of points as they are stored."""
-    fields = header.fields()
-    for i, axis in enumerate(_AXES):
-        block[axis] = np.rint((points[:, i] - fields["offsets"][0, i]) / fields["scales"][0, i])
-
-
-def to_laspy(cloud: PointCloud) -> Any:
-    """Return a cloud as data of laspy, a `LasData`, as it would be written to a file and laspy would read it."""
+def to_laspy(cloud: PointCloud) -> laspy.LasData:
+    """Return a cloud as data of laspy, as it would be written to a file and laspy would read it."""
     import laspy
 
     fit = FORMATS[0].fit(cloud)
     if fit.values:
         raise InputError(f"expected what LAS can hold, found {', '.join(fit.values)}; convert or drop it")
-    with BytesIO() as file:
-        write_las(file, fit.cloud, compressed=False)
-        file.seek(0)
-        return laspy.read(file)
+    las = deepcopy(header_of(fit.cloud))
+    block = records_of(fit.cloud, las)
+    las.update(laspy.PackedPointRecord(block, las.point_format))
+    return laspy.LasData(las, laspy.ScaleAwarePointRecord(block, las.point_format, las.scales, las.offsets))
 
 
-def stored(cloud: PointCloud) -> PointCloud:
-    """Return a cloud as `write_las` writes it, with a `LasHeader`."""
-    _check_coordinates(cloud)
-    header = cloud.header if isinstance(cloud.header, LasHeader) else new_header(cloud, _VERSIONS)
-    cloud, header = _fit_attributes(cloud, header)
-    points, header = _fit_points(cloud.points, header)
-    return replace(cloud, points=points, coordinate_dtype=np.dtype(np.float64), header=header)
+def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, widest: int = 3) -> PointCloud:
+    """Return a cloud as `write_las` writes it, with a `LasHeader`.
+
+    If it has no such header yet, it gets one of the point formats. Attributes in extra bytes have at most `widest`
+    numbers for each point; wider ones become several.
+    """
+    check_coordinates(cloud.points)
+    las = deepcopy(cloud.header.las) if isinstance(cloud.header, LasHeader) else _new_header(cloud, point_formats)
+    attributes = _fit_attributes(cloud, las, widest)
+    for i, values in enumerate(cloud.points.T):
+        las.scales[i], las.offsets[i] = scale_and_offset(partial(list, [values]), las.scales[i], las.offsets[i])
+    points = multiples(cloud.points, las.scales, las.offsets)
+    return PointCloud(points, attributes, header=LasHeader.from_laspy(las))
 
 
-def _check_coordinates(cloud: PointCloud) -> None:
-    if len(bad := cloud.non_finite()):
+def check_coordinates(points: NDArray[np.float64]) -> None:
+    """Check that LAS can hold coordinates (n, 3)."""
+    if n := np.count_nonzero(~np.isfinite(points).all(axis=1)):
         raise OutputError(
-            f"expected finite coordinates, which alone LAS can hold, found {len(bad):,} points with NaN or infinite "
-            f"ones, the first at index {bad[0]}; drop invalid points first, or write PLY"
+            f"expected finite coordinates, which alone LAS can hold, found {n:,} points with NaN or infinite ones; "
+            "drop them first, as with cloud[cloud.finite_rows()] or --drop invalid, or write PLY"
         )
-    if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
+    if np.abs(points).max(initial=0.0) > FARTHEST:
         raise OutputError(
             f"expected coordinates of at most {FARTHEST:g} in LAS, found larger ones: drop them first, or write PLY"
         )
 
 
-def new_header(cloud: PointCloud, formats: Mapping[int, int]) -> LasHeader:
+def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasHeader:
     """Return a header with the first point format that holds the most attributes as standard dimensions."""
-    layouts = {number: _standard_layout(number).dimensions for number in formats}
+    import laspy
 
-    def held(number: int) -> int:
-        return sum(
-            name in layouts[number] and layouts[number][name].fits(values) for name, values in cloud.attributes.items()
+    formats = [laspy.PointFormat(number) for number in point_formats]
+    held = [
+        sum(
+            d.name in cloud.attributes and _stored(cloud.attributes[d.name], d) is not None for d in form.dimensions[3:]
+        )
+        for form in formats
+    ]
+    best = formats[int(np.argmax(held))]
+    is_new = best.id >= 6 or len(cloud) >= 2**32
+    las = laspy.LasHeader(version="1.4" if is_new else "1.2", point_format=best)
+    las.generating_software = "gppcs"
+    las.global_encoding.wkt = best.id >= 6
+    las.scales = np.zeros(3)  # which no coordinates fit, so that `scale_and_offset` looks for better ones
+    return las
+
+
+def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dict[str, Column]:
+    """Convert attributes to the types that a header has for them, and describe those in extra bytes in the header."""
+    import laspy
+    from laspy.point.dims import DimensionInfo
+
+    standard, described = laspy.PointFormat(las.point_format.id), list(las.point_format.extra_dimensions)
+    dimensions = {dimension.name: dimension for dimension in (*standard.dimensions[3:], *described)}
+    columns = {name: _stored(cloud.attributes[name], d) for name, d in dimensions.items() if name in cloud.attributes}
+    names = [name for name in cloud.attributes if name not in standard.dimension_names]
+    is_unchanged = names == [d.name for d in described if columns.get(d.name) is not None]
+    is_unchanged = is_unchanged and all(d.num_elements <= widest or d.num_elements > 3 for d in described)
+    taken = (*standard.dimension_names, *standard.dtype().names)
+    kept: dict[str, Column] = {}
+    for name, values in cloud.attributes.items():
+        dimension, column = dimensions.get(name), columns.get(name)
+        if dimension and column is not None and (is_unchanged or dimension.num_elements <= widest):
+            kept[name] = values if dimension.is_scaled else column
+            standard.dimensions += [] if dimension.is_standard else [dimension]
+        elif dimension is None or not dimension.is_standard:
+            for part, numbers in _extra_columns(name, values, widest).items():
+                _check_extra_name(part, (*kept, *taken))
+                kept[part] = numbers
+                dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
+                standard.dimensions.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
+    if not is_unchanged:
+        _check_size(standard)
+        with reported_writing():
+            las.point_format = standard
+    return kept
+
+
+def _check_extra_name(name: str, taken: Collection[str]) -> None:
+    check_name(name, taken)
+    if len(name.encode()) > 32:
+        raise OutputError(
+            f"expected a name of at most 32 bytes for each attribute in LAS, found {name!r}; rename the attribute"
         )
 
-    best = max(layouts, key=held)
-    minor = formats[best] if len(cloud) < 2**32 else 4
-    return empty_header(minor, best).with_fields(system_identifier=b"OTHER", generating_software=b"gppcs")
+
+def _check_size(point_format: laspy.PointFormat) -> None:
+    """Check that the record of extra bytes, and the points, have no more bytes than 16 bits can count."""
+    if (n := sum(1 for _ in point_format.extra_dimensions)) > 341:
+        raise OutputError(f"expected at most 341 attributes in extra bytes, found {n:,}; drop some")
+    if point_format.size > 65_535:
+        raise OutputError(f"expected points of at most 65,535 bytes, found {point_format.size:,}; drop attributes")
 
 
-def _fit_attributes(cloud: PointCloud, header: LasHeader) -> tuple[PointCloud, LasHeader]:
-    """Convert attributes to the types that the file has for them, and describe those in extra bytes."""
-    standard, described = _standard_layout(header.point_format).dimensions, header.extra_bytes
-    kept: dict[str, Column] = {}
-    descriptions, last = [], {}
-    for name, values in cloud.attributes.items():
-        if name in standard:
-            if standard[name].fits(values):
-                kept[name] = values.astype(standard[name].dtype.newbyteorder("="), copy=False)
-            continue
-        if name == UNDESCRIBED and name not in described and values.dtype == np.uint8 and values.ndim == 2:
-            last[name] = values  # stands behind all that are described
-            continue
-        if name in described and _keeps_scale(values, described[name]):
-            kept[name] = values
-            descriptions.append(described[name])
-            continue
-        for part, column in _extra_columns(name, values).items():
-            check_name(part, (*kept, *last, *standard, *_AXES))
-            kept[part] = column
-            descriptions.append(_description(part, column, described.get(part)))
-    header = _with_descriptions(header, descriptions)
-    return replace(cloud, attributes={**kept, **last}), header
-
-
-def _keeps_scale(values: Column, description: NDArray[Any]) -> bool:
-    """Return whether physical values are exactly those that scaled extra bytes hold."""
-    scaling, (dtype, shape) = scaling_of(description), _type_of_extra(description)
-    if scaling is None or values.dtype != np.float64 or values.shape[1:] != shape:
-        return False
-    with np.errstate(invalid="ignore", over="ignore"):
-        return bool(np.array_equal(scaling.physical(scaling.stored(values, dtype)), values))
-
-
-def _with_descriptions(header: LasHeader, descriptions: list[NDArray[Any]]) -> LasHeader:
-    if len(descriptions) * EXTRA_BYTES.itemsize > _LONGEST_RECORD:
-        most = _LONGEST_RECORD // EXTRA_BYTES.itemsize
-        raise OutputError(f"expected at most {most} attributes in extra bytes, found {len(descriptions):,}; drop some")
-    return header.with_extra_bytes(descriptions)
-
-
-def _extra_columns(name: str, values: Column) -> dict[str, Column]:
+def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
     dtype = values.dtype.newbyteorder("=")
     if dtype.kind == "b":
@@ -512,54 +382,27 @@ def _extra_columns(name: str, values: Column) -> dict[str, Column]:
     elif dtype.kind == "f" and dtype.itemsize > 8 and exact_as_double(values):
         dtype = np.dtype(np.float64)
     width = math.prod(values.shape[1:])
-    if dtype not in TYPES or not width:
+    if dtype.kind not in "iuf" or dtype.itemsize > 8 or not width:
         return {}
-    values = np.ascontiguousarray(values, dtype).reshape(len(values), width)
+    columns = np.ascontiguousarray(values, dtype).reshape(len(values), width)
     if width == 1:
-        return {name: values[:, 0]}
-    if width <= 3 or (dtype == np.uint8 and width <= 255):
-        return {name: values}
-    return {f"{name}_{i}": values[:, i] for i in range(width)}
-
-
-def _description(name: str, values: Column, known: NDArray[Any] | None) -> NDArray[Any]:
-    """Return what describes an attribute in extra bytes: what the header holds, if that is of the same type."""
-    if known is not None and _type_of_extra(known) == (values.dtype.newbyteorder("<"), values.shape[1:]):
-        return known
-    if len(name.encode()) > LONGEST_NAME:
-        raise OutputError(
-            f"expected a name of at most {LONGEST_NAME} bytes for each attribute in LAS, found {name!r}; rename it"
-        )
-    width = values.shape[1] if values.ndim > 1 else 1
-    number = TYPES.index(values.dtype.newbyteorder("<")) + 1
-    new = np.zeros((), EXTRA_BYTES)
-    new["name"] = name.encode()
-    new["type"], new["options"] = (number + (width - 1) * len(TYPES), 0) if width <= 3 else (0, width)
-    return new
-
-
-def _fit_points(points: NDArray[np.float64], header: LasHeader) -> tuple[NDArray[np.float64], LasHeader]:
-    """Return the coordinates as whole multiples of a scale, and a header with that scale."""
-    fields = header.fields()
-    scales, offsets = fields["scales"][0], fields["offsets"][0]
-    for i, values in enumerate(points.T):
-        scales[i], offsets[i] = scale_and_offset(partial(list, [values]), scales[i], offsets[i])
-    return multiples(points, scales, offsets), header.with_fields(scales=scales, offsets=offsets)
+        return {name: columns[:, 0]}
+    return {name: columns} if width <= widest else {f"{name}_{i}": column for i, column in enumerate(columns.T)}
 
 
 def scale_and_offset(
     parts: Callable[[], Iterable[NDArray[np.float64]]], scale: float, offset: float
 ) -> tuple[float, float]:
-    """Return the scale and the offset in which one axis is stored, given its coordinates in parts, as often as asked.
+    """Return the scale and the offset in which one axis is stored, given its coordinates in parts, as often as needed.
 
     They are those of the header if these are exact. Otherwise the scale is the coarsest power of ten that is exact and
     fits 32 bits, or else the finest one that fits.
     """
-    if all(_is_exact(part, scale, offset) for part in parts()):
+    if scale and all(_is_exact(part, scale, offset) for part in parts()):
         return scale, offset
-    limits = [(part.min(), part.max()) for part in parts() if len(part)]
-    low, high = float(min(low for low, _ in limits)), float(max(high for _, high in limits))
-    for scale, offset, rounding in _powers(low, high):
+    limits = np.array([(part.min(), part.max()) for part in parts() if len(part)] or [(0.0, 0.0)])
+    lower, upper = float(limits[:, 0].min()), float(limits[:, 1].max())
+    for scale, offset, rounding in _scales(lower, upper):
         if all(_is_exact(part, scale, offset, rounding) for part in parts()):
             break
     return scale, offset
@@ -570,55 +413,45 @@ def multiples(
 ) -> NDArray[np.float64]:
     """Return coordinates as they are read from a file, NaN where they do not fit."""
     with np.errstate(all="ignore"):
-        whole = np.rint((values - offset) / scale)
-        whole[~(np.abs(whole) <= _LARGEST)] = np.nan
-        result: NDArray[np.float64] = whole * scale + offset
+        numbers = np.rint((values - offset) / scale)
+        numbers[~(np.abs(numbers) <= _LARGEST)] = np.nan
+        result: NDArray[np.float64] = numbers * scale + offset
     return result
 
 
 def _is_exact(values: NDArray[np.float64], scale: float, offset: float, rounding: float = 0.0) -> bool:
     """Return whether values are whole multiples of a scale that fit, but for `rounding` units in the last place."""
-
-    def all_are(part: NDArray[np.float64]) -> bool:
+    for part in (values[:1000], values[1000:]):  # most scales fail at the first
         with np.errstate(over="ignore"):
             tolerance = rounding * np.spacing(np.maximum(np.abs(part), abs(offset))) if rounding else 0.0
-        return bool((np.abs(multiples(part, scale, offset) - part) <= tolerance).all())
+        if not (np.abs(multiples(part, scale, offset) - part) <= tolerance).all():
+            return False
+    return True
 
-    return all_are(values[:_SAMPLE]) and all_are(values[_SAMPLE:])  # most scales fail at the first
 
-
-def _powers(low: float, high: float) -> Iterator[tuple[float, float, float]]:
+def _scales(lower: float, upper: float) -> Iterator[tuple[float, float, float]]:
     """Yield scales that fit, the finest last, with a fitting offset and the rounding in which they count as exact."""
-    middle = float(np.rint(low / 2 + high / 2))
-    for offset in (0.0, middle):
-        finest = _finest(max(high - offset, offset - low))
+    for offset in (0.0, float(np.rint(lower / 2 + upper / 2))):
+        finest = _finest_power(max(upper - offset, offset - lower))
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
-            rounding = LAST_PLACES if -9 <= exponent <= 0 else 0.0  # People write numbers in these scales.
-            yield float(f"1e{exponent}"), offset, rounding
+            # People write numbers in powers of ten from 1e-9 to 1: 41 times 0.01 differs from 0.41 by two units.
+            yield float(f"1e{exponent}"), offset, 2.0 if -9 <= exponent <= 0 else 0.0
 
 
-def _finest(reach: float) -> int:
+def _finest_power(distance: float) -> int:
     """Return the exponent of the smallest power of ten in which a length is at most a whole number of 31 bits."""
-    if reach <= 0:
+    if distance <= 0:
         return 0
-    exponent = max(math.ceil(math.log10(reach) - math.log10(_LARGEST)), _FINEST)
-    return exponent + (reach / float(f"1e{exponent}") > _LARGEST - 1)
+    exponent = max(math.ceil(math.log10(distance) - math.log10(_LARGEST)), -300)
+    return exponent + (distance / float(f"1e{exponent}") > _LARGEST - 1)
 
 
 def _format(name: str, suffix: str, compressed: bool) -> Format:
-    write: Callable[[BinaryIO, PointCloud], None] = partial(write_las, compressed=compressed)
-    return Format(
-        name,
-        (suffix,),
-        open_las,
-        write,
-        lambda start, size: (
-            start.startswith(b"LASF") and len(start) > 104 and bool(start[104] & 0b11000000) == compressed
-        ),
-        stored,
-        frozenset({"query"}),
-    )
+    def recognises(start: bytes, size: int) -> bool:
+        return start.startswith(b"LASF") and len(start) > 104 and bool(start[104] & 0b11000000) == compressed
+
+    return Format(name, (suffix,), open_las, partial(write_las, compressed=compressed), recognises, stored)
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

@@ -13,7 +13,7 @@ import gppcs
 from copc_file import write_copc
 from gppcs.drawing.web.levels import FIRST, Levels
 from gppcs.drawing.web.serving import LevelsServer
-from gppcs.io.copc_nodes import CopcNodes, nodes_of
+from gppcs.io.copc import CopcNodes, nodes_of
 from web_page import ServedNode, WebPage
 
 N, DEPTH = 200_000, 4

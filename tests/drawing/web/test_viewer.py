@@ -20,7 +20,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.drawing.web.levels import Levels
 from gppcs.drawing.web.serving import LevelsServer
-from gppcs.io.copc_nodes import CopcNodes
+from gppcs.io.copc import CopcNodes
 
 ROOT = Path(__file__).parents[3]
 VIEWER = ROOT / "viewer"

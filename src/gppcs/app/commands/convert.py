@@ -34,10 +34,10 @@ def convert(
     only: options.Only = None,
     resolution: options.Resolution = None,
     levels_by: Annotated[
-        Literal["gp", "fps", "random", "order"] | None,
+        Literal["order", "random"] | None,
         options.option(
-            "By what the points of the coarse levels of a .copc.laz file are chosen: by the method gp, as without "
-            "this option, fps or random, or by the order of the input."
+            "Which points are on the coarse levels of a .copc.laz file: the first ones in the order of the input, as "
+            "without this option, or random ones."
         ),
     ] = None,
     drop: options.Drop = None,
@@ -51,7 +51,6 @@ def convert(
         ),
     ] = False,
     memory: options.Memory = None,
-    workers: options.Workers = None,
     force: options.Force = False,
     lossy: options.Lossy = False,
     quiet: options.Quiet = False,
@@ -62,24 +61,22 @@ def convert(
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
-    from gppcs.amounts.options import Options
+    from gppcs.clouds.quantities import bytes_of
     from gppcs.io.cloud_files import open_clouds
     from gppcs.streaming.copc import write_beyond_memory
 
     timer = started(quiet)
     chosen = io.format_to_write(target, output_format, ascii, levels_by)
     has_levels = "levels_by" in chosen.options
-    if (memory or workers) and not has_levels:
-        raise ParameterError("expected --memory and --workers with a name that ends in .copc.laz, found another")
+    if memory and not has_levels:
+        raise ParameterError("expected --memory with a name that ends in .copc.laz, found another")
     query, files = options.query_of(inside, only, resolution)
     check_output(target, [source, *files], force)
     part = (input_format, names_of(columns), query, assume_same_crs)
-    if has_levels and levels_by != "order" and not io.is_standard(source):
-        ranked = Options(
-            n_points=1, method=levels_by or "gp", invalid="drop" if drop else "error", memory=memory, workers=workers
-        )
+    if has_levels and not io.is_standard(source):
+        limit = None if memory is None else bytes_of(memory)
         with open_clouds([source], *part) as clouds:
-            left_out = write_beyond_memory(target, clouds, ranked, timer, force, lossy)
+            left_out = write_beyond_memory(target, clouds, levels_by, bool(drop), limit, timer, force, lossy)
         if left_out is not None:
             note_left_out(target, left_out)
             return

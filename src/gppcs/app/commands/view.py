@@ -52,7 +52,8 @@ def view(
     from gppcs.drawing.web.layers import MOST_SHOWN
     from gppcs.drawing.web.levels import Levels
     from gppcs.drawing.web.serving import LevelsServer
-    from gppcs.io.copc_nodes import nodes_of
+    from gppcs.io.copc import nodes_of
+    from gppcs.io.files import naming
     from gppcs.io.mesh_files import mesh_of
 
     timer = started(quiet, threads)
@@ -60,7 +61,7 @@ def view(
     if output:
         check_output(output, inputs, force, SUFFIXES)
     if output is None and input_format is None and len(inputs) == 1:
-        with nodes_of(inputs[0], more_than=MOST_SHOWN) as nodes:
+        with naming(inputs[0]), nodes_of(inputs[0], more_than=MOST_SHOWN) as nodes:
             if nodes:
                 with timer("first levels"):
                     levels = Levels(nodes, inputs[0].name, how_run(context.obj), viewpoint)

@@ -17,7 +17,7 @@ from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.drawing.web.contents import Page
 from gppcs.drawing.web.layers import Layer, Named, Surface, spread
 from gppcs.drawing.web.packing import UNKNOWN, Blocks, Quantised, octahedral, quantised_values
-from gppcs.io.copc_nodes import CopcNodes
+from gppcs.io.copc import CopcNodes
 
 FIRST = 20_000  # points of the first levels, at least: they are the first picture, and tell the ranges of values
 EXACT = 2  # bytes of whole numbers whose whole range the page can hold
@@ -60,11 +60,11 @@ class Levels:
         nodes, info = self._nodes, self._nodes.info
         entries = zip(nodes.entries, nodes.rows, strict=True)
         return {
-            "low": (info["center"] - info["halfsize"]).tolist(),
-            "side": float(2 * info["halfsize"]),
-            "spacing": float(info["spacing"]),
-            "scales": nodes.scales.tolist(),
-            "offsets": nodes.offsets.tolist(),
+            "low": (info.center - info.halfsize).tolist(),
+            "side": float(2 * info.halfsize),
+            "spacing": float(info.spacing),
+            "scales": nodes.las.scales.tolist(),
+            "offsets": nodes.las.offsets.tolist(),
             "inside": self.inside,
             "nodes": [[int(e["level"]), *e["cell"].tolist(), int(e["count"]), int(row)] for e, row in entries],
         }
@@ -78,7 +78,7 @@ class Levels:
         with self._lock:  # to read and to estimate takes all cores
             whole, cloud = self._nodes.read([number])
             surface = Surface.of(Named(self._name, cloud))
-            usual, spreads = spread(surface.spacings(), float(self._nodes.scales.max()) * 100)
+            usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
         attributes, low = Colourable.of(self._telling(cloud), self._full), whole.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": each for key, each in attributes.columns.items()}
         parts = [
