@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -58,44 +57,36 @@ class Constraints:
 
 
 class WeightRange(NamedTuple):
-    """Statistics of weights, which can be merged over chunks."""
+    """The range and the mean of positive weights, which can be merged over chunks."""
 
-    n: int = 0
-    n_bad: int = 0  # negative or not finite
-    first_bad: int = 0  # the index of the first of these
-    bad_value: float = math.nan
-    maximum: float = 0.0  # of the other weights
-    n_positive: int = 0
-    total: float = 0.0  # of the positive weights, relative to the maximum
+    maximum: float = 0.0
+    count: int = 0
+    total: float = 0.0  # relative to the maximum
 
     @classmethod
     def from_weights(cls, weights: NDArray[np.float64] | None) -> WeightRange:
-        """Measure weights, (n,)."""
+        """Measure weights, (n,), after checking that they are finite and not negative."""
         if weights is None:
             return cls()
-        is_good = (weights >= 0.0) & np.isfinite(weights)
-        bad = np.flatnonzero(~is_good)
-        first, value = (int(bad[0]), float(weights[bad[0]])) if len(bad) else (0, math.nan)
-        positive = weights[is_good & (weights > 0.0)]
+        bad = np.flatnonzero(~((weights >= 0.0) & np.isfinite(weights)))
+        if len(bad):
+            raise InputError(
+                f"expected finite weights from 0 on, found {weights[bad[0]]:g} and {len(bad) - 1:,} more that are not"
+            )
+        positive = weights[weights > 0.0]
         maximum = float(positive.max(initial=0.0))
-        total = float((positive / (maximum or 1.0)).sum())
-        return cls(len(weights), len(bad), first, value, maximum, len(positive), total)
+        return cls(maximum, len(positive), float((positive / (maximum or 1.0)).sum()))
 
-    def followed_by(self, other: WeightRange) -> WeightRange:
-        """Return the statistics of these weights and others behind them."""
-        if self.n_bad:
-            first, value = self.first_bad, self.bad_value
-        else:
-            first, value = self.n + other.first_bad, other.bad_value
+    def merged(self, other: WeightRange) -> WeightRange:
+        """Return the range of these weights and others."""
         maximum = max(self.maximum, other.maximum)
         total = sum(part.total * (part.maximum / (maximum or 1.0)) for part in (self, other))
-        n_positive = self.n_positive + other.n_positive
-        return WeightRange(self.n + other.n, self.n_bad + other.n_bad, first, value, maximum, n_positive, total)
+        return WeightRange(maximum, self.count + other.count, total)
 
     @property
     def mean(self) -> float:
         """Mean of the positive weights, relative to the maximum."""
-        return self.total / self.n_positive if self.n_positive else 1.0
+        return self.total / self.count if self.count else 1.0
 
     def relative(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights, (n,), relative to the maximum, 0 or at least `MINIMUM_WEIGHT`."""
@@ -103,19 +94,12 @@ class WeightRange(NamedTuple):
 
 
 def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> None:
-    """Check that the condition of points to keep is met, and that weights are some."""
+    """Check that the condition of points to keep is met, and that there are positive weights."""
     if isinstance(options.keep, str) and not n_keep:
         raise InputError(
             f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit keep"
         )
-    if options.weight is None:
-        return
-    if weights.n_bad:
-        raise InputError(
-            f"expected finite weights from 0 on, found {weights.bad_value:g} at index {weights.first_bad} and "
-            f"{weights.n_bad - 1} more"
-        )
-    if not weights.maximum:
+    if options.weight is not None and not weights.count:
         raise InputError("expected a weight above 0 of at least one point, found 0 of all")
 
 

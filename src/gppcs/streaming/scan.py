@@ -77,7 +77,7 @@ class Overview:
         self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         self.keep = np.concatenate([self.keep, self.count + other.keep])
         self.keep_points = np.concatenate([self.keep_points, other.keep_points])
-        self.weights = self.weights.followed_by(other.weights)
+        self.weights = self.weights.merged(other.weights)
         self.chunks += [(name, self.count + first, count) for name, first, count in other.chunks]
         self.hashes = np.concatenate([self.hashes, other.hashes])
         self.sample = np.concatenate([self.sample, other.sample])
@@ -180,7 +180,7 @@ def sorted_by_boxes(
     names = list(overview.sample_columns)
     with timer("boxes", overview.stored) as on_progress:
         fill = partial(_fill, names, overview.weights, details, options.algorithm.reads_attribute)
-        sort = partial(_sort, folder, boxes, frame, record, _raw_type(overview.weights.n > 0, len(names)), fill)
+        sort = partial(_sort, folder, boxes, frame, record, _raw_type(overview.weights.count > 0, len(names)), fill)
         for group, (run, run_counts) in zip(groups, map_parts(sort, groups), strict=True):
             runs.append(run)
             counts += run_counts
@@ -192,7 +192,7 @@ def sorted_by_boxes(
 
 def _sorted_type(weights: WeightRange, details: Details | None, options: Options) -> np.dtype[Any]:
     """Return the type of the records of points that are sorted by boxes: what a method needs of each."""
-    more: list[Any] = [("weight", np.float64)] if weights.n else []
+    more: list[Any] = [("weight", np.float64)] if weights.count else []
     if details and details.width:
         more.append(("detail", np.float32, (details.width,)))
     if options.algorithm.reads_attribute is not None:
@@ -211,7 +211,7 @@ def _fill(
     """Fill records that are going to be sorted, given those that were read."""
     records["row"], records["place"] = raw["row"], raw["place"]
     columns = {name: raw["columns"][:, number] for number, name in enumerate(names)}
-    if weights.n:
+    if weights.count:
         relative = weights.relative(np.ascontiguousarray(raw["weight"]))
         records["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
     if details and details.width:
