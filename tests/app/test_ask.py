@@ -74,7 +74,7 @@ def test_options_do_what_the_library_does(printed, scan):
         (["--points", 50, "--weight", "red"], {"n_points": 50, "weight": "red"}),
         (["--points", 50, "--quota", "z > 60: 30%"], {"n_points": 50, "quota": {"z > 60": "30%"}}),
         (["--ratio", "20%", "--group", "red"], {"ratio": 0.2, "group": "red"}),
-        (["--points", 40, "--add", "scores"], {"n_points": 40, "scores": True}),
+        (["--points", 40, "--scores"], {"n_points": 40, "scores": True}),
         ([*SPECTRAL, "--points", 30], {"n_points": 30, "method": gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)}),
     ):
         printed("simplify", "scan.ply", "-o", "out.ply", "--force", *options)

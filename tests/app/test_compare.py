@@ -84,7 +84,7 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, columns):
     ball = gppcs.sample("sphere", 2000)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball)
-    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--drop", "invalid", "--report")
+    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop", "--report")
     assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
     assert [column.title for column in columns] == ["original", "fps", "random"]
     assert [len(column.cloud.points) for column in columns] == [1999, 200, 200]
@@ -156,7 +156,7 @@ def test_compare_meshes_draws_a_column_for_each_mesh(printed, ball, columns):
     gppcs.write_mesh("surface.ply", surface)
     ball.points[7] = np.nan
     gppcs.write("ball.ply", ball, force=True)
-    assert printed(*MESHES, "--drop", "invalid", "--mesh", "surface.ply", "-q") == ""
+    assert printed(*MESHES, "--invalid", "drop", "--mesh", "surface.ply", "-q") == ""
     assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
     original, mesh, _ = columns
     assert (len(original.cloud.points), len(original.mesh.faces)) == (999, len(surface.faces))

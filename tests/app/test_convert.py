@@ -41,7 +41,7 @@ def test_points_that_are_not_finite_are_kept_or_dropped_with_a_word(gppcs_comman
     told = ("found 2 points with NaN or infinite ones", "drop")
     refused(("convert", "a.csv", "a.las", "--lossy"), *told)
     note = "gppcs: note: a.las: left out: points with NaN or infinite coordinates (2)\n"
-    assert gppcs_command("convert", "a.csv", "a.las", "--drop", "invalid") == (0, "", note)
+    assert gppcs_command("convert", "a.csv", "a.las", "--invalid", "drop") == (0, "", note)
     assert gppcs.read("a.las").attributes["label"].tolist() == [1, 4]
 
 

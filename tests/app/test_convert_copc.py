@@ -86,7 +86,7 @@ def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused
     np.save(folder / "scan.npy", points)
     command = ("convert", "scan.npy", "scan.copc.laz", "--memory", "1GB", "--quiet")
     refused(command, "invalid")
-    code, _, err = gppcs_command(*command, "--drop", "invalid")
+    code, _, err = gppcs_command(*command, "--invalid", "drop")
     assert code == 0
     assert "points with NaN or infinite coordinates (1)" in err
     assert len(gppcs.read("scan.copc.laz")) == 4999
@@ -150,7 +150,7 @@ def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeyp
     points[:4000] = np.nan
     points[4000:8000] = points[4000:8000].round(1)
     np.save("scan.npy", points)
-    options = ["--drop", "invalid", "--memory", "1GB", "--quiet"]
+    options = ["--invalid", "drop", "--memory", "1GB", "--quiet"]
     assert gppcs_command("convert", "scan.npy", "scan.copc.laz", *options)[0] == 0
     gppcs.write("whole.copc.laz", gppcs.PointCloud(points[4000:]))
     with laspy.open("scan.copc.laz") as found, laspy.open("whole.copc.laz") as expected:

@@ -39,7 +39,7 @@ def test_inputs_are_one_cloud_in_one_file(printed, parts):
 
 @pytest.mark.parametrize("names", [["scan.ply"], ["a.ply", "b.ply"]])
 def test_the_points_of_a_large_cloud_go_to_disk(printed, record, parts, large, names):
-    arguments = ("simplify", *names, "-o", "out.ply", "--points", 20, "--add", "scores,index", *LARGE)
+    arguments = ("simplify", *names, "-o", "out.ply", "--points", 20, "--scores", "--index", *LARGE)
     told = record(*arguments)
     assert told["input"] == (names[0] if len(names) == 1 else names)
     assert (told["points_in"], told["points_out"], told["readings"]) == (400, 20, 2)
@@ -71,8 +71,8 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     ("options", "parts_of_message"),
     [
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise memory"]),
-        (["--add", "normals", *LARGE], ["normals takes all points at once"]),
-        (["--add", "kept", *LARGE], ["add kept takes all points at once"]),
+        (["--normals", *LARGE], ["normals takes all points at once"]),
+        (["--mark", "kept", *LARGE], ["mark takes all points at once"]),
         (["--denoise", *LARGE], ["denoise takes all points at once", "found 1 GB"]),
     ],
 )

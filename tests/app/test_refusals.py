@@ -21,7 +21,7 @@ simplify | Missing argument
 simplify scan.ply | --output
 info missing.ply | missing.ply: No such file
 info none.vpc | none.vpc: No such file
-info scan.ply --inside 0,0,x,1 | --inside
+info scan.ply --inside 0,0,x,1 | box
 methods fps hc | unexpected extra argument
 methods fpss | 'fps'
 sample brackt -o a.ply | 'bracket'
@@ -59,7 +59,7 @@ SIMPLIFY --levels 5,390 --keep 'z > 60' | level
 SIMPLIFY --levels 5,10% | levels
 SIMPLIFY --levels 5,5 | levels
 SIMPLIFY --levels 5,10 --points 3 | n_points
-SIMPLIFY --levels 5,10 --add kept | kept
+SIMPLIFY --levels 5,10 --mark kept | mark
 SIMPLIFY --levels 10%,1% --group red | group
 SIMPLIFY --levels 5,10 --method voxel | 'voxel'
 SIMPLIFY --levels 5,1000 --method fps | level
@@ -67,17 +67,16 @@ POINTS --rato 1 | --rato
 POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours=few | neighbours
 POINTS --set neighbours | --set
-POINTS --drop invalid,odd | 'odd'
-POINTS --add index:row | 'index:row'
-POINTS --add kept,index | kept
+POINTS --invalid odd | 'odd'
+POINTS --mark kept --index | index
 POINTS --workers 0 | workers
 POINTS --memory lots | memory
 POINTS --memory 0.8 | memory
 POINTS --weight red --memory 1MB | memory
 POINTS --keep 'z > 60' --memory 1MB | memory
 POINTS --denoise --keep 'z > 0' | keep
-POINTS --denoise --add kept | kept
-POINTS --method wlop --set snap=false --add kept | kept
+POINTS --denoise --mark kept | mark
+POINTS --method wlop --set snap=false --mark kept | mark
 POINTS -o none/out.ply | none
 POINTS -o scan.ply | scan.ply
 POINTS -o out.foo | '.foo'
@@ -91,16 +90,16 @@ POINTS --inside 900,900,901,901 --memory 300MB | box
 POINTS --weight rad | 'red'
 POINTS --quota 'nz > 0' | quota
 POINTS --quota 'nz > 0: many' | quota
-BEFORE scan.ply -o out.ply --add kept: | kept
-BEFORE scan.ply -o out.csv --add kept:x | 'x'
-BEFORE scan.ply -o out.npz --add kept:points | 'points'
-BEFORE scan.ply -o out.ply --add kept:red | 'red'
-BEFORE scan.ply -o out.pts --add kept:row | PTS
-BEFORE bare.npy -o out.obj --add normals | nx
-BEFORE bare.npy -o out.obj --add scores | score
+BEFORE scan.ply -o out.ply --mark= | mark
+BEFORE scan.ply -o out.csv --mark x | 'x'
+BEFORE scan.ply -o out.npz --mark points | 'points'
+BEFORE scan.ply -o out.ply --mark red | 'red'
+BEFORE scan.ply -o out.pts --mark row | PTS
+BEFORE bare.npy -o out.obj --normals | nx
+BEFORE bare.npy -o out.obj --scores | score
 
-convert scan.ply out.ply --inside= | --inside
-convert scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2 | --inside
+convert scan.ply out.ply --inside= | box
+convert scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2 | inside
 convert scan.ply out.ply --resolution 1 | resolution
 convert scan.ply other.obj | lossy
 convert scan.ply scan.ply --force | scan.ply

@@ -69,7 +69,7 @@ def test_a_missing_extra_is_named(refused, folder, scan, monkeypatch):
 
 OF_COMMAND = {
     "render": ("scan.ply", "kept.ply", "-o", "a.png"),
-    "compare": ("scan.ply", "-o", "side", "--points", 40, "--methods", "fps", "--drop", "invalid"),
+    "compare": ("scan.ply", "-o", "side", "--points", 40, "--methods", "fps", "--invalid", "drop"),
 }
 
 

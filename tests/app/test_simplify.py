@@ -44,7 +44,7 @@ def _vertices(path):
 def test_normals_of_the_whole_cloud_are_written(printed, scan):
     bare = gppcs.PointCloud(scan.points, {"red": scan.attributes["red"]}, scan.coordinate_dtype)
     gppcs.write("scan.ply", bare, force=True)
-    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--add", "normals", *FAST)
+    printed("simplify", "scan.ply", "-o", "out.ply", "--points", 40, "--normals", *FAST)
     written = gppcs.read("out.ply")
     assert list(written.attributes) == ["red", "nx", "ny", "nz"]
     assert written.attributes["nx"].dtype == np.float32
@@ -56,7 +56,7 @@ def test_invalid_points_are_dropped_when_asked_to(gppcs_command):
         points[[3, 8], 0] = np.nan
 
     points = write_scan_with(spoil)
-    arguments = ("simplify", "scan.ply", "-o", "out.ply", "--points", 400, "--drop", "invalid", "--json")
+    arguments = ("simplify", "scan.ply", "-o", "out.ply", "--points", 400, "--invalid", "drop", "--json")
     code, out, err = gppcs_command(*arguments)
     assert (code, json.loads(out)["points_in"], json.loads(out)["points_out"]) == (0, 398, 398)
     assert "all of its 398 points with finite coordinates were kept, fewer than the 400 asked for" in err
@@ -78,7 +78,7 @@ def test_simplify_json_is_one_strict_object_a_line(record, scan):
 
 def test_simplify_prints_times_parameters_and_diagnostics(gppcs_command, scan):
     gppcs.write("scan.ply", np.vstack([scan.points, [[9e3, 0.0, 0.0]]]), force=True)
-    options = ("--points", 40, "--set", "feature_weight=0.8", "--max-gap", 12, "--drop", "outliers")
+    options = ("--points", 40, "--set", "feature_weight=0.8", "--max-gap", 12, "--drop-outliers")
     title, *rows = rows_of(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)[1])
     assert title == "scan.ply → out.ply"
     for expected in (
@@ -93,7 +93,7 @@ def test_simplify_prints_times_parameters_and_diagnostics(gppcs_command, scan):
 
 
 FPS = ("--points", 40, "--method", "fps")
-ONLY = ("--only", "z > 5", "--drop", "outliers")
+ONLY = ("--only", "z > 5", "--drop-outliers")
 
 
 @pytest.fixture(params=[(), ONLY], ids=["all points", "a part with outliers"])
@@ -110,18 +110,17 @@ def case(request, folder):
 
 def test_the_row_of_each_kept_point_is_added(printed, case):
     command, read, rows = case
-    printed(*command, "--add", "index")
+    printed(*command, "--index")
     kept = gppcs.read("out.ply")
     assert kept.attributes["index"].tolist() == rows.tolist()
     assert (kept.points == read.points[rows]).all()
 
 
-@pytest.mark.parametrize(("added", "name"), [("kept", "kept"), ("kept:chosen", "chosen")])
-def test_all_points_are_written_with_a_mark_for_those_kept(printed, case, added, name):
+def test_all_points_are_written_with_a_mark_for_those_kept(printed, case):
     command, read, rows = case
-    assert ", 40 out" in printed(*command, "--add", added)
+    assert ", 40 out" in printed(*command, "--mark", "chosen")
     marked = gppcs.read("out.ply")
-    assert np.flatnonzero(marked.attributes.pop(name)).tolist() == sorted(rows)
+    assert np.flatnonzero(marked.attributes.pop("chosen")).tolist() == sorted(rows)
     assert marked == read
 
 
@@ -129,10 +128,10 @@ def test_points_that_are_dropped_need_not_be_held(gppcs_command, printed, folder
     points = gppcs.sample("bracket", 400).points.round(2)
     points[7] = np.nan
     gppcs.write("bare.xyz", points)
-    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--drop", "invalid", "-q", *FPS]
-    assert gppcs_command(*words, "--add", "kept")[0] == 2
+    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--invalid", "drop", "-q", *FPS]
+    assert gppcs_command(*words, "--mark", "kept")[0] == 2
     assert not (folder / "out.las").exists()
-    assert printed(*words, "--add", "index") == ""
+    assert printed(*words, "--index") == ""
     assert 7 not in gppcs.read("out.las").attributes["index"]
 
 

@@ -51,11 +51,11 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
         "mesh scan.ply -o b.ply --faces 2k --fill-holes 5%",
         "mesh scan.ply -o h.ply --tolerance 1%",
         "evaluate scan.ply --simplified-mesh h.ply",
-        "simplify scan.ply -o c.ply --points 500 --drop outliers --max-gap 5% --add normals,scores",
+        "simplify scan.ply -o c.ply --points 500 --drop-outliers --max-gap 5% --normals --scores",
         "simplify scan.ply -o d.ply --tolerance 1% --keep 'curvature > 1'",
         "simplify scan.ply -o g.ply --points 500 --denoise",
         "simplify scan.ply -o k.ply --points 500 --detail rgb",
-        "simplify plain.npy -o e.ply --ratio 5% --drop invalid",
+        "simplify plain.npy -o e.ply --ratio 5% --invalid drop",
         "simplify room.ply -o f.ply --points 900 --method qem",
     ):
         found = run(f"{words} --json")

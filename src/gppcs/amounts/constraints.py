@@ -60,7 +60,7 @@ class WeightRange(NamedTuple):
     """The range and the mean of positive weights, which can be merged over chunks."""
 
     maximum: float = 0.0
-    count: int = 0
+    n_positive: int = 0
     total: float = 0.0  # relative to the maximum
 
     @classmethod
@@ -81,12 +81,12 @@ class WeightRange(NamedTuple):
         """Return the range of these weights and others."""
         maximum = max(self.maximum, other.maximum)
         total = sum(part.total * (part.maximum / (maximum or 1.0)) for part in (self, other))
-        return WeightRange(maximum, self.count + other.count, total)
+        return WeightRange(maximum, self.n_positive + other.n_positive, total)
 
     @property
     def mean(self) -> float:
         """Mean of the positive weights, relative to the maximum."""
-        return self.total / self.count if self.count else 1.0
+        return self.total / self.n_positive if self.n_positive else 1.0
 
     def relative(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return weights, (n,), relative to the maximum, 0 or at least `MINIMUM_WEIGHT`."""
@@ -99,7 +99,7 @@ def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> No
         raise InputError(
             f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit keep"
         )
-    if options.weight is not None and not weights.count:
+    if options.weight is not None and not weights.n_positive:
         raise InputError("expected a weight above 0 of at least one point, found 0 of all")
 
 

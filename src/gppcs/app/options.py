@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gppcs.amounts.options import Options
 from gppcs.app.panels import INPUT, LARGE, LOOK, METHOD, SIZE
 from gppcs.errors import ParameterError, file_path, shown
 
@@ -16,9 +18,18 @@ if TYPE_CHECKING:
     from gppcs.io.query import Query
 
 
+HELP = {field.name: field.metadata["help"] for field in dataclasses.fields(Options)}
+
+
 def option(text: str, panel: str | None = None, *names: str, **more: Any) -> Any:
     """Declare an option in a group of the help, under other names than that of the parameter if any are given."""
     return typer.Option(*names, help=text, rich_help_panel=panel, **more)
+
+
+def from_field(name: str, panel: str, metavar: str | None = None, *names: str) -> Any:
+    """Declare an option with the help text of a field of `Options`."""
+    repeats = " Can be repeated." if name in ("detail", "quota", "inside") else ""
+    return option(HELP[name] + repeats, panel, *names, metavar=metavar)
 
 
 def output(metavar: str, text: str) -> Any:
@@ -34,16 +45,10 @@ def files(metavar: str, text: str) -> Any:
 FILES = "Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that it lists."
 
 Cloud = Annotated[Path, files("IN", "A point cloud file.")]
-Ratio = Annotated[
-    str | None,
-    option("Share of the points to keep, above 0 and at most 1, such as 0.03 or 3%.", SIZE, metavar="SHARE"),
-]
-Points = Annotated[str | None, option("Number of points, such as 5000, 5,000, 5k or 1.5M.", SIZE, metavar="M")]
-Unit = Annotated[
-    str | None,
-    option("Unit of the coordinates, such as m or mm, if the input does not tell it.", SIZE, metavar="NAME"),
-]
-Seed = Annotated[int | None, option("Seed of random numbers. Methods without random numbers ignore it.", METHOD)]
+Ratio = Annotated[str | None, from_field("ratio", SIZE, "SHARE")]
+Points = Annotated[str | None, from_field("n_points", SIZE, "M", "--points")]
+Unit = Annotated[str | None, from_field("unit", SIZE, "NAME")]
+Seed = Annotated[int | None, from_field("seed", METHOD)]
 Measured = Annotated[
     list[str] | None,
     option(
@@ -83,49 +88,12 @@ Columns = Annotated[
         metavar="NAME,...",
     ),
 ]
-Inside = Annotated[
-    list[str] | None,
-    option(
-        "Read only the points in a box, xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax, or inside the polygons "
-        "of a GeoJSON file, in the coordinate system of the input. Give it twice for both.",
-        INPUT,
-        metavar="BOX|FILE",
-    ),
-]
-Only = Annotated[
-    str | None,
-    option(
-        "Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and "
-        "z > 2.5'.",
-        INPUT,
-        metavar="CONDITION",
-    ),
-]
-Resolution = Annotated[
-    float | None,
-    option(
-        "Read a COPC file only down to the level on which neighbours are about that far from each other.",
-        INPUT,
-        metavar="LENGTH",
-    ),
-]
-Drop = Annotated[
-    Literal["invalid"] | None,
-    option("Leave out the points with NaN or infinite coordinates, which are otherwise an error.", INPUT),
-]
-Memory = Annotated[
-    str | None,
-    option("How much memory to use, such as 2GB; half of what is free by default.", LARGE, metavar="SIZE"),
-]
-Workers = Annotated[
-    str | None,
-    option(
-        "Share the work among this many processes of this machine, or among the workers of a Dask scheduler, such as "
-        "tcp://10.0.0.5:8786.",
-        LARGE,
-        metavar="COUNT|ADDRESS",
-    ),
-]
+Inside = Annotated[list[str] | None, from_field("inside", INPUT, "BOX|FILE")]
+Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
+Resolution = Annotated[float | None, from_field("resolution", INPUT, "LENGTH")]
+Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT)]
+Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
+Workers = Annotated[str | None, from_field("workers", LARGE, "COUNT|ADDRESS")]
 Colour = Annotated[
     str | None,
     option(
@@ -170,21 +138,11 @@ Json = Annotated[bool, option("Print JSON, one object per line.", None, "--json"
 def query_of(
     inside: Sequence[str] | None, only: str | None, resolution: float | None = None
 ) -> tuple[Query | None, list[Path]]:
-    """Return what is asked for, and the files of `--inside`; a text with commas that names no file is a box."""
-    from gppcs.io.query import Query
+    """Return which points of a file to read, and the files that `--inside` names."""
+    from gppcs.io.query import Query, box_and_polygon
 
-    boxes = [text for text in inside or () if "," in text and not Path(text).exists()]
-    files = [file_path(text) for text in inside or () if text not in boxes]
-    if "" in (inside or ()):
-        raise ParameterError("expected --inside with the numbers of a box or with a GeoJSON file, found nothing")
-    if len(boxes) > 1 or len(files) > 1:
-        raise ParameterError("expected --inside with at most one box and one file, found two of a kind")
-    try:
-        limits = [float(limit) for limit in boxes[0].split(",")] if boxes else None
-    except ValueError:
-        expected = "expected --inside with the numbers of a box, such as 0,0,100,50, or with a GeoJSON file"
-        raise ParameterError(f"{expected}, found {shown(boxes[0])}") from None
-    return Query.of(limits, resolution, only, *files), files
+    box, polygon = box_and_polygon(inside or None)
+    return Query.of(box, resolution, only, polygon), [] if polygon is None else [polygon]
 
 
 def weights_of(detail: Sequence[str] | None) -> dict[str, float]:

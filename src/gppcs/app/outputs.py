@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
-from gppcs.app.levels import NAME as LEVEL
+from gppcs.app.levels import LEVEL
 from gppcs.app.printing import print_error
 from gppcs.errors import FileFormatError, OutputError, file_path
 
@@ -23,6 +23,12 @@ class Output:
     targets: list[Path]
     makes_folders: bool = False
     format: str | None = None  # otherwise, the names tell it
+
+    @property
+    def title(self) -> str:
+        """The names of the files."""
+        more = f" and {len(self.sources) - 1} more" if len(self.sources) > 1 else ""
+        return f"{self.sources[0]}{more} → {', '.join(map(str, self.targets))}"
 
     def check(self, force: bool) -> None:
         """Check that the files can be written, in a format that gppcs writes. Call it before long work."""
@@ -51,41 +57,43 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, l
     is_folder = not fields and _means_folder(plain, sources != list(inputs) or len(sources) > 1)
     clouds = [[source] for source in sources] if is_folder or fields - {LEVEL} else [sources]
 
-    def target(source: Path, level: int) -> Path:
-        names = _names(source) | {LEVEL: str(level)}
-        return Path(plain, source.name) if is_folder else file_path("".join(t + names.get(f, "") for t, f in parts))
+    def target(source: Path, number: int) -> Path:
+        values = _values_of_fields(source) | {LEVEL: str(number)}
+        named = "".join(text + values.get(field, "") for text, field in parts)
+        return Path(plain, source.name) if is_folder else file_path(named)
 
-    found, known = [], dict[Path, Path]()
+    outputs = []
+    first_source: dict[Path, Path] = {}
     for cloud in clouds:
-        targets = [target(cloud[0], level) for level in range(levels if LEVEL in fields else 1)]
-        if (other := known.setdefault(targets[0], cloud[0])) is not cloud[0]:
+        targets = [target(cloud[0], number) for number in range(levels if LEVEL in fields else 1)]
+        if (other := first_source.setdefault(targets[0], cloud[0])) is not cloud[0]:
             raise OutputError(
                 f"{output}: expected inputs with different names, found that {other} and {cloud[0]} both go to "
                 f"{targets[0]}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
             )
-        found.append(Output(cloud, targets, is_folder or bool(fields), format))
-    return found
+        outputs.append(Output(cloud, targets, is_folder or bool(fields), format))
+    return outputs
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
     """Return the files that the inputs of a command stand for."""
     from gppcs.io import files_of
 
-    files = []
+    sources = []
     for path in inputs:
         if path.is_dir():
-            files += [file for file in _files_in(path) if not _is_other_text(file)]
+            sources += [file for file in _files_in(path) if not _is_other_text(file)]
         else:
-            files += files_of(path)
-    return files
+            sources += files_of(path)
+    return sources
 
 
 def _is_other_text(path: Path) -> bool:
-    """Tell whether a file in a folder is a text without points, such as notes, and say so."""
+    """Return whether a file in a folder is a text without points, such as notes, with a note that says so."""
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.text import FORMATS
 
-    if not any(known.has_suffix(path.suffix) for known in FORMATS):
+    if not any(text_format.has_suffix(path.suffix) for text_format in FORMATS):
         return False
     try:
         with CloudFiles([path]) as files:
@@ -97,15 +105,15 @@ def _is_other_text(path: Path) -> bool:
 
 
 def _files_in(folder: Path) -> list[Path]:
+    """Return the files in a folder that gppcs reads by their names."""
     from gppcs.io import COMPRESSIONS, FORMATS
 
-    suffixes = tuple(
-        suffix + compression for known in FORMATS for suffix in known.suffixes for compression in ("", *COMPRESSIONS)
-    )
+    suffixes = [suffix for file_format in FORMATS for suffix in file_format.suffixes]
+    endings = tuple(suffix + compression for suffix in suffixes for compression in ("", *COMPRESSIONS))
     files = sorted(
         path
         for path in folder.iterdir()
-        if path.name.lower().endswith(suffixes) and not path.name.startswith(".") and path.is_file()
+        if path.name.lower().endswith(endings) and not path.name.startswith(".") and path.is_file()
     )
     if not files:
         raise FileFormatError(
@@ -114,16 +122,16 @@ def _files_in(folder: Path) -> list[Path]:
     return files
 
 
-def _means_folder(output: str, several: bool) -> bool:
-    """Return whether a name without fields is that of a folder, for one input or several."""
+def _means_folder(output: str, is_one_of_several: bool) -> bool:
+    """Return whether a name without fields is that of a folder."""
     slashes = tuple(filter(None, (os.sep, os.altsep)))
     if output.endswith(slashes) and Path(output).is_file():
         raise OutputError(f"{output}: expected a folder, found a file; choose another name")
     is_bare = not Path(output).suffix and output != "-"  # which is standard output
-    return Path(output).is_dir() or output.endswith(slashes) or (several and is_bare)
+    return Path(output).is_dir() or output.endswith(slashes) or (is_one_of_several and is_bare)
 
 
-def _names(source: Path) -> dict[str, str]:
+def _values_of_fields(source: Path) -> dict[str, str]:
     """Return what the fields of a pattern stand for."""
     from gppcs.io import inner_name
 
@@ -131,7 +139,7 @@ def _names(source: Path) -> dict[str, str]:
     return dict(zip(FIELDS, (stem, source.name, source.name[len(stem) :], str(source.parent)), strict=True))
 
 
-def _parsed(pattern: str, known: Sequence[str]) -> list[tuple[str, str]]:
+def _parsed(pattern: str, fields: Sequence[str]) -> list[tuple[str, str]]:
     """Return the texts of a pattern, each with the name of the field behind it, which is empty at the end."""
     try:
         parts = list(Formatter().parse(pattern))
@@ -142,7 +150,7 @@ def _parsed(pattern: str, known: Sequence[str]) -> list[tuple[str, str]]:
         ) from None
     for _, name, details, conversion in parts:
         field = f"{name}" + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
-        if name is not None and field not in known:
-            expected = ", ".join(f"{{{each}}}" for each in known)
+        if name is not None and field not in fields:
+            expected = ", ".join(f"{{{name}}}" for name in fields)
             raise OutputError(f"{pattern}: expected the fields {expected}, found {{{field}}}")
     return [(text, name or "") for text, name, _, _ in parts]

@@ -180,7 +180,9 @@ def sorted_by_boxes(
     names = list(overview.sample_columns)
     with timer("boxes", overview.stored) as on_progress:
         fill = partial(_fill, names, overview.weights, details, options.algorithm.reads_attribute)
-        sort = partial(_sort, folder, boxes, frame, record, _raw_type(overview.weights.count > 0, len(names)), fill)
+        sort = partial(
+            _sort, folder, boxes, frame, record, _raw_type(overview.weights.n_positive > 0, len(names)), fill
+        )
         for group, (run, run_counts) in zip(groups, map_parts(sort, groups), strict=True):
             runs.append(run)
             counts += run_counts
@@ -192,7 +194,7 @@ def sorted_by_boxes(
 
 def _sorted_type(weights: WeightRange, details: Details | None, options: Options) -> np.dtype[Any]:
     """Return the type of the records of points that are sorted by boxes: what a method needs of each."""
-    more: list[Any] = [("weight", np.float64)] if weights.count else []
+    more: list[Any] = [("weight", np.float64)] if weights.n_positive else []
     if details and details.width:
         more.append(("detail", np.float32, (details.width,)))
     if options.algorithm.reads_attribute is not None:
@@ -211,7 +213,7 @@ def _fill(
     """Fill records that are going to be sorted, given those that were read."""
     records["row"], records["place"] = raw["row"], raw["place"]
     columns = {name: raw["columns"][:, number] for number, name in enumerate(names)}
-    if weights.count:
+    if weights.n_positive:
         relative = weights.relative(np.ascontiguousarray(raw["weight"]))
         records["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
     if details and details.width:

@@ -89,7 +89,7 @@ def compare(
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
-    drop: options.Drop = None,
+    invalid: options.Invalid = "error",
     picture: Annotated[
         bool, option("Draw the clouds and the meshes rebuilt from them. Needs the extras view and evaluate.", LOOK)
     ] = True,
@@ -142,7 +142,6 @@ def compare(
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
         _require_colour(original, colour)
-    invalid = "drop" if drop else "error"
     entries = work(original, ratio=fraction, n_points=count, mesh=surface, invalid=invalid, timer=timer)
     kind, labels, records = "pipeline" if meshes else "method", [*map(label_of, entries)], [*map(record_of, entries)]
     if not (meshes or methods) and (missing := METHODS.keys() - {record["method"] for record in records}):

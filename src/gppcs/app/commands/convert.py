@@ -40,7 +40,10 @@ def convert(
             "without this option, or random ones."
         ),
     ] = None,
-    drop: options.Drop = None,
+    invalid: Annotated[
+        Literal["error", "drop"],
+        options.option("Whether to drop points with NaN or infinite coordinates, which LAS, LAZ and COPC cannot hold."),
+    ] = "error",
     assume_same_crs: Annotated[
         bool,
         options.option(
@@ -76,13 +79,13 @@ def convert(
     if has_levels and not io.is_standard(source):
         limit = None if memory is None else bytes_of(memory)
         with open_clouds([source], *part) as clouds:
-            left_out = write_beyond_memory(target, clouds, levels_by, bool(drop), limit, timer, force, lossy)
+            left_out = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
         if left_out is not None:
             note_left_out(target, left_out)
             return
     with timer("reading"):
         cloud, _, unread = io.load(source, *part)
-    if drop and (n := len(cloud.non_finite())):
+    if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     with timer("levels and writing" if has_levels else "writing"):

@@ -72,7 +72,7 @@ def mesh(
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
-    drop: options.Drop = None,
+    invalid: options.Invalid = "error",
     threads: options.Threads = None,
     force: options.Force = False,
     lossy: options.Lossy = False,
@@ -106,7 +106,7 @@ def mesh(
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
         result = meshed(
-            original, **size, keep=kept, moved=moved, effort=effort, invalid="drop" if drop else "error", timer=timer
+            original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer
         )  # fmt: skip
     with timer("writing"):
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)

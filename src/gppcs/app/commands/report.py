@@ -29,7 +29,7 @@ def report(
         options.files(
             "SIMPLIFIED...",
             "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them without "
-            "--add kept.",
+            "--mark kept.",
         ),
     ],
     output: Annotated[Path, options.output("HTML", "The page to write; - is standard output.")],
