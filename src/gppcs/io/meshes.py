@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -32,24 +31,22 @@ from gppcs.io.rows import as_count, at_most, ends_early, lines_of, read_rows, re
 COLOURS = ("red", "green", "blue")  # attributes that hold the colour of a point
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
-Parsed = tuple[PointCloud, Faces, list[str]]  # vertices, triangles, and in words what is not read
 
 
-def _opened(parse: Callable[[BufferedReader], Parsed], file: BufferedReader) -> Reader:
-    """Return a reader of a mesh file."""
-    cloud, faces, skipped = parse(file)
+def _reader(cloud: PointCloud, n_faces: int, triangles: Callable[[], Faces], skipped: list[str]) -> Reader:
+    """Return a reader of vertices that are in memory."""
     return Reader(
         lambda n, attributes: at_most(n, [cloud if attributes else replace(cloud, attributes={})]),
         len(cloud),
         at_once=True,
-        n_faces=lambda: len(faces),
+        n_faces=lambda: n_faces,
         skipped=lambda: skipped,
-        triangles=lambda: faces,
+        triangles=triangles,
     )
 
 
-def _parse_off(file: BufferedReader) -> Parsed:
-    """Read an OFF file, of normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
+def open_off(file: BufferedReader) -> Reader:
+    """Open an OFF file, of normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
     lines = (text for line in lines_of(file) if (text := line.partition("#")[0].strip()))
     first = next(lines, "")
     header = re.match(r"(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", first)
@@ -72,33 +69,47 @@ def _parse_off(file: BufferedReader) -> Parsed:
         return [*expected, *default_names(width)[len(expected) :]][:width]
 
     cloud = _cloud(read_rows((f"{line}\n" for line in lines), count=n_vertices, what="vertex"), names)
-    polygons = []
-    for line in islice(lines, n_faces):
-        n_corners, *corners = line.split()
-        polygon = _corners(line, corners[: as_count(n_corners)])
-        if len(polygon) != as_count(n_corners) or not all(0 <= corner < n_vertices for corner in polygon):
-            raise _wrong_face(line)
-        polygons.append(polygon)
-    if len(polygons) < n_faces:
-        raise ends_early("face", len(polygons), n_faces)
-    return cloud, _fans(polygons), []
+    face_lines = list(islice(lines, n_faces))
+    if len(face_lines) < n_faces:
+        raise ends_early("face", len(face_lines), n_faces)
 
-
-def _parse_obj(file: BufferedReader) -> Parsed:
-    """Read the `v` lines of an OBJ file (x y z, then w, or red green blue, or both), and its faces."""
-    vertices: list[str] = []
-    polygons: list[list[int]] = []
-    counts = Counter[str]()
-    for line in lines_of(file):
-        keyword, _, text = line.strip().replace("\t", " ").partition(" ")
-        counts[keyword] += 1
-        if keyword == "v":
-            vertices.append(f"{text}\n")
-        elif keyword == "f":
-            polygon = _corners(line, [word.partition("/")[0] for word in text.split()])
-            if not all(1 <= abs(corner) <= len(vertices) for corner in polygon):
+    def triangles() -> Faces:
+        polygons = []
+        for line in face_lines:
+            n_corners, *corners = line.split()
+            polygon = _corners(line, corners[: as_count(n_corners)])
+            if len(polygon) != as_count(n_corners) or not all(0 <= corner < n_vertices for corner in polygon):
                 raise _wrong_face(line)
-            polygons.append([corner - 1 if corner > 0 else len(vertices) + corner for corner in polygon])
+            polygons.append(polygon)
+        return _fans(polygons)
+
+    return _reader(cloud, n_faces, triangles, [])
+
+
+def open_obj(file: BufferedReader) -> Reader:
+    """Open an OBJ file to read its `v` lines (x y z, then w, or red green blue, or both), and its faces."""
+    vertices: list[str] = []
+    face_lines: list[tuple[int, str]] = []  # with the number of vertices before them
+    counts = {"vn": 0, "vt": 0}
+    for line in lines_of(file):
+        keyword, _, text = line.partition(" ")
+        if keyword not in ("v", "f"):  # few lines begin with blanks, or have tabs
+            keyword, _, text = f"{line.strip()} ".replace("\t", " ").partition(" ")
+        if keyword == "v":
+            vertices.append(text if text.endswith("\n") else f"{text}\n")
+        elif keyword == "f":
+            face_lines.append((len(vertices), text))
+        elif keyword in counts:
+            counts[keyword] += 1
+
+    def triangles() -> Faces:
+        polygons = []
+        for n_vertices, text in face_lines:
+            polygon = _corners(text, [field.partition("/")[0] for field in text.split()])
+            if not all(1 <= abs(corner) <= n_vertices for corner in polygon):
+                raise _wrong_face(text)
+            polygons.append([corner - 1 if corner > 0 else n_vertices + corner for corner in polygon])
+        return _fans(polygons)
 
     def names(width: int) -> list[str]:
         extras = {3: (), 4: ("w",), 6: COLOURS, 7: ("w", *COLOURS)}.get(width)
@@ -106,12 +117,9 @@ def _parse_obj(file: BufferedReader) -> Parsed:
             raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {width}")
         return [*default_names(3), *extras]
 
-    skipped = [
-        f"{what} ({counts[keyword]:,})"
-        for keyword, what in (("vn", "normals"), ("vt", "texture coordinates"))
-        if counts[keyword]
-    ]
-    return _cloud(read_rows(iter(vertices), what="vertex"), names), _fans(polygons), skipped
+    nouns = {"vn": "normals", "vt": "texture coordinates"}
+    skipped = [f"{nouns[keyword]} ({count:,})" for keyword, count in counts.items() if count]
+    return _reader(_cloud(read_rows(iter(vertices), what="vertex"), names), len(face_lines), triangles, skipped)
 
 
 def _cloud(blocks: Iterable[list[Column]], names: Callable[[int], list[str]]) -> PointCloud:
@@ -145,8 +153,8 @@ def triangles_of(sizes: NDArray[np.int64], corners: NDArray[np.int64]) -> Faces:
     return corners[np.stack([first, second, second + 1], axis=1)]
 
 
-def _parse_stl(file: BufferedReader) -> Parsed:
-    """Read an STL file: the distinct corners of its facets, in order of first appearance, as vertices."""
+def open_stl(file: BufferedReader) -> Reader:
+    """Open an STL file to read the distinct corners of its facets, in order of first appearance, as vertices."""
     import pandas
     from trimesh.exchange import stl
 
@@ -161,7 +169,8 @@ def _parse_stl(file: BufferedReader) -> Parsed:
         corners = np.concatenate([np.empty((0, 3), np.float32), *(solid["vertices"] for solid in solids)])
         vertex = pandas.DataFrame(corners).groupby([0, 1, 2], sort=False, dropna=False).ngroup().to_numpy()
     points = corners[np.unique(vertex, return_index=True)[1]]
-    return PointCloud(points, coordinate_dtype=corners.dtype), vertex.reshape(-1, 3).astype(np.int64), []
+    faces = vertex.reshape(-1, 3).astype(np.int64)
+    return _reader(PointCloud(points, coordinate_dtype=corners.dtype), len(faces), lambda: faces, [])
 
 
 def _is_text_stl(start: bytes, size: int) -> bool:
@@ -177,8 +186,8 @@ def _is_stl(start: bytes, size: int) -> bool:
     return is_text or _is_binary_stl(start, size)
 
 
-def _parse_gltf(file: BufferedReader) -> Parsed:
-    """Read a binary glTF file: all triangles as one mesh, and the colours of its vertices."""
+def open_gltf(file: BufferedReader) -> Reader:
+    """Open a binary glTF file to read all triangles as one mesh, and the colours of its vertices."""
     import trimesh
 
     data = file.read()
@@ -198,7 +207,8 @@ def _parse_gltf(file: BufferedReader) -> Parsed:
         colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
         attributes = dict(zip(COLOURS, map(np.ascontiguousarray, colours), strict=False))
     is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
-    return PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64)), faces, []
+    cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
+    return _reader(cloud, len(faces), lambda: faces, [])
 
 
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
@@ -272,7 +282,7 @@ OFF, OBJ, STL, GLTF = FORMATS = (
     Format(
         "OFF",
         (".off",),
-        partial(_opened, _parse_off),
+        open_off,
         write_off,
         lambda start, size: re.match(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])", start) is not None,
         stored_of,
@@ -281,16 +291,16 @@ OFF, OBJ, STL, GLTF = FORMATS = (
     Format(
         "OBJ",
         (".obj",),
-        partial(_opened, _parse_obj),
+        open_obj,
         write_obj,
         stored=partial(stored_of, groups=(COLOURS,)),  # normals would not be read again
         options=_MESH,
     ),
-    Format("STL", (".stl",), partial(_opened, _parse_stl), recognises=_is_stl, options=_MESH),
+    Format("STL", (".stl",), open_stl, recognises=_is_stl, options=_MESH),
     Format(
         "glTF",
         (".glb",),
-        partial(_opened, _parse_gltf),
+        open_gltf,
         recognises=lambda start, size: start.startswith(b"glTF"),
         options=_MESH,
     ),
