@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task, random_candidates
 from gppcs.methods.parameters import parameter, require
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from gppcs.engine.timer import Timer
-    from gppcs.gp.spectral.kernel import Hyperparameters
-    from gppcs.spatial.kdtree import KdTree
 
 UPDATES = 200  # updates of the posterior in a run, unless k_add is given
 
@@ -38,7 +30,7 @@ class SpectralGP(Method):
     description = (
         "Models the surface variation as a Gaussian process on the manifold. Starts with farthest points, and then "
         "chooses points greedily by the process's standard deviation plus its absolute error. The diagnostics are the "
-        'fitted hyperparameters and "explained", the share of the variance of the surface variation over the '
+        'fitted hyperparameters and "explained", the fraction of the variance of the surface variation over the '
         "candidates that the posterior mean given the chosen points explains (R squared). It is below zero if the "
         "mean predicts worse than a constant, which can happen if the chosen points are not typical."
     )
@@ -87,53 +79,41 @@ class SpectralGP(Method):
         require(self, self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
+        """Choose the points in the order of the paper's Algorithm 1; see `Method.__call__`."""
         import numpy as np
 
-        from gppcs.gp.spectral import greedy
-        from gppcs.gp.spectral.posterior import Posterior
+        from gppcs.gp.spectral import greedy, hyperparameters, kernel
+        from gppcs.gp.spectral.laplacian import eigenpairs
+        from gppcs.gp.spectral.posterior import posterior, predict
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
+        from gppcs.spatial.spacing import neighbourhood_radius
+        from gppcs.surface.surface_variation import features_in_radius
 
         points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):
             tree = KdTree.build(points)
-        phi, y, theta = self._fitted_field(points, tree, timer)
+        with timer("surface variation"):  # y, Eqs. 1 and 2
+            y = features_in_radius(tree, neighbourhood_radius(tree, self.neighbours)).surface_variation
+        with timer("eigenfunctions"):  # lambda_n and f_n of Eq. 6
+            values, functions = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
+        with timer("hyperparameters"):
+            mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
+            opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]  # P_opt <- random subset of P
+            theta = hyperparameters.fit(  # optimise theta using Eq. 5
+                values, functions[opt], y[opt], mean_squares, self.nu, self.fit_nu, self.iterations
+            )
+            phi = kernel.kernel_features(functions, kernel.spectral_weights(values, mean_squares, theta))  # Eq. 6
         subset = random_candidates(len(points), self.candidates, n_points, self.seed)
         if len(subset) < len(points):
             points, phi, y, tree = points[subset], phi[subset], y[subset], KdTree.build(points[subset])
         k_init = min(self.k_init or max(1, n_points // 3), n_points)
-        with timer("farthest points", k_init) as advanced:
-            initial, _ = farthest_points(points, k_init, tree, advanced)
-        with timer("greedy selection", n_points - k_init) as advanced:
+        with timer("farthest points", k_init) as on_progress:  # P_simp <- FPS(P, k_init)
+            initial, _ = farthest_points(points, k_init, tree, on_progress)
+        with timer("greedy selection", n_points - k_init) as on_progress:  # while |P_simp| < M: add MAX(s, R, k_add)
             k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
-            indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, advanced)
-        with timer("explained share"):
-            mean, _ = Posterior.given(phi[indices], y[indices], theta.noise).predict(phi)
+            indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, on_progress)
+        with timer("explained variance"):
+            mean, _ = predict(phi, *posterior(phi[indices], y[indices], theta.noise))
             explained = 1 - float(np.mean((mean - y) ** 2) / (np.var(y) or 1.0))
         return Selection(subset[indices], {**asdict(theta), "explained": explained})
-
-    def _fitted_field(
-        self, points: NDArray[np.float64], tree: KdTree, timer: Timer
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Hyperparameters]:
-        """Return the kernel's features, (N, L), the surface variation, (N,), and the fitted hyperparameters."""
-        import numpy as np
-
-        from gppcs.gp.spectral import hyperparameters, kernel
-        from gppcs.gp.spectral.laplacian import eigenpairs
-        from gppcs.spatial.spacing import neighbourhood_radius
-        from gppcs.surface.surface_variation import features_in_radius
-
-        with timer("surface variation"):
-            y = features_in_radius(tree, neighbourhood_radius(tree, self.neighbours)).surface_variation
-        with timer("eigenfunctions"):
-            pairs = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
-        values, functions = pairs.eigenvalues, pairs.eigenfunctions
-        with timer("hyperparameters"):
-            mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
-            some = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]
-            theta = hyperparameters.fit(
-                values, functions[some], y[some], mean_squares, self.nu, self.fit_nu, self.iterations
-            )
-            phi = kernel.kernel_features(functions, kernel.spectral_weights(values, mean_squares, theta))
-        return phi, y, theta

@@ -11,9 +11,9 @@ from gppcs.gp.spectral.laplacian import eigenpairs
 @pytest.fixture(scope="module")
 def problem():
     points = gppcs.sample("bracket", n_points=400, seed=2).points
-    pairs = eigenpairs(points, 20)
+    eigenvalues, functions = eigenpairs(points, 20)
     y = gppcs.estimate_features(points).surface_variation
-    return pairs.eigenvalues, pairs.eigenfunctions, y, (pairs.eigenfunctions**2).mean(axis=0)
+    return eigenvalues, functions, y, (functions**2).mean(axis=0)
 
 
 THETAS = [

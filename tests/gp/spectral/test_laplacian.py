@@ -15,9 +15,9 @@ def sphere_ratios(eigenvalues):
 
 
 def test_sphere_spectrum_through_landmarks(sphere):
-    pairs = eigenpairs(sphere, 25)
-    assert pairs.eigenvalues[0] == pytest.approx(0, abs=1e-8)
-    np.testing.assert_allclose(sphere_ratios(pairs.eigenvalues), 1, atol=0.03)
+    eigenvalues, _ = eigenpairs(sphere, 25)
+    assert eigenvalues[0] == pytest.approx(0, abs=1e-8)
+    np.testing.assert_allclose(sphere_ratios(eigenvalues), 1, atol=0.03)
 
 
 @pytest.mark.slow
@@ -25,14 +25,14 @@ def test_a_laplacian_that_lost_area_is_not_used(sphere):
     _, mass, is_whole = surface_laplacian(sphere)
     assert mass.sum() < 0.75 * np.pi  # of a sphere of unit diameter
     assert not is_whole
-    ratios = sphere_ratios(eigenpairs(sphere, 25, landmarks=len(sphere)).eigenvalues)
+    ratios = sphere_ratios(eigenpairs(sphere, 25, landmarks=len(sphere))[0])
     np.testing.assert_allclose(ratios, 1, atol=0.06)  # the raw spectrum is 40 % off
 
 
 def test_full_solution_is_orthonormal(sphere):
     points = sphere[:3_000]
     _, mass, _ = surface_laplacian(points)
-    functions = eigenpairs(points, 20).eigenfunctions
+    functions = eigenpairs(points, 20)[1]
     np.testing.assert_allclose(functions.T @ (functions * (mass / mass.sum())[:, None]), np.eye(20), atol=1e-9)
 
 
@@ -41,7 +41,7 @@ def test_lifted_functions_are_the_spheres_harmonics(sphere):
     x, y, z = sphere.T
     powers = [x**a * y**b * z**c for a in range(5) for b in range(5 - a) for c in range(5 - a - b)]
     harmonics = np.stack(powers, axis=1)
-    lifted = eigenpairs(sphere, 16).eigenfunctions
+    lifted = eigenpairs(sphere, 16)[1]
     fitted = harmonics @ np.linalg.lstsq(harmonics, lifted, rcond=None)[0]
     assert np.sqrt(((lifted - fitted) ** 2).mean(axis=0)).max() < 0.03
     np.testing.assert_allclose((lifted**2).mean(axis=0), 1, atol=0.05)
@@ -52,7 +52,8 @@ def test_lifting_from_landmarks_stays_near_the_full_solution():
     points = gppcs.sample("fan", n_points=9_000).points
 
     def heat_kernel(pairs):
-        return (pairs.eigenfunctions * np.exp(-0.01 * pairs.eigenvalues)) @ pairs.eigenfunctions[:300].T
+        eigenvalues, functions = pairs
+        return (functions * np.exp(-0.01 * eigenvalues)) @ functions[:300].T
 
     full = heat_kernel(eigenpairs(points, 20, landmarks=9_000))
     lifted = heat_kernel(eigenpairs(points, 20, landmarks=4_000))

@@ -1,4 +1,4 @@
-"""The method `gp`, in the order of the paper's Algorithm 1; research/local-field.md has the sections and equations."""
+"""The method `gp`, in the order of the paper's Algorithm 1; research/local-field.md has the steps and equations."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def choose(
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)  # section 1
+    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)  # step 1
     with timer("candidates"):
-        stages = nested_candidates(points, sharpness, n_points, area, density, fixed)  # section 2
+        stages = nested_candidates(points, sharpness, n_points, area, density, fixed)  # step 2
     with timer("noise"):
         candidates = Candidates.observed(stages[-1].indices, points, noise, weights, detail)  # Eq. (7)
     ranking = Ranking.of_fixed(fixed)

@@ -134,9 +134,9 @@ def choose_stored(
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points
     with timer("survey"):
-        stage = _surveyed(stored, n_points, criterion, density, parts, each)  # section 1
+        stage = _surveyed(stored, n_points, criterion, density, parts, each)  # step 1
     with timer("candidates", len(stored)) as on_progress:
-        stage = _with_candidates(stage, parts, each, on_progress, chosen)  # section 2
+        stage = _with_candidates(stage, parts, each, on_progress, chosen)  # step 2
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * density)):  # 1.5 cells on slopes
             nested.append(_coarser(nested[-1], each))

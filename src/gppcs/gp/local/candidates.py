@@ -1,4 +1,4 @@
-"""A survey of the whole cloud, and from it the candidates of each stage (research/local-field.md, sections 1 and 2).
+"""A survey of the whole cloud, and from it the candidates of each stage (research/local-field.md, steps 1 and 2).
 
 A survey measures area, noise and sharp points before any point is chosen. Candidates are the sharpest point in each
 cell of a grid that gets finer from stage to stage.

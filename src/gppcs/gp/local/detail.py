@@ -23,7 +23,7 @@ FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the can
 
 
 class DetailNoise(NamedTuple):
-    """What is noise of attributes, by all points of a cloud or by many (Eq. (17))."""
+    """What is noise of attributes, by all points of a cloud or by many (Eq. (19))."""
 
     noise: float  # r_0^2: their variance about linear functions of the position, where they hardly vary
     strength: float  # c: the fraction of their variance that is no noise, with a margin

@@ -17,13 +17,13 @@ ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less fl
 WEIGHT_POWER = 1.15
 MAX_REFINEMENT = 8.0  # Times the usual number of candidates at most, where large weights ask for many points.
 
-# Kernel and posterior, Eqs. (5) to (7).
+# Kernel, observations and detail, Eqs. (5), (7), (18) and (19).
 NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right angle. Ablation: "normals off".
 NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
 DETAIL_DISTANCE = 3.5  # In desired spacings: distance of values of an attribute that are its whole range apart.
 DETAIL_ROUGHNESS = 3.0  # Surface variation that counts as rough as a variance of the attributes of 1.
 
-# Survey and candidates, section 2.
+# Survey and candidates, steps 1 and 2.
 SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
 SAMPLED_PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
 FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage would cost no less.
@@ -34,7 +34,7 @@ ISOLATION = (0.45, 0.9, 1.8, 3.6)  # In target spacings: a candidate is isolated
 # distance, too: mostly 28 % at most in scans with sparse parts, 40 % or more of outliers (research/experiments.md).
 OUTLIERS = 0.4
 
-# Placement, Eq. (8). Ablation: "placement off".
+# Placement, Eq. (10). Ablation: "placement off".
 CELL_POINTS, NOISY_CELL_POINTS = 36, 16  # Mean points of a cell, without noise and with it; of more, a sample is drawn.
 PLANE_POINTS = 12  # Mean number of points to which a tangent plane is fitted.
 PULL = 0.01  # eta: weight of the squared distance from the middle of the cell, beside that from the planes.

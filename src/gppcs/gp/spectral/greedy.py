@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
-from gppcs.gp.spectral.posterior import Posterior
+from gppcs.gp.spectral.posterior import posterior
 
 BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
-REPORTED = 512  # about how many points are added between two reports of progress
 # The posterior is computed anew whenever there are this many times as many observations. Each update leaves an error in
 # proportion to the variance before it, which stays while the variance shrinks: from one observation on 13,000 updates
 # could lose all digits. By default the observations grow three times, so that one computation will do.
 REFRESHED = 4
-SLACK = 1e-12  # relative margin of a bound, well above the rounding errors of a step
 
 
 def select(
@@ -28,7 +26,7 @@ def select(
     n_points: int,
     k_add: int = 1,
     order: NDArray[np.int64] | None = None,
-    advanced: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
 ) -> NDArray[np.int64]:
     """Add points to the active set, each time the `k_add` of largest score s = sqrt(diag Sigma) + |mu - y|.
 
@@ -36,7 +34,7 @@ def select(
     into buckets. Each bucket stores the bounding box of its features phi and its largest score when it was last
     scanned. Since then, variances can only have decreased. If the weights' mean has moved by dw, the mean at a point
     has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
-    the buckets whose bound is not below the best score known. Shapes: phi (N, L), y (N,), initial (k_init,), order
+    the buckets whose bound is not below the best score so far. Shapes: phi (N, L), y (N,), initial (k_init,), order
     (N,); returns (M,).
     """
     order = np.arange(len(y)) if order is None else order
@@ -49,14 +47,14 @@ def select(
     begin, computed = len(initial), 0  # at how many observations the posterior was last computed anew
     while begin < n_points:
         if begin >= REFRESHED * computed:
-            posterior, computed = Posterior.given(phi[chosen[:begin]], y[chosen[:begin]], noise), begin
-            mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
+            mean, covariance = posterior(phi[chosen[:begin]], y[chosen[:begin]], noise)
+            covariance, computed = np.ascontiguousarray(covariance), begin
             buckets = _buckets(min(BUCKETS, len(y)), points.phi)  # bounds from an earlier posterior need not hold
-        steps = max(1, -(-min(REPORTED, REFRESHED * computed - begin) // k_add))
+        steps = max(1, -(-min(512, REFRESHED * computed - begin) // k_add))  # from one report of progress to the next
         end = min(begin + steps * k_add, n_points)
         _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], begin)
-        if advanced:
-            advanced(end - begin)
+        if on_progress:
+            on_progress(end - begin)
         begin = end
     return chosen
 
@@ -78,14 +76,14 @@ class _Points(NamedTuple):
 class _Buckets(NamedTuple):
     """G runs of consecutive points of equal length: the g-th holds the points from N g // G to N (g + 1) // G.
 
-    `low` and `high`, (G, L), are the bounding boxes of the features. `scanned`, (G,), is the number of chosen points
+    `lower` and `upper`, (G, L), are the bounding boxes of the features. `scanned`, (G,), is the number of chosen points
     when the bucket was last scanned. At that time, `mean`, (G, L), was the mean of the weights; `above` and `below`,
     (G,), were the largest sd + y - mu and sd + mu - y of its free points. `bound`, (G,), is an upper bound of the
     scores of its free points now. Right after a scan, it is the score of the point `best`, (G,).
     """
 
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
     scanned: NDArray[np.int64]
     mean: NDArray[np.float64]
     above: NDArray[np.float64]
@@ -98,8 +96,8 @@ def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
     """Return `count` buckets of the features, (L, N), that have not been scanned."""
     starts = np.arange(count) * phi.shape[1] // count
     return _Buckets(
-        low=np.ascontiguousarray(np.minimum.reduceat(phi, starts, axis=1).T),
-        high=np.ascontiguousarray(np.maximum.reduceat(phi, starts, axis=1).T),
+        lower=np.ascontiguousarray(np.minimum.reduceat(phi, starts, axis=1).T),
+        upper=np.ascontiguousarray(np.maximum.reduceat(phi, starts, axis=1).T),
         scanned=np.full(count, -1),
         mean=np.zeros((count, len(phi))),
         above=np.full(count, np.inf),
@@ -143,9 +141,9 @@ def _observe(phi, y, noise, mean, covariance):
         error -= phi[row] * mean[row]
     for row in range(len(phi)):
         mean[row] += along[row] * (error / spread)
-        share = along[row] / spread
+        scaled = along[row] / spread
         for c in range(len(phi)):
-            covariance[row, c] -= along[c] * share
+            covariance[row, c] -= along[c] * scaled
 
 
 @kernel
@@ -207,14 +205,14 @@ def _find_best(g, points, buckets):
 @kernel(fastmath={"contract", "reassoc", "nsz"})
 def _bound_all(buckets, mean):
     """Update the upper bounds of all buckets' scores from the change of the weights' mean, (L,), since their scans."""
-    low, high, seen, bound = buckets.low, buckets.high, buckets.mean, buckets.bound
+    lower, upper, seen, bound = buckets.lower, buckets.upper, buckets.mean, buckets.bound
     for g in range(len(bound)):
         fall = rise = 0.0
         for c in range(len(mean)):
             step = mean[c] - seen[g, c]
-            a, b = low[g, c] * step, high[g, c] * step
+            a, b = lower[g, c] * step, upper[g, c] * step
             fall += min(a, b)
             rise += max(a, b)
         bound[g] = max(buckets.above[g] - fall, buckets.below[g] + rise)
         if bound[g] > -np.inf:
-            bound[g] += SLACK * abs(bound[g])
+            bound[g] += 1e-12 * abs(bound[g])  # well above the rounding errors of a step

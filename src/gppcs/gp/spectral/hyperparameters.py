@@ -11,7 +11,6 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, log_spectrum, spectral_weights
 
 STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likelihood has several maxima
-LEAST_NOISE = 1e-6  # lower bound of the noise, as a share of the mean square of y: keeps the posterior well conditioned
 
 
 @one_blas_thread()
@@ -40,9 +39,9 @@ def log_marginal_likelihood(
     gram = eigenfunctions.T @ eigenfunctions
     quadratic = np.diag(np.linalg.solve(noise * np.eye(count) + gram * weights, gram))
     by_weight = 0.5 * ((eigenfunctions.T @ alpha) ** 2 - quadratic)
-    shares = weights * mean_squares / theta.variance
+    fractions = weights * mean_squares / theta.variance
     by_lengthscale, by_nu = (
-        by_weight @ (weights * (slope - shares @ slope))
+        by_weight @ (weights * (slope - fractions @ slope))
         for slope in log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[1:]
     )
     by_noise = 0.5 * noise * (alpha @ alpha - trace)
@@ -65,7 +64,8 @@ def fit(
     """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]
-    bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (LEAST_NOISE * scale, 1e2 * scale)])
+    # The lower bound of the noise keeps the posterior well conditioned.
+    bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (1e-6 * scale, 1e2 * scale)])
 
     def theta_of(logarithms: NDArray[np.float64]) -> Hyperparameters:
         variance, lengthscale, free_nu, noise = np.exp(logarithms).tolist()

@@ -35,8 +35,8 @@ def log_spectrum(
         heat = -0.5 * lengthscale**2 * eigenvalues
         return heat, 2 * heat, np.zeros_like(heat)
     x = lengthscale**2 * eigenvalues / 2 / nu  # 2 nu could overflow
-    logs, share, power = np.log1p(x), x / (1 + x), nu + DIMENSION / 2
-    return -power * logs, -power * (2 * share), power * share - nu * logs
+    logs, ratio, power = np.log1p(x), x / (1 + x), nu + DIMENSION / 2
+    return -power * logs, -power * (2 * ratio), power * ratio - nu * logs
 
 
 @one_blas_thread()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import robust_laplacian
 import scipy.linalg
@@ -15,29 +13,15 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 
-LEAST_AREA_SHARE = 0.75  # least lumped area, relative to that estimated from spacing; whole surfaces have 0.83 to 1.9
-FEWEST_LANDMARKS = 500  # with fewer landmarks, halving their number again does not help
-LIFTING_LANDMARKS = 8  # nearest landmarks from which a function is interpolated at a point
-DENSE_SIZE = 400  # up to this many landmarks, a dense eigensolver is as fast, and needs no start vector
-
-
-@dataclass(frozen=True)
-class Eigenpairs:
-    """The lowest eigenpairs of the Laplace-Beltrami operator, with the surface scaled to area 1.
-
-    Eigenvalues, (L,), ascend from zero; divide by the area of the surface for its own. Eigenfunctions, (N, L), have a
-    mean square of one over the surface.
-    """
-
-    eigenvalues: NDArray[np.float64]
-    eigenfunctions: NDArray[np.float64]
-
 
 @one_blas_thread()
 def eigenpairs(
     points: NDArray[np.float64], count: int, landmarks: int = 4000, tree: KdTree | None = None
-) -> Eigenpairs:
-    """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6) at all points.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6), with the surface of area 1.
+
+    Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions, (N, L),
+    are at all points, and have a mean square of one over the surface.
 
     A cloud of more than `landmarks` points is represented by that many farthest points. The functions found there are
     interpolated at all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian (Sharp and
@@ -47,8 +31,8 @@ def eigenpairs(
     number = min(landmarks, len(points))
     while True:
         chosen, _ = farthest_points(points, number, tree) if number < len(points) else (np.arange(number), None)
-        operator, mass, is_whole = surface_laplacian(points[chosen])
-        if is_whole or number <= max(FEWEST_LANDMARKS, 2 * count):
+        operator, mass, is_complete = surface_laplacian(points[chosen])
+        if is_complete or number <= max(500, 2 * count):  # with fewer, halving their number does not help
             break
         number //= 2
     area = mass.sum()
@@ -56,7 +40,7 @@ def eigenpairs(
     functions = functions * np.sqrt(area)
     if number < len(points):
         functions = _lift(points[chosen], functions, points)
-    return Eigenpairs(np.maximum(eigenvalues * area, 0.0), functions)
+    return np.maximum(eigenvalues * area, 0.0), functions
 
 
 def surface_laplacian(
@@ -72,9 +56,9 @@ def surface_laplacian(
     except RuntimeError:  # the library found no triangles
         return *_graph_laplacian(points), True
     masses = mass.diagonal()
-    is_whole = bool(np.median(masses) >= LEAST_AREA_SHARE * _disc_area(scaled))
+    is_complete = bool(np.median(masses) >= 0.75 * _disc_area(scaled))  # complete surfaces have 0.83 to 1.9
     masses = np.maximum(masses, 1e-6 * masses.mean())  # every point needs a positive area
-    return operator, masses, is_whole
+    return operator, masses, is_complete
 
 
 def _disc_area(points: NDArray[np.float64]) -> float:
@@ -88,8 +72,8 @@ def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matr
     n = len(points)
     indices, squared = KdTree.build(points).nearest_of(points, min(9, n))
     scale = np.median(squared[:, -1]) or 1.0  # zero for a single point
-    rows = np.repeat(np.arange(n), indices.shape[1])
-    weights = scipy.sparse.csr_matrix((np.exp(-squared / scale).ravel(), (rows, indices.ravel())), shape=(n, n))
+    sources = np.repeat(np.arange(n), indices.shape[1])
+    weights = scipy.sparse.csr_matrix((np.exp(-squared / scale).ravel(), (sources, indices.ravel())), shape=(n, n))
     weights = weights.maximum(weights.T)
     return scipy.sparse.csgraph.laplacian(weights), np.full(n, 1.0 / n)
 
@@ -98,7 +82,7 @@ def _lowest(
     operator: scipy.sparse.csr_matrix, mass: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Solve L f = lambda M f for the `count` lowest pairs: values (count,) and M-orthonormal functions (N, count)."""
-    if len(mass) <= max(DENSE_SIZE, 2 * count):
+    if len(mass) <= max(400, 2 * count):  # a dense solver is as fast, and needs no start vector
         return scipy.linalg.eigh(operator.toarray(), np.diag(mass), subset_by_index=(0, count - 1))
     start = np.random.default_rng(0).standard_normal(len(mass))  # the same on every run
     values, functions = scipy.sparse.linalg.eigsh(
@@ -116,12 +100,12 @@ def _lift(
     The weight of a landmark at distance x is 1 - 3 x^2 + 2 x^3, and weights are divided by their sum. Distances are
     relative to slightly more than that of the farthest landmark used.
     """
-    found, squared = KdTree.build(landmarks).nearest_of(points, min(LIFTING_LANDMARKS, len(landmarks)))
-    # The reach is slightly longer, since landmarks that are all equally far would all have the weight zero.
-    share = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))
-    weights = 1.0 - share * share * (3.0 - 2.0 * share)
+    nearest, squared = KdTree.build(landmarks).nearest_of(points, min(8, len(landmarks)))
+    # The radius is slightly larger, since landmarks that are all equally far would all have the weight zero.
+    x = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))
+    weights = 1.0 - x * x * (3.0 - 2.0 * x)
     weights /= weights.sum(axis=1, keepdims=True)
     lifted = np.zeros((len(points), functions.shape[1]))
-    for slot in range(found.shape[1]):
-        lifted += weights[:, slot, None] * functions[found[:, slot]]
+    for slot in range(nearest.shape[1]):
+        lifted += weights[:, slot, None] * functions[nearest[:, slot]]
     return lifted
