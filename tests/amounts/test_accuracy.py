@@ -114,7 +114,7 @@ def test_the_fewest_points_of_a_known_error_are_found_in_few_steps(monkeypatch):
     points, method = CLOUD.points[:3000], gppcs.FarthestPoint()
     for wanted in (1, 2, 37, 1000, 1500, 2900):
         sizes.clear()
-        tolerance, scale = Tolerance.of(f"{1.0 / wanted!r}:p95"), Scale(1.0, None, 0)
+        tolerance, scale = Tolerance.from_value(f"{1.0 / wanted!r}:p95"), Scale(1.0, None, 0)
         selection = fewest_points(
             points, tolerance, scale, lambda m: method(gppcs.Task(points, min(m, 2999))), True, 1, Timer()
         )

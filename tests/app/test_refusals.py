@@ -168,7 +168,7 @@ COMPARE missing.ply --ratio 5 -o side --methods fps | ratio
 COMPARE missing.ply --ratio 0.1 -o old | old
 COMPARE in/table.csv --ratio 0.1 -o in --force | table.csv
 COMPARE ball.ply --points 100 --meshes -o side --methods gp | 'gp'
-COMPARE ball.ply --points 100 --meshes -o side --ratio 0.1 | both
+COMPARE ball.ply --points 100 --meshes -o side --ratio 0.1 | found ratio and n_points
 COMPARE ball.ply --points 100 --meshes -o side --seed 3 | --seed
 COMPARE ball.ply --points 100 --meshes -o side --detail red | --detail
 """

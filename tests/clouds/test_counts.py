@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.clouds.quantities import count_of, share_of
+from gppcs.clouds.quantities import count_of, ratio_of
 from gppcs.errors import ParameterError
 
 COUNTS = st.integers(0, 10**18)
-count = partial(count_of, "n_points", least=-(10**18))  # the library refuses a number below 1, with its own message
-UNITS = {"": 1, "k": 10**3, "K": 10**3, "m": 10**6, "M": 10**6, "g": 10**9, "G": 10**9}
+count = partial(count_of, "n_points", minimum=-(10**18))  # the library refuses a number below 1, with its own message
+UNITS = {"k": 10**3, "K": 10**3, "m": 10**6, "M": 10**6, "g": 10**9, "G": 10**9}
 
 
 @given(COUNTS, st.sampled_from(["{}", "{:,}", "{:_}", "+{}", " {} ", "{}.0", "{}e0", "-{}"]))
@@ -21,7 +21,7 @@ def test_each_spelling_of_a_number_means_it(number, spelling):
     assert count(spelling.format(number)) == (-number if spelling.startswith("-") else number)
 
 
-@given(st.integers(0, 10**9), st.integers(0, 9), st.sampled_from(sorted(UNITS)), st.sampled_from(["", " "]))
+@given(st.integers(0, 10**9), st.integers(0, 9), st.sampled_from(list(UNITS)), st.sampled_from(["", " "]))
 def test_units_multiply_the_number_exactly(whole, places, unit, space):
     text = f"{whole:0{places + 1}}"
     text = f"{text[:-places]}.{text[-places:]}" if places else text
@@ -42,13 +42,28 @@ def test_the_spellings_of_the_help(text, number):
 
 
 OF_ANOTHER_SCRIPT = "\u0665"  # a digit five
-MISWRITTEN = ("k", ".", "e3", "5,00", "5,0000", "50,00,000", "5__0", "_5", "5_", "5kk", "5 000", "0x10", "five", "nan")
+MISWRITTEN = (
+    "3%",
+    "k",
+    ".",
+    "e3",
+    "5,00",
+    "5,0000",
+    "50,00,000",
+    "5__0",
+    "_5",
+    "5_",
+    "5kk",
+    "5 000",
+    "0x10",
+    "five",
+    "nan",
+)
 
 
 REFUSED = {
-    r"such as 5000, 5,000, 5k or 1.5M, found": ["", " ", *MISWRITTEN, "1e1000", OF_ANOTHER_SCRIPT],
+    r"such as 5000, 5,000, 5k or 1.5M, found": ["", " ", *MISWRITTEN, "1e1000", "20.000", OF_ANOTHER_SCRIPT],
     "whole number of at most 1e18, found": ["2.5", "1.2345k", "1e-1", "1e19", "1e999", "9" * 40],
-    "found '3%'; a share of the points is the ratio": ["3%"],
 }
 
 
@@ -66,15 +81,15 @@ def test_any_text_is_a_count_or_refused(text):
 
 @given(st.decimals("0.000001", 100, allow_nan=False, places=6), st.sampled_from(["", " "]))
 def test_a_percentage_is_the_nearest_float(percent, space):
-    assert share_of("ratio", f"{percent}{space}%") == float(Fraction(percent) / 100)
+    assert ratio_of("ratio", f"{percent}{space}%") == float(Fraction(percent) / 100)
 
 
 @given(st.floats(0, 1, exclude_min=True))
 def test_a_plain_share_is_the_number_itself(share):
-    assert share_of("ratio", repr(share)) == share_of("ratio", share) == share
+    assert ratio_of("ratio", repr(share)) == ratio_of("ratio", share) == share
 
 
 @pytest.mark.parametrize("text", ["", "%", "3%%", "5k", "0,03", "few", "nan%", "1/3", "1e9999%"])
 def test_what_is_no_share_is_refused(text):
-    with pytest.raises(ParameterError, match=r"a share, such as 0.03 or 3%, found"):
-        share_of("ratio", text)
+    with pytest.raises(ParameterError, match=r"a fraction, such as 0.03 or 3%, found"):
+        ratio_of("ratio", text)

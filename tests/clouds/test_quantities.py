@@ -22,7 +22,7 @@ from gppcs.io.las_header import metres_of_wkt
     ],
 )
 def test_a_length_in_the_unit_of_the_cloud(given, unit, expected):
-    length = Length.of("tolerance", given)
+    length = Length.from_value("tolerance", given)
     assert length.in_cloud(10.0, metres_of(unit, None)) == pytest.approx(expected, rel=1e-12)
 
 

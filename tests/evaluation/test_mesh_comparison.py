@@ -94,7 +94,7 @@ def test_distances_are_measured_from_a_surface_that_is_given(sphere):
         ({"pipelines": ["poison-kept"], "ratio": 0.1}, "did you mean 'poisson-kept'"),
         ({"pipelines": "mesh", "ratio": 0.1}, "list of pipelines"),
         ({"pipelines": [], "ratio": 0.1}, "at least one pipeline"),
-        ({}, "found neither"),
+        ({}, "and max_gap, found none"),
         ({"n_points": 3}, "from 4 on, found 3"),
     ],
 )

@@ -132,7 +132,7 @@ def _keep_mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
     if keep is None:
         return mask
     if isinstance(keep, str):
-        return Expression.of(keep).mask(cloud)
+        return Expression.from_text(keep).mask(cloud)
     expected = f"expected keep to be a condition, a mask of the {len(cloud):,} points, or indices"
     try:
         values = np.asarray(keep)

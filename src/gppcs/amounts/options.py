@@ -158,7 +158,7 @@ class Options:
         if self.unit is not None:
             metres_of(self.unit, None)
         if isinstance(self.keep, str):
-            Expression.of(self.keep)
+            Expression.from_text(self.keep)
         _ = self.memory_limit, self.query, self.scratch_parent
         _check_workers(self.workers)
 
@@ -169,7 +169,7 @@ class Options:
     @cached_property
     def amount(self) -> Amount:
         """What decides how many points are kept."""
-        return Amount.of(self.ratio, self.n_points, self.tolerance, self.spacing, self.max_gap)
+        return Amount.from_values(self.ratio, self.n_points, self.tolerance, self.spacing, self.max_gap)
 
     @cached_property
     def algorithm(self) -> Method:

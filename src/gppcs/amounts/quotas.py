@@ -41,7 +41,7 @@ def quotas_of(quota: Any) -> tuple[Quota, ...]:
         raise ParameterError(f"{expected}, found {shown(quota)}")
     if len(quota) >= EXCLUDED:
         raise ParameterError(f"expected at most {EXCLUDED - 1} quotas, found {len(quota)}")
-    return tuple(Quota(Expression.of(condition), _size(size)) for condition, size in quota.items())
+    return tuple(Quota(Expression.from_text(condition), _size(size)) for condition, size in quota.items())
 
 
 def _size(value: Any) -> float | int:

@@ -222,7 +222,7 @@ def _rows(report: RunReport, result: Result, options: Options, unit: str | None)
         elif value:
             is_length = name.startswith(("surface_", "largest_", "moved_"))
             text = f"{text_of(value)} {unit}" if unit and is_length else text_of(value)
-            request = f"  (asked: {asked_for[name].given})" if name in asked_for else ""
+            request = f"  (asked: {asked_for[name].text})" if name in asked_for else ""
             rows[name.replace("_", " ")] = text + request
     rows["time"] = time_in_words(report.seconds)
     return rows

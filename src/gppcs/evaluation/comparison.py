@@ -95,7 +95,7 @@ def compare(
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     if methods is None:
-        chosen = those_that_fit(chosen, len(original), Amount.of(ratio, n_points))
+        chosen = those_that_fit(chosen, len(original), Amount.from_values(ratio, n_points))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.

@@ -99,7 +99,7 @@ def compare_meshes(
     chosen, timer = checked_pipelines(pipelines, ratio, n_points), timer_of(timer)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     require_original(original, mesh)
-    count = Amount.of(ratio, n_points).known_count(len(original))
+    count = Amount.from_values(ratio, n_points).known_count(len(original))
     assert count is not None
     if count < FEWEST_VERTICES:
         raise ParameterError(
@@ -122,7 +122,7 @@ def checked_pipelines(
     for name in chosen:
         if not (isinstance(name, str) and name in PIPELINES):
             raise ParameterError(f"there is no pipeline {shown(name)}{nearest_name(name, PIPELINES)}")
-    amount = Amount.of(ratio, n_points)
+    amount = Amount.from_values(ratio, n_points)
     if amount.n_points is not None:
         count_of("n_points", amount.n_points, FEWEST_VERTICES)
     require_all(require_pymeshlab, *(partial(require_pipeline, name) for name in chosen))

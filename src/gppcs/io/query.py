@@ -61,7 +61,7 @@ class Query:
             (*low, *[-math.inf] * fill),
             (*high, *[math.inf] * fill),
             None if resolution is None else float(resolution),
-            None if only is None else Expression.of(only),
+            None if only is None else Expression.from_text(only),
             None if polygon is None else read_polygons(polygon),
         )
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, share_of
+from gppcs.clouds.quantities import Length, Scale, Tolerance, count_of, metres_of, ratio_of
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.equality import ComparedByValue
@@ -259,10 +259,10 @@ class Size:
         metres_of(unit, None)
         return cls(
             None if n_points is None else count_of("n_points", n_points, FEWEST_VERTICES),
-            None if ratio is None else share_of("ratio", ratio),
+            None if ratio is None else ratio_of("ratio", ratio),
             None if n_faces is None else count_of("n_faces", n_faces, FEWEST_VERTICES),
             None if tolerance is None else _tolerance_of(tolerance),
-            None if fill_holes is None else Length.of("fill_holes", fill_holes),
+            None if fill_holes is None else Length.from_value("fill_holes", fill_holes),
         )
 
     @property
@@ -283,7 +283,7 @@ class Size:
 
 def _tolerance_of(given: Any) -> Tolerance:
     """Check a tolerance of a mesh: a length, or a text with a length and ":mean"."""
-    tolerance = Tolerance.of(given)
+    tolerance = Tolerance.from_value(given)
     if tolerance.measure not in (None, "mean"):
         raise ParameterError(
             f"expected tolerance to be a largest distance, such as '1mm', or to end in :mean, found {shown(given)}"

@@ -15,7 +15,7 @@ from gppcs.app.options import option
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.panels import LOOK, METHOD
 from gppcs.app.printing import emit, names_of, print_error, say, started
-from gppcs.clouds.quantities import count_of, share_of
+from gppcs.clouds.quantities import count_of, ratio_of
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
 
@@ -123,7 +123,7 @@ def compare(
     from gppcs.io.mesh_files import read_mesh
 
     timer = started(quiet, threads)
-    fraction = None if ratio is None else share_of("ratio", ratio)
+    fraction = None if ratio is None else ratio_of("ratio", ratio)
     count = None if points is None else count_of("n_points", points)
     weights = options.weights_of(detail)
     _check_options(meshes, seed, weights, picture, report, view or up, colour)
