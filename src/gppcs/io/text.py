@@ -81,7 +81,7 @@ def open_table(
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
-    return Reader(chunks, preview.count)
+    return Reader(chunks)
 
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
