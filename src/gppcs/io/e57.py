@@ -27,7 +27,7 @@ from gppcs.clouds.columns import Column, cloud_of_columns
 from gppcs.clouds.header import Header
 from gppcs.clouds.objects import COLOUR
 from gppcs.engine.extras import require_pye57
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import BLOCK, ends_early, reported
@@ -217,41 +217,49 @@ def _coordinates(scan: Any, block: Mapping[str, Column], dtypes: Mapping[str, np
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
     """Write an E57 file of one scan, without a pose; attributes that E57 has not become fields of an extension."""
     libe57 = require_pye57().libe57
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.e57")
+        try:
+            image = libe57.ImageFile(str(path), "w")
+            _write_scan(image, cloud)
+            image.close()
+        except libe57.E57Exception as error:
+            reason = str(error).partition("\n")[0]
+            raise OutputError(f"{path}: expected to write an E57 file, but libE57Format reports: {reason}") from error
+        with open(path, "rb") as written:
+            shutil.copyfileobj(written, file)
+
+
+def _write_scan(image: Any, cloud: PointCloud) -> None:
+    libe57 = require_pye57().libe57
+    normals = "http://www.libe57.org/E57_NOR_surface_normals.txt"
+    for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", normals), ("gppcs", "urn:gppcs:attributes")):
+        image.extensionsAdd(prefix, uri)
     columns = _columns_written(cloud)
     digest = hashlib.blake2b(digest_size=16)
     for values in columns.values():
         digest.update(np.ascontiguousarray(values).data)
     guid = f"{{{uuid.UUID(bytes=digest.digest())}}}"  # of the content, so that the same cloud gives the same file
-    with tempfile.TemporaryDirectory() as folder, _reported():
-        path = Path(folder, "cloud.e57")
-        image = libe57.ImageFile(str(path), "w")
-        normals = "http://www.libe57.org/E57_NOR_surface_normals.txt"
-        for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", normals), ("gppcs", "urn:gppcs:attributes")):
-            image.extensionsAdd(prefix, uri)
-        points = _points_node(image, columns)
-        about = {
-            "formatName": "ASTM E57 3D Imaging Data File",
-            "guid": guid,
-            "versionMajor": libe57.E57_FORMAT_MAJOR,
-            "versionMinor": libe57.E57_FORMAT_MINOR,
-            "coordinateMetadata": cloud.header.crs or "" if isinstance(cloud.header, E57Header) else "",
-            "data3D": libe57.VectorNode(image, True),
-            "images2D": libe57.VectorNode(image, True),
-        }
-        _fill(image, image.root(), about)
-        scan = libe57.StructureNode(image)
-        about["data3D"].append(_fill(image, scan, {"guid": guid, **_limits(columns), "points": points}))
-        blocks, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, BLOCK)
-        writer = points.writer(buffers)
-        for start in range(0, len(cloud), BLOCK):
-            length = min(BLOCK, len(cloud) - start)
-            for field, values in columns.items():
-                blocks[field][:length] = values[start : start + length]
-            writer.write(length)
-        writer.close()
-        image.close()
-        with open(path, "rb") as written:
-            shutil.copyfileobj(written, file)
+    scans, points = libe57.VectorNode(image, True), _points_node(image, columns)
+    about = {
+        "formatName": "ASTM E57 3D Imaging Data File",
+        "guid": guid,
+        "versionMajor": libe57.E57_FORMAT_MAJOR,
+        "versionMinor": libe57.E57_FORMAT_MINOR,
+        "coordinateMetadata": cloud.header.crs or "" if isinstance(cloud.header, E57Header) else "",
+        "data3D": scans,
+        "images2D": libe57.VectorNode(image, True),
+    }
+    _fill(image, image.root(), about)
+    scans.append(_fill(image, libe57.StructureNode(image), {"guid": guid, **_limits(columns), "points": points}))
+    blocks, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, BLOCK)
+    writer = points.writer(buffers)
+    for start in range(0, len(cloud), BLOCK):
+        length = min(BLOCK, len(cloud) - start)
+        for field, values in columns.items():
+            blocks[field][:length] = values[start : start + length]
+        writer.write(length)
+    writer.close()
 
 
 def _fill(image: Any, node: Any, values: Mapping[str, Any]) -> Any:

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits
 from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.objects import COLOUR
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.joining import joined
 from gppcs.io.rows import as_count, at_most, ends_early, lines_of, read_rows, reported, shortened, write_rows
 
-COLOURS = ("red", "green", "blue")  # attributes that hold the colour of a point
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
 
@@ -60,7 +60,7 @@ def open_off(file: BufferedReader) -> Reader:
     texture, colour, normal = header.groups()[:3]
 
     def names(width: int) -> list[str]:
-        expected = [*default_names(3), *(NORMALS if normal else ()), *(COLOURS if colour else ())]
+        expected = [*default_names(3), *(NORMALS if normal else ()), *(COLOUR if colour else ())]
         if colour and width > len(expected) + 2 * bool(texture):
             expected.append("alpha")
         expected += ["s", "t"] if texture else []
@@ -112,7 +112,7 @@ def open_obj(file: BufferedReader) -> Reader:
         return _fans(polygons)
 
     def names(width: int) -> list[str]:
-        extras = {3: (), 4: ("w",), 6: COLOURS, 7: ("w", *COLOURS)}.get(width)
+        extras = {3: (), 4: ("w",), 6: COLOUR, 7: ("w", *COLOUR)}.get(width)
         if extras is None:
             raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {width}")
         return [*default_names(3), *extras]
@@ -205,7 +205,7 @@ def open_gltf(file: BufferedReader) -> Reader:
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
         colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
-        attributes = dict(zip(COLOURS, map(np.ascontiguousarray, colours), strict=False))
+        attributes = dict(zip(COLOUR, map(np.ascontiguousarray, colours), strict=False))
     is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
     return _reader(cloud, len(faces), lambda: faces, [])
@@ -255,16 +255,16 @@ def _normals(cloud: PointCloud) -> list[Column]:
 
 def colours_of(cloud: PointCloud) -> NDArray[np.uint8] | None:
     """Return the colours of the points, (N, 3), as bytes; None if there are none."""
-    return eight_bits(_stacked(cloud)) if set(COLOURS) <= set(cloud.attributes) else None
+    return eight_bits(_stacked(cloud)) if set(COLOUR) <= set(cloud.attributes) else None
 
 
 def _stacked(cloud: PointCloud) -> Column:
     """Return the colours of the points, (N, 3), in their own type."""
-    return np.column_stack([cloud.attributes[name] for name in COLOURS])
+    return np.column_stack([cloud.attributes[name] for name in COLOUR])
 
 
 def stored_of(
-    cloud: PointCloud, groups: Sequence[Sequence[str]] = (NORMALS, COLOURS), single: bool = False
+    cloud: PointCloud, groups: Sequence[Sequence[str]] = (NORMALS, COLOUR), single: bool = False
 ) -> PointCloud:
     """Return a cloud with those groups of attributes that are complete, colours of 8 bits, and rounded coordinates."""
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
@@ -272,7 +272,7 @@ def stored_of(
     stored = keeping(cloud, lambda name, values: name in names)
     colours = colours_of(stored)
     if colours is not None and not fit_eight_bits(_stacked(stored)):
-        stored = replace(stored, attributes={**stored.attributes, **dict(zip(COLOURS, colours.T, strict=True))})
+        stored = replace(stored, attributes={**stored.attributes, **dict(zip(COLOUR, colours.T, strict=True))})
     with np.errstate(over="ignore"):
         return replace(stored, points=stored.points.astype(np.float32).astype(np.float64)) if single else stored
 
@@ -293,7 +293,7 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         (".obj",),
         open_obj,
         write_obj,
-        stored=partial(stored_of, groups=(COLOURS,)),  # normals would not be read again
+        stored=partial(stored_of, groups=(COLOUR,)),  # normals would not be read again
         options=_MESH,
     ),
     Format("STL", (".stl",), open_stl, recognises=_is_stl, options=_MESH),
