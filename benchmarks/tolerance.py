@@ -53,7 +53,7 @@ def fewest(error: Callable[[int], float], most: int, tolerance: float) -> int | 
 def measured(name: str) -> list[tuple[str, ...]]:
     """Return the rows of one cloud."""
     cloud = gppcs.read(report.DATA / f"{name}.ply")
-    points, _, _ = normalised(cloud.points[first_occurrences(cloud.points)])
+    points, _ = normalised(cloud.points[first_occurrences(cloud.points)])
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     start = time.process_time()
     try:

@@ -269,7 +269,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         if indices is not None:
             points = points[indices]
             lower, upper = bounds(points)
-        frame = Frame.around(lower, upper)
+        frame = Frame.from_bounds(lower, upper)
         points = frame.local(points)
         diagonal = float(np.linalg.norm(frame.local(upper[np.newaxis])))
         scale = Scale(diagonal, metres_of(options.unit, cloud.header), frame.exponent)
@@ -278,7 +278,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     if options.denoises:
         selection = _with_shifts(selection, points, frame.exponent)
     if selection.points is not None:
-        kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
+        kept = kept.moved(frame.world(selection.points))
     if selection.normals is not None and (original := kept.normals()) is not None:
         kept = with_normals(kept, _with_signs(selection.normals, original))
     if options.normals:

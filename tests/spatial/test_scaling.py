@@ -23,7 +23,8 @@ def plainly(points):
 def test_points_are_those_of_plain_numpy(n, size, moved, seed):
     rng = np.random.default_rng(seed)
     points = (rng.random((n, 3)) - 0.5) * size * rng.choice([1.0, 1e-110, 0.0], (n, 3)) + moved
-    for found, expected in zip(normalised(points), plainly(points), strict=True):
+    local, frame = normalised(points)
+    for found, expected in zip((local, *frame), plainly(points), strict=True):
         np.testing.assert_array_equal(found, expected)
     assert not np.signbit(normalised(points)[0]).any()
 

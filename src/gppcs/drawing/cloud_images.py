@@ -59,15 +59,15 @@ class Original:
 
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
-        points, self.corner, self.exponent = normalised(cloud.points)
+        points, self.frame = normalised(cloud.points)
         self.tree, spacing = _reaches(points)
-        self.spacing = np.ldexp(spacing, self.exponent)
+        self.spacing = self.frame.lengths(spacing)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
         if cloud.normals is not None:
             return cloud.normals[indices]
-        places = np.ldexp(cloud.points[indices] - self.corner, -self.exponent)
+        places = self.frame.near(cloud.points[indices])
         _, neighbours = self.tree.query(places, k=range(1, min(NORMAL_NEIGHBOURS, self.tree.n) + 1), workers=-1)
         patches = self.tree.data[neighbours]
         patches = patches - patches.mean(axis=1, keepdims=True)

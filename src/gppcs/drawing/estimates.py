@@ -25,7 +25,7 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     The variation is NaN where fewer than four points are near. The tree is over the distinct points, shifted and scaled
     by `normalised`.
     """
-    local, _, _ = normalised(points)
+    local, _ = normalised(points)
     distinct = local[first_occurrences(local)]
     tree = KdTree.build(distinct)
     features = features_in_radius(tree, neighbourhood_radius(tree))

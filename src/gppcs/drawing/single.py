@@ -59,7 +59,7 @@ def draw_single(
     corners, everything = finite.points, finite.points  # where the camera looks, and what becomes of about unit size
     if mesh is not None:
         corners, everything = mesh.vertices[np.unique(mesh.faces)], np.vstack([finite.points, mesh.vertices])
-    frame = Frame.around(*bounds(everything))
+    frame = Frame.from_bounds(*bounds(everything))
     places, local = frame.local(corners), mesh and Mesh(frame.local(mesh.vertices), mesh.faces)
     seen, legend = _coloured(finite.moved(frame.local(finite.points)), colour, mesh is not None)
     below = BELOW if bar and legend.scale and height - BELOW >= SMALLEST else 0

@@ -25,7 +25,7 @@ class AttributeErrors(NamedTuple):
 def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, AttributeErrors]:
     """Return the errors of some attributes. Both clouds have finite coordinates."""
     ranges = [AttributeRange.of(original, name) for name in names]
-    points, corner, exponent = normalised(simplified.points)
+    points, frame = normalised(simplified.points)
     first = first_occurrences(points)
     kept = simplified.take(np.flatnonzero(first))
     surface = LocalSurface.from_points(points[first])
@@ -35,7 +35,7 @@ def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[s
     for start in range(0, len(original), at_once):
         part = slice(start, start + at_once)
         chunk = original.take(np.arange(len(original))[part])
-        queries = np.ldexp(chunk.points - corner, -exponent)
+        queries = frame.near(chunk.points)
         nearest = surface.tree.nearest_of(queries, 1)[0][:, 0]
         for attribute, values in zip(ranges, of_kept, strict=True):
             true = attribute.values(chunk)

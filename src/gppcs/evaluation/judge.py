@@ -253,7 +253,7 @@ def require_mesh(mesh: Any) -> Mesh:
 def _frame(*clouds: Points) -> Frame:
     """Return the coordinates in which figures are computed: those in which all points, (K, 3) each, are below 1."""
     lower, upper = zip(*map(bounds, clouds), strict=True)
-    return Frame.around(np.min(lower, axis=0), np.max(upper, axis=0))
+    return Frame.from_bounds(np.min(lower, axis=0), np.max(upper, axis=0))
 
 
 def _local_mesh(mesh: Mesh, frame: Frame) -> Mesh:
@@ -393,7 +393,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, d
     areas = rebuilt.face_areas()
     astray = (back[rebuilt.faces] > 0.05 * diagonal).any(axis=1)
     figures = Rebuilt(
-        mesh=Mesh(frame.corner + np.ldexp(rebuilt.vertices, frame.exponent), rebuilt.faces),
+        mesh=Mesh(frame.world(rebuilt.vertices), rebuilt.faces),
         **_mean_and_max("hausdorff", forth),
         **_mean_and_max("back", back),
         pieces=rebuilt.count_pieces(),

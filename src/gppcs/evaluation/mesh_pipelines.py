@@ -48,12 +48,12 @@ def _with_normals(
     task: MeshTask, kept: bool, join: Callable[[MeshTask, NDArray[np.float64], NDArray[np.float64]], Mesh]
 ) -> Mesh:
     """Join points, those that `gp` keeps or all, with normals of the surface of all."""
-    points, corner, exponent = normalised(task.cloud.points)
+    points, frame = normalised(task.cloud.points)
     vertices = points[task.kept()] if kept else points
     with task.timer("normals"):
         normals = estimate_normals(points, vertices if kept else None)
     made = join(task, vertices, normals)
-    return Mesh(np.ldexp(made.vertices, exponent) + corner, made.faces)
+    return Mesh(frame.world(made.vertices), made.faces)
 
 
 def _decimated(task: MeshTask, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
@@ -72,7 +72,7 @@ def _advancing_front(task: MeshTask) -> Mesh:
     point, point_set = require_cgal("Kernel").Point_3, require_cgal("Point_set_3").Point_set_3
     front = require_cgal("Advancing_front_surface_reconstruction")
     kept = task.cloud.points[task.kept()]
-    vertices, _, _ = normalised(kept)
+    vertices, _ = normalised(kept)
     corners: list[int] = []
     with task.timer("advancing front"):
         points = point_set()

@@ -33,7 +33,7 @@ from gppcs.meshing.quadrics import nearest_vertices
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.scaling import normalised
+from gppcs.spatial.scaling import Frame, normalised
 from gppcs.surface.fans import ON_CIRCLE
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.normals import EDGES
@@ -206,18 +206,22 @@ def mesh(
         bad = cloud.non_finite()
         one_of("invalid", invalid, ("error", "drop"))
         check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-        points, corner, exponent = normalised(cloud.points[rows] if len(bad) else cloud.points)
+        points, frame = normalised(cloud.points[rows] if len(bad) else cloud.points)
         chosen = None if keep is None else _chosen_rows(keep, rows, points, len(cloud))
         count = size.vertices(len(points))
         _require_surface(points)
     metres = metres_of(unit, cloud.header)
-    scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, exponent)
+    scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres, frame.exponent)
     hole_size = scale.inside(size.fill_holes) if size.fill_holes else None
     moved = moved or size.bounds_largest
     maker = _Maker(points, chosen, moved, effort, hole_size, timer)
     if size.tolerance is not None:
         length = scale.inside(size.tolerance.length)
-        made = maker.search(length, 2.0**exponent) if size.tolerance.measure else maker.within(length, 2.0**exponent)
+        made = (
+            maker.search(length, 2.0**frame.exponent)
+            if size.tolerance.measure
+            else maker.within(length, 2.0**frame.exponent)
+        )
     elif size.n_faces is not None:
         made = maker.make(size.n_faces, counts_faces=True)
     else:
@@ -226,7 +230,7 @@ def mesh(
             raise ParameterError(
                 f"expected at least {len(made.rows)} vertices, as the surface has holes or handles, found {count}"
             )
-    return _result(cloud, rows, made, moved, corner, exponent, timer)
+    return _result(cloud, rows, made, moved, frame, timer)
 
 
 @dataclass(frozen=True)
@@ -637,19 +641,17 @@ class _Maker:
         return np.union1d(even, forced)
 
 
-def _result(
-    cloud: PointCloud, rows: Ints, made: _Made, moved: bool, corner: Floats, exponent: int, timer: Timer
-) -> MeshResult:
+def _result(cloud: PointCloud, rows: Ints, made: _Made, moved: bool, frame: Frame, timer: Timer) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
     indices = rows[made.rows]
     kept = cloud.take(indices)
     if moved:
-        kept = kept.moved(np.ldexp(made.vertices, exponent) + corner)
+        kept = kept.moved(frame.world(made.vertices))
     if "tolerance" in made.diagnostics:  # rounded to the type of the points, vertices may leave the tolerance
         kept = dataclasses.replace(kept, coordinate_dtype=np.dtype(np.float64))
     if kept.normals() is None:
         kept = with_normals(kept, made.normals)
-    scaled = {name: made.diagnostics[name] * 2.0**exponent for name in LENGTHS if name in made.diagnostics}
+    scaled = {name: made.diagnostics[name] * 2.0**frame.exponent for name in LENGTHS if name in made.diagnostics}
     topology = topology_of(made.faces)
     counts = {name: float(getattr(topology, name)) for name in ("borders", "pieces", "genus")}
     diagnostics = {**made.diagnostics, **scaled, **counts}

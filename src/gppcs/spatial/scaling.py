@@ -30,7 +30,7 @@ class Frame(NamedTuple):
     exponent: int  # Points are divided by two to this power
 
     @classmethod
-    def around(cls, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Frame:
+    def from_bounds(cls, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Frame:
         """Return the frame of a bounding box. Shapes: low, high (3,)."""
         with np.errstate(over="ignore"):
             size = float((upper - lower).max())
@@ -39,18 +39,30 @@ class Frame(NamedTuple):
         return cls(lower, math.frexp(size)[1])  # zero for a size of zero
 
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Shift and scale points. Shapes: points (n, 3); returns (n, 3)."""
+        """Shift and scale points in the box. Shapes: points (n, 3); returns (n, 3)."""
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
         scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -self.exponent - half)
         on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, least=POINTS_AT_ONCE)
         return local
 
+    def near(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shift and scale points, (n, 3), that may lie outside the box."""
+        return np.ldexp(points - self.corner, -self.exponent)
 
-def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size; see `Frame`."""
-    frame = Frame.around(*bounds(points))
-    return frame.local(points), frame.corner, frame.exponent
+    def world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points, (n, 3), by local ones."""
+        return np.ldexp(local, self.exponent) + self.corner
+
+    def lengths(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return lengths by local ones."""
+        return np.ldexp(local, self.exponent)
+
+
+def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], Frame]:
+    """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size."""
+    frame = Frame.from_bounds(*bounds(points))
+    return frame.local(points), frame
 
 
 @kernel

@@ -40,7 +40,7 @@ def choose_beyond_memory(
     overview = read_all(sources, folder, plan.points_in, options, map_parts, timer)
     check_finite(overview.count, overview.n_bad, overview.first_bad, options.invalid)
     check_constraints(options, len(overview.keep), overview.weights)
-    frame = Frame.around(overview.lower, overview.upper)
+    frame = Frame.from_bounds(overview.lower, overview.upper)
     stored = sorted_by_boxes(overview, folder, frame, options, map_parts, timer)
     outliers = None
     if options.drop_outliers:
@@ -50,7 +50,7 @@ def choose_beyond_memory(
     selection = _chosen(stored, overview, outliers, options, frame, map_parts, timer)
     kept = take(sources, overview, selection.indices, map_parts, timer)
     if selection.points is not None:
-        kept = kept.moved(np.ldexp(selection.points, frame.exponent) + frame.corner)
+        kept = kept.moved(frame.world(selection.points))
     return selection, kept, outliers, len(stored)
 
 

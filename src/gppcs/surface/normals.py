@@ -13,7 +13,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.scaling import normalised
+from gppcs.spatial.scaling import Frame, normalised
 from gppcs.surface.noise import NEIGHBOURS, Layer, across, feet_of, layer_of
 from gppcs.surface.quadrics import fit_quadrics
 
@@ -74,9 +74,9 @@ def estimate_normals(
         neighbours = whole_number("the number of neighbours", neighbours, 3)
     points = usable(cloud, "cloud")
     queries = None if at is None else usable(at, "cloud of places")
-    points, corner, exponent = normalised(points)
+    points, frame = normalised(points)
     tree = KdTree.build(points[first_occurrences(points)])
-    queries = points if queries is None else _near(queries, corner, exponent)
+    queries = points if queries is None else _near(queries, frame)
     neighbours = neighbours or _points_of_fits(tree)
     themselves = at is None and len(tree.order) == len(points)
     of_places = tree if themselves else KdTree.build(queries)
@@ -139,10 +139,10 @@ def _signed_nearby(
     return normals[guide_tree.nearest_of(guides[: len(queries)], 1)[0][:, 0]]
 
 
-def _near(queries: NDArray[np.float64], corner: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+def _near(queries: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
     """Return places, (M, 3), in the frame of a normalised cloud; raise an error if one is far from the cloud."""
     with np.errstate(over="ignore"):
-        near = np.ldexp(queries - corner, -exponent)
+        near = frame.near(queries)
     farthest = 1e6  # in sizes of the cloud; beyond, rounding hides its shape
     if len(far := np.flatnonzero(np.abs(near).max(axis=1) > farthest)):
         raise InputError(

@@ -108,7 +108,7 @@ def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
     True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
-    points, _, _ = normalised(usable(cloud, "cloud"))
+    points, _ = normalised(usable(cloud, "cloud"))
     tree = KdTree.build(points)
     first = first_occurrences(points)
     distinct = tree if first.all() else KdTree.build(points[first])

@@ -11,7 +11,7 @@ FIGURES = "surface_mean", "feature_error"
 
 @cache
 def original(name):
-    return gppcs.sample(name, n_points=20_000)
+    return gppcs.sample(name, n_points=30_000)
 
 
 def errors(name, method, ratio):

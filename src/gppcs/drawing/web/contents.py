@@ -131,8 +131,8 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
 
 def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:
     """Return a result with surface variation and normals of the original, and the rows of its points there."""
-    _, corner, exponent = normalised(original.cloud.points)
-    nearest, squared = original.tree.nearest_of(np.ldexp(result.cloud.points - corner, -exponent), 1)
+    _, frame = normalised(original.cloud.points)
+    nearest, squared = original.tree.nearest_of(frame.near(result.cloud.points), 1)
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
     rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED).astype(np.uint32)
     return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), rows
@@ -140,10 +140,10 @@ def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[n
 
 def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
-    local, corner, exponent = normalised(simplified)
+    local, frame = normalised(simplified)
     surface = LocalSurface.from_points(local[first_occurrences(local)])
-    distances, _ = surface.nearest_to(np.ldexp(points - corner, -exponent))
-    return np.ldexp(distances, exponent)
+    distances, _ = surface.nearest_to(frame.near(points))
+    return frame.lengths(distances)
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:

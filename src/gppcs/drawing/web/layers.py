@@ -64,11 +64,11 @@ class Surface(NamedTuple):
 
     def spacings(self) -> NDArray[np.float64]:
         """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
-        local, _, exponent = normalised(self.cloud.points)
+        local, frame = normalised(self.cloud.points)
         count = self.tree.points.shape[1]
         nearest, squared = self.tree.in_own_order().nearest_of(local, min(AROUND + 1, count))
         sixth = np.sqrt(squared[:, min(SIXTH, count - 1)])
-        return np.ldexp(reaches(self.tree.points.T, nearest, sixth) / SPACINGS_TO_SIXTH, exponent)
+        return frame.lengths(reaches(self.tree.points.T, nearest, sixth) / SPACINGS_TO_SIXTH)
 
 
 def spread(spacings: NDArray[np.float64], least: float) -> tuple[float, NDArray[np.uint8]]:
