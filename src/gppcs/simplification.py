@@ -213,7 +213,8 @@ def simplify(
         with timer("preparation"):
             in_memory = PointCloud.from_object(cast(CloudLike, cloud))
         return simplify_cloud(in_memory, options, timer)
-    with open_clouds(paths, options.format, options.columns, options.query, options.assume_same_crs) as files:
+    which = (options.inside, options.only, options.resolution)
+    with open_clouds(paths, options.format, options.columns, *which, options.assume_same_crs) as files:
         return simplify_files(files, options, make_plan(files, options), timer)
 
 

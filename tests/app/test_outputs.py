@@ -65,7 +65,7 @@ def test_several_results_go_to_a_folder_or_by_a_pattern(folder, output):
 
 def test_the_suffix_of_a_compressed_file_is_that_of_both(folder):
     assert targets(["scans/scan.v1.ply.gz"], "{stem}_small{suffix}") == ["scan.v1_small.ply.gz"]
-    assert targets(["b.csv.zst"], "{parent}/{stem}.ply") == ["b.ply"]
+    assert targets(["b.csv.gz"], "{parent}/{stem}.ply") == ["b.ply"]
 
 
 def test_results_may_go_beside_their_inputs(folder):

@@ -99,7 +99,6 @@ BEFORE bare.npy -o out.obj --normals | nx
 BEFORE bare.npy -o out.obj --scores | score
 
 convert scan.ply out.ply --inside= | box
-convert scan.ply out.ply --inside 0,0,1,1 --inside 0,0,2,2 | inside
 convert scan.ply out.ply --resolution 1 | resolution
 convert scan.ply other.obj | lossy
 convert scan.ply scan.ply --force | scan.ply
@@ -130,7 +129,6 @@ report scan.ply -o r.html | SIMPLIFIED
 report scan.ply none.ply -o r.html | none.ply: No such file
 report scan.ply empty.xyz -o r.html | empty.xyz
 report nan.npy small.ply -o r.html --meshes | nan.npy
-report scan.ply small.ply -o r.html --from xyz | xyz
 report scan.ply small.ply -o r.html --detail paint | 'paint'
 view scan.ply -o there.html | force
 view scan.ply -o v | .html

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from formats import losses
 from gppcs.errors import FileFormatError
-from gppcs.io import losses, read, write
+from gppcs.io import read, write
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")

@@ -116,8 +116,8 @@ def test_files_of_one_cloud_are_that_cloud(tmp_path, suffix, cuts):
 
 def test_compressed_files_are_read_again_in_each_pass(tmp_path):
     gppcs.write(tmp_path / "a.xyz.gz", cloud())
-    gppcs.write(tmp_path / "b.xyz.zst", cloud(seed=1))
-    with CloudFiles([tmp_path / "a.xyz.gz", tmp_path / "b.xyz.zst"]) as files:
+    gppcs.write(tmp_path / "b.xyz.gz", cloud(seed=1))
+    with CloudFiles([tmp_path / "a.xyz.gz", tmp_path / "b.xyz.gz"]) as files:
         for _ in range(3):
             assert sum(len(each) for each in files.chunks(True, 300)) == 2 * N
         assert files.n_points == pytest.approx(2 * N, rel=0.02)
@@ -238,7 +238,7 @@ def test_the_parts_of_a_file_are_the_file(divisible, name, rows, begins):
 def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
     (tmp_path / "a.las.gz").write_bytes(gzip.compress((divisible / "a.las").read_bytes(), 1))
     gppcs.write(tmp_path / "a.ply", cloud(), ascii=True)
-    box = Query.of([0, 0, 50, 50], None)
+    box = Query.from_options([0, 0, 50, 50])
     for path, query in ((tmp_path / "a.las.gz", None), (tmp_path / "a.ply", None), (divisible / "a.las", box)):
         with CloudFiles([path], query=query) as files:
             [part] = files.parts(100)
@@ -298,7 +298,7 @@ def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypat
     assert not whole
 
 
-@pytest.mark.parametrize("query", [{}, {"box": [0, 0, 50, 50]}, {"only": "intensity > 3"}])
+@pytest.mark.parametrize("query", [{}, {"inside": [0, 0, 50, 50]}, {"only": "intensity > 3"}])
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".ply"])
 def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, suffix):
     """To count the points that a query leaves takes a reading, too."""
@@ -322,9 +322,7 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, query, 
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(cloud_files, "BLOCK", 16)
     options = Options(n_points=100, memory=10**9)
-    with open_clouds(
-        [path], query=Query.of(**{"resolution": None, "polygon": None, "box": None, "only": None, **query})
-    ) as both:
+    with open_clouds([path], **query) as both:
         planned = make_plan(both, options)
         simplify_files(both, options, planned, Timer())
     assert planned.readings == (3 if query else 2)

@@ -59,7 +59,7 @@ def test_the_file_is_one_that_laspy_reads(copc, las):
 @pytest.mark.parametrize("resolution", [None, 100, 8, 7.9, 4, 3, 0.1, 1e-9])
 @pytest.mark.parametrize("box", BOXES)
 def test_the_points_are_those_that_laspy_finds(copc, box, resolution):
-    found = gppcs.read(copc, box=box, resolution=resolution)
+    found = gppcs.read(copc, inside=box, resolution=resolution)
     bounds = None if box is None else laspy.Bounds(*np.reshape(box, (2, -1)))
     with laspy.CopcReader.open(copc) as reader:
         expected = reader.query(bounds, resolution)
@@ -74,7 +74,7 @@ def test_the_points_are_those_that_laspy_finds(copc, box, resolution):
 @pytest.mark.parametrize("box", [[-np.inf, *BOX[1:]], [BOX[0], BOX[1], np.inf, np.inf], [-np.inf] * 2 + [np.inf] * 2])
 def test_infinite_limits_leave_a_side_open(copc, box):
     whole = gppcs.read(copc)
-    found = gppcs.read(copc, box=box)
+    found = gppcs.read(copc, inside=box)
     assert sorted(found.attributes["gps_time"]) == sorted(inside(whole, box).attributes["gps_time"])
 
 
@@ -84,7 +84,7 @@ def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_pa
     gppcs.write(path, gppcs.read(copc), lossy=True)
     whole = gppcs.read(path)
     for box in BOXES[1:]:
-        same(gppcs.read(path, box=box), inside(whole, box))
+        same(gppcs.read(path, inside=box), inside(whole, box))
     with pytest.raises(FileFormatError, match=r"b\.\S+: expected a COPC file, .* leave out resolution"):
         gppcs.read(path, resolution=1)
 
@@ -92,15 +92,15 @@ def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_pa
 def test_the_border_belongs_to_the_box_and_nan_to_no_box(tmp_path):
     points = [[0, 0, 0], [1, 1, 1], [2, 2, np.nan], [np.nan, 1, 1], [3, 1, 1]]
     gppcs.write(tmp_path / "a.csv", points)
-    assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 2, 2]).points[:, 0].tolist() == [0, 1, 2]
-    assert gppcs.read(tmp_path / "a.csv", box=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
+    assert gppcs.read(tmp_path / "a.csv", inside=[0, 0, 2, 2]).points[:, 0].tolist() == [0, 1, 2]
+    assert gppcs.read(tmp_path / "a.csv", inside=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
     open_sides = [-np.inf, -np.inf, -np.inf, 1, np.inf, np.inf]
-    assert gppcs.read(tmp_path / "a.csv", box=open_sides).points[:, 0].tolist() == [0, 1]
+    assert gppcs.read(tmp_path / "a.csv", inside=open_sides).points[:, 0].tolist() == [0, 1]
     names = ["a", "x", "z"]
     with pytest.raises(ParameterError, match="names of columns"):
-        gppcs.read(tmp_path / "a.csv", columns=names, box=[0, 0, 2, 2])
+        gppcs.read(tmp_path / "a.csv", columns=names, inside=[0, 0, 2, 2])
     (tmp_path / "b.txt").write_text("".join(f"{a} {b} {c}\n" for a, b, c in points))
-    assert gppcs.read(tmp_path / "b.txt", columns=["y", "x", "z"], box=[1, 3, 1, 3]).points.tolist() == [[1, 3, 1]]
+    assert gppcs.read(tmp_path / "b.txt", columns=["y", "x", "z"], inside=[1, 3, 1, 3]).points.tolist() == [[1, 3, 1]]
 
 
 @pytest.mark.parametrize("suffix", [".laz", ".ply", ".npz"])
@@ -108,7 +108,7 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
     gppcs.write(tmp_path / f"b{suffix}", gppcs.read(copc), lossy=True)
     paths = [tmp_path / f"b{suffix}", copc] if suffix == ".laz" else [tmp_path / f"b{suffix}"] * 2
     expected = np.concatenate([inside(gppcs.read(path), BOX).points for path in paths])
-    with CloudFiles(paths, query=Query.of(BOX, None)) as files:
+    with CloudFiles(paths, query=Query.from_options(BOX)) as files:
         assert files.n_points == len(expected)
         assert len(files.preview)
         for attributes in (True, False):
@@ -116,13 +116,13 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
             assert suffix == ".npz" or max(map(len, chunks)) <= 50
             assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
         assert files.read().points.tobytes() == expected.tobytes()
-    with CloudFiles(paths, query=Query.of([0, 0, 1, 1], None)) as files:
+    with CloudFiles(paths, query=Query.from_options([0, 0, 1, 1])) as files:
         assert files.n_points == len(files.read()) == 0
         assert not list(files.chunks(True))
 
 
 NO_BOXES = (
-    [], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,1", [0, 0, "1", 1], 7, np.array(0.1),
+    [], [1, 2, 3], [1] * 5, [1, 0, 0, 1], [0, 0, np.nan, 1], "0,0,1,x", "", [0, 0, "1", 1], 7, np.array(0.1),
     [np.inf] * 4, [np.inf, 0, np.inf, 1], [0, -np.inf, 1, -np.inf],
 )  # fmt: skip
 
@@ -130,7 +130,7 @@ NO_BOXES = (
 @pytest.mark.parametrize(
     ("query", "message"),
     [
-        *(({"box": box}, "expected a box xmin, ymin, xmax, ymax or") for box in NO_BOXES),
+        *(({"inside": box}, "expected inside to be a box xmin, ymin, xmax, ymax or") for box in NO_BOXES),
         *(({"resolution": size}, "expected a resolution above 0, found") for size in (0, -1, np.inf, np.nan, "1")),
     ],
 )
@@ -162,7 +162,7 @@ def test_a_damaged_index_is_refused(copc, tmp_path, place, values, message):
     path.write_bytes(copc.read_bytes())
     damaged(path, place, values)
     with pytest.raises(FileFormatError, match=message):
-        gppcs.read(path, box=BOX)
+        gppcs.read(path, inside=BOX)
     assert len(gppcs.read(path)) == N  # which needs no index
 
 
@@ -203,7 +203,7 @@ def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
         path.read_bytes()[layers : layers + 40], "<u4"
     )  # 9 of points, the last the times; 1 of colours
     damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
-    for query in ({"box": [0, 0, 9e5, 9e5]}, {}):
+    for query in ({"inside": [0, 0, 9e5, 9e5]}, {}):
         with pytest.raises(
             FileFormatError, match=r"a\.copc\.laz: expected whole compressed points, found damaged ones"
         ):

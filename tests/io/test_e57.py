@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from formats import load, losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, GppcsError, OutputError
-from gppcs.io import load, losses, read, write
+from gppcs.io import read, write
 from gppcs.io.e57 import E57Header
 
 pye57 = pytest.importorskip("pye57")

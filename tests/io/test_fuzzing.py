@@ -125,9 +125,8 @@ FILES = {
     "colmap": (".points3D.bin", as_colmap, None),
     "colmap text": (".points3D.txt", as_colmap, None),
     "gz": (".csv.gz", plain, None),
-    "zst": (".ply.zst", plain, None),
 }
-QUERIES = {"copc by index": {"box": [-9, -9, 9, 5], "resolution": 0.01}}
+QUERIES = {"copc by index": {"inside": [-9, -9, 9, 5], "resolution": 0.01}}
 
 
 def damaged(content, rng):

@@ -13,9 +13,10 @@ from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryS
 from laspy.vlrs.vlrlist import VLRList
 
 import gppcs
+from formats import losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import losses, read, to_laspy, write
+from gppcs.io import read, to_laspy, write
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.las import FARTHEST
 

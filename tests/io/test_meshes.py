@@ -7,8 +7,9 @@ import pytest
 import trimesh
 
 import gppcs
+from formats import load
 from gppcs.errors import FileFormatError
-from gppcs.io import load, read
+from gppcs.io import read
 
 TRIANGLES = np.array([[[0, 0, 1], [1, 0, 0], [0, 2, 0]], [[1, 0, 0], [0, 2, 0], [-0.0, 0, 1]], [[5, 5, 5]] * 3])
 CORNERS = [[0, 0, 1], [1, 0, 0], [0, 2, 0], [5, 5, 5]]

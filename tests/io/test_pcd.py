@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from formats import load, losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import load, losses, read, write
+from gppcs.io import read, write
 from gppcs.io.pcd import PcdHeader, _decompressed
 
 TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]

@@ -5,9 +5,10 @@ import struct
 import numpy as np
 import pytest
 
+from formats import load, losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import load, losses, read, write
+from gppcs.io import read, write
 from gppcs.io.ply import PlyHeader
 
 NAMES = {

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from formats import load, losses
 from gppcs.errors import FileFormatError
-from gppcs.io import load, losses, read
+from gppcs.io import read
 
 IDENTITY = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"
 TURN = "0 1 0 0\n-1 0 0 0\n0 0 1 0\n10 20 30 1"  # x to y, y to -x, then moved

@@ -48,7 +48,7 @@ def files(tmp_path):
 )
 def test_points_inside_a_polygon_with_a_hole(files, wrapped):
     scan, area = files(wrapped({"type": "Polygon", "coordinates": [SQUARE, HOLE]}))
-    read = gppcs.read(scan, polygon=area)
+    read = gppcs.read(scan, inside=area)
     assert read.points.tolist() == CLOUD.points[inside(CLOUD.points)].tolist()
 
 
@@ -58,13 +58,13 @@ def test_a_polygon_with_many_corners():
     points = np.random.default_rng(0).uniform(-1.2, 1.2, (5_000, 3))
     radii = np.hypot(points[:, 0], points[:, 1])
     sure = np.abs(radii - 1.0) > 1e-5
-    assert (disc.holds(points) == (radii < 1.0))[sure].all()
+    assert (disc.contains(points) == (radii < 1.0))[sure].all()
 
 
 def test_neighbouring_polygons_share_no_point_and_miss_none():
     points = np.indices((21, 21, 1)).reshape(3, -1).T / 2.0
     halves = [Polygons((tuple((x + left, y) for x, y in [(0, 0), (5, 0), (5, 10.5), (0, 10.5)]),)) for left in (0, 5)]
-    counts = sum(half.holds(points).astype(int) for half in halves)
+    counts = sum(half.contains(points).astype(int) for half in halves)
     assert (counts[points[:, 0] < 10] == 1).all()
 
 
@@ -88,7 +88,7 @@ def test_conditions_choose_points_of_any_format(tmp_path, suffix):
     path = tmp_path / f"scan{suffix}"
     gppcs.write(path, CLOUD, lossy=True)
     whole = gppcs.read(path)
-    read = gppcs.read(path, only="classification in [2, 6] and z > 3 and not x > 7", box=[-5, -5, 15, 12])
+    read = gppcs.read(path, only="classification in [2, 6] and z > 3 and not x > 7", inside=[-5, -5, 15, 12])
     kinds, (x, y, z) = whole.attributes["classification"], whole.points.T
     rows = np.flatnonzero(np.isin(kinds, [2, 6]) & (z > 3) & ~(x > 7) & (y <= 12))
     assert read == whole.take(rows)
@@ -125,4 +125,4 @@ def test_polygons_with_a_common_border_share_its_points_out(seed):
     right = Polygons((((9.0, by), (bx, by), (ax, ay), (9.0, ay)),))
     share = rng.random(999)
     points = np.column_stack([ax + share * (bx - ax), ay + share * (by - ay), np.zeros(999)])
-    assert (left.holds(points) ^ right.holds(points)).all()
+    assert (left.contains(points) ^ right.contains(points)).all()

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import zstandard
 
 from gppcs import PointCloud
 from gppcs.errors import FileFormatError, OutputError
@@ -18,40 +17,34 @@ from gppcs.io import FORMATS, read, write
 WRITABLE = [known.suffixes[0] for known in FORMATS if known.write]
 CLOUD = PointCloud([[0.5, 1, 2], [3, 4, 5e30]])
 TEXT = b"# x y z label\n0.5 1 2 7\n3 4 5 8\n"
-UNPACK = {".gz": gzip.decompress, ".zst": lambda data: zstandard.ZstdDecompressor().decompressobj().decompress(data)}
-PACK = {".gz": gzip.compress, ".zst": zstandard.ZstdCompressor().compress}
 
 
-@pytest.mark.parametrize("compression", UNPACK)
 @pytest.mark.parametrize("suffix", WRITABLE)
-def test_compressed_files_hold_what_plain_ones_do(tmp_path, suffix, compression):
-    plain, packed = tmp_path / f"cloud{suffix}", tmp_path / f"cloud{suffix}{compression}"
+def test_compressed_files_hold_what_plain_ones_do(tmp_path, suffix):
+    plain, packed = tmp_path / f"cloud{suffix}", tmp_path / f"cloud{suffix}.gz"
     for path in (plain, packed):
         write(path, CLOUD, lossy=True)
-    assert UNPACK[compression](packed.read_bytes()) == plain.read_bytes()
+    assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
     assert read(packed) == read(plain)
 
 
-@pytest.mark.parametrize("pack", PACK.values())
-def test_compression_is_found_by_content_and_streams_are_read_one_after_another(tmp_path, pack):
-    (tmp_path / "cloud.xyz").write_bytes(pack(TEXT) + pack(b"6 7 8 9\n"))
+def test_compression_is_found_by_content_and_streams_are_read_one_after_another(tmp_path):
+    (tmp_path / "cloud.xyz").write_bytes(gzip.compress(TEXT) + gzip.compress(b"6 7 8 9\n"))
     assert read(tmp_path / "cloud.xyz").attributes["label"].tolist() == [7, 8, 9]
 
 
-@pytest.mark.parametrize("compression", PACK)
 @pytest.mark.parametrize("damage", [lambda data: data[:-6], lambda data: data[:14] + b"junk" + data[18:]])
-def test_damaged_compression_is_refused(tmp_path, compression, damage):
-    path = tmp_path / f"cloud.xyz{compression}"
-    packed = PACK[compression](os.urandom(300).hex().encode())
+def test_damaged_compression_is_refused(tmp_path, damage):
+    path = tmp_path / "cloud.xyz.gz"
+    packed = gzip.compress(os.urandom(300).hex().encode())
     path.write_bytes(damage(packed))
-    with pytest.raises(FileFormatError, match=f"cloud.xyz{compression}: expected"):
+    with pytest.raises(FileFormatError, match=r"cloud\.xyz\.gz: expected"):
         read(path)
 
 
-@pytest.mark.parametrize("compression", UNPACK)
-def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path, compression):
+def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path):
     with pytest.raises(OutputError, match="Unicode"):
-        write(tmp_path / f"cloud.npz{compression}", PointCloud(CLOUD.points, {"\ud800": np.zeros(2)}))
+        write(tmp_path / "cloud.npz.gz", PointCloud(CLOUD.points, {"\ud800": np.zeros(2)}))
     assert not any(tmp_path.iterdir())
 
 
@@ -72,7 +65,7 @@ def test_standard_input_gives_any_format(tmp_path, stdin, suffix):
     assert read("-", suffix) == read(tmp_path / f"a{suffix}")
 
 
-@pytest.mark.parametrize("pack", [bytes, *PACK.values()])
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
 def test_standard_input_is_read_once(stdin, pack):
     stdin(pack(TEXT))
     assert read("-", "xyz").attributes["label"].tolist() == [7, 8]

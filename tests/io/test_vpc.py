@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import gppcs
+from formats import load
 from gppcs.errors import FileFormatError, ParameterError
-from gppcs.io import files_of, load
+from gppcs.io import files_of
 
 
 def feature(**assets):
@@ -73,7 +74,7 @@ def test_the_files_of_a_list_are_read_as_one_cloud(tmp_path):
     np.testing.assert_array_equal(cloud.points, points)
     assert cloud.attributes["label"].tolist() == list(range(30))
     box = [0, 0, 0.5, 0.5]
-    np.testing.assert_array_equal(gppcs.read(vpc, box=box).points, points[(points[:, :2] <= 0.5).all(axis=1)])
+    np.testing.assert_array_equal(gppcs.read(vpc, inside=box).points, points[(points[:, :2] <= 0.5).all(axis=1)])
     assert load(vpc).cloud == cloud
     (tmp_path / "b.csv").unlink()
     with pytest.raises(FileNotFoundError, match=r"b\.csv"):

@@ -200,10 +200,9 @@ class Options:
         """Which points of the files are read; None for all."""
         if self.inside is None and self.resolution is None and self.only is None:
             return None
-        from gppcs.io.query import Query, box_and_polygon
+        from gppcs.io.query import Query
 
-        box, polygon = box_and_polygon(self.inside)
-        return Query.of(box, self.resolution, self.only, polygon)
+        return Query.from_options(self.inside, self.only, self.resolution)
 
     @cached_property
     def memory_limit(self) -> int | None:

@@ -18,7 +18,7 @@ from gppcs.engine.timer import Timer
 from gppcs.evaluation.comparison import PREPARATION_POINTS
 from gppcs.evaluation.judge import evaluate, evaluate_mesh
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.files import write
+from gppcs.io.writing import write
 from gppcs.meshing.pipeline import mesh
 from gppcs.methods import METHODS
 from gppcs.methods.hc.clustering import hierarchical_clusters

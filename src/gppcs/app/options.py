@@ -15,7 +15,6 @@ from gppcs.errors import ParameterError, file_path, shown
 
 if TYPE_CHECKING:
     from gppcs.drawing.viewpoint import Viewpoint
-    from gppcs.io.query import Query
 
 
 HELP = {field.name: field.metadata["help"] for field in dataclasses.fields(Options)}
@@ -135,14 +134,9 @@ Quiet = Annotated[
 Json = Annotated[bool, option("Print JSON, one object per line.", None, "--json")]
 
 
-def query_of(
-    inside: Sequence[str] | None, only: str | None, resolution: float | None = None
-) -> tuple[Query | None, list[Path]]:
-    """Return which points of a file to read, and the files that `--inside` names."""
-    from gppcs.io.query import Query, box_and_polygon
-
-    box, polygon = box_and_polygon(inside or None)
-    return Query.of(box, resolution, only, polygon), [] if polygon is None else [polygon]
+def files_of_inside(inside: Sequence[str] | None) -> list[Path]:
+    """Return the files of polygons that `--inside` names; a text with commas that names no file is a box."""
+    return [Path(text) for text in inside or () if "," not in text or Path(text).exists()]
 
 
 def weights_of(detail: Sequence[str] | None) -> dict[str, float]:

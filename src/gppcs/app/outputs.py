@@ -93,7 +93,7 @@ def _is_other_text(path: Path) -> bool:
     from gppcs.io.cloud_files import CloudFiles
     from gppcs.io.text import FORMATS
 
-    if not any(text_format.has_suffix(path.suffix) for text_format in FORMATS):
+    if not any(text_format.has_suffix(path.name) for text_format in FORMATS):
         return False
     try:
         with CloudFiles([path]) as files:
@@ -106,10 +106,10 @@ def _is_other_text(path: Path) -> bool:
 
 def _files_in(folder: Path) -> list[Path]:
     """Return the files in a folder that gppcs reads by their names."""
-    from gppcs.io import COMPRESSIONS, FORMATS
+    from gppcs.io import FORMATS
 
     suffixes = [suffix for file_format in FORMATS for suffix in file_format.suffixes]
-    endings = tuple(suffix + compression for suffix in suffixes for compression in ("", *COMPRESSIONS))
+    endings = tuple(suffix + compression for suffix in suffixes for compression in ("", ".gz"))
     files = sorted(
         path
         for path in folder.iterdir()

@@ -1,18 +1,16 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.files import FORMATS, check_storable, format_to_write, losses, store, write
+from gppcs.io.cloud_files import open_clouds
+from gppcs.io.files import FORMATS, format_to_write
 from gppcs.io.format import Format
 from gppcs.io.las import to_laspy
-from gppcs.io.reading import as_cloud, load, read, read_each
-from gppcs.io.streams import COMPRESSIONS, inner_name, whole_output
-from gppcs.io.vpc import SUFFIX as VPC
+from gppcs.io.reading import as_cloud, read, read_each
+from gppcs.io.streams import check_distinct, check_writable, inner_name, is_standard, whole_output
 from gppcs.io.vpc import files_of
-from gppcs.io.whole_file import check_distinct, check_writable, is_standard, whole_file
+from gppcs.io.writing import check_storable, store, write
 
 __all__ = [
-    "COMPRESSIONS",
     "FORMATS",
-    "VPC",
     "Format",
     "as_cloud",
     "check_distinct",
@@ -22,13 +20,11 @@ __all__ = [
     "format_to_write",
     "inner_name",
     "is_standard",
-    "load",
-    "losses",
+    "open_clouds",
     "read",
     "read_each",
     "store",
     "to_laspy",
-    "whole_file",
     "whole_output",
     "write",
 ]

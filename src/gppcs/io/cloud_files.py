@@ -14,14 +14,47 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
-from gppcs.errors import file_path, flag
-from gppcs.io.files import check_input, check_suffix, checked_columns, format_of, naming
+from gppcs.errors import FileFormatError, ParameterError, file_path, flag, shown
+from gppcs.io.files import check_suffix, format_of, naming
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns
-from gppcs.io.query import Query, restricted
+from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
-from gppcs.io.streams import is_plain, plain_input
+from gppcs.io.streams import plain_input
 from gppcs.io.vpc import files_of
+
+
+def open_clouds(
+    paths: Sequence[str | os.PathLike[str]],
+    format: str | None = None,  # noqa: A002
+    columns: Sequence[str] | None = None,
+    inside: Any = None,
+    only: str | None = None,
+    resolution: float | None = None,
+    assume_same_crs: bool = False,
+    tables_only: bool = False,
+) -> CloudFiles:
+    """Return files as one cloud, given arguments of `gppcs.read`; a virtual point cloud stands for its files.
+
+    With `tables_only`, the names of columns are for those files that are tables; otherwise the others are an error.
+    """
+    check_suffix(format)
+    query, same = Query.from_options(inside, only, resolution), flag("assume_same_crs", assume_same_crs)
+    names = None if columns is None else _checked_columns(columns)
+    files = [file for path in paths for file in files_of(file_path(path))]
+    return CloudFiles(files, format, names, query, same, tables_only)
+
+
+def _checked_columns(columns: Sequence[str]) -> list[str]:
+    """Return names of columns after checking that they are different and that x, y and z are among them."""
+    names = [] if isinstance(columns, str) or not isinstance(columns, Sequence) else list(columns)
+    are_names = all(isinstance(name, str) and name for name in names)
+    if not are_names or not {"x", "y", "z"} <= set(names) or len(set(names)) < len(names):
+        raise ParameterError(
+            "expected different names of columns with x, y and z, such as x, y, z, red, green, blue, found "
+            f"{shown(columns)}"
+        )
+    return names
 
 
 class _Opened(NamedTuple):
@@ -30,12 +63,16 @@ class _Opened(NamedTuple):
     file: Any
     format: Format
     reader: Reader
-    is_copy: bool
 
     @property
     def size(self) -> int:
         """Its size in bytes."""
         return os.fstat(self.file.fileno()).st_size
+
+    @property
+    def is_copy(self) -> bool:
+        """Whether it is a temporary file, which has no name."""
+        return isinstance(self.file.name, int)
 
 
 @dataclass
@@ -51,16 +88,12 @@ class CloudFiles:
     columns: Sequence[str] | None = None
     query: Query | None = None
     assume_same_crs: bool = False
-    if_needed: bool = False  # format and columns are only for the files that need them
+    tables_only: bool = False  # columns are for those files that are tables
     span: Span | None = None  # the part of a single file that is read
     _header: Header | None = field(default=None, init=False)  # of the first file that has one
     _opened: dict[Path, _Opened] = field(default_factory=dict, init=False)
     _stacks: dict[Path, ExitStack] = field(default_factory=dict, init=False)  # close what is open
     _clouds: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # already read, for `read`
-
-    def __post_init__(self) -> None:
-        check_suffix(self.format)
-        self.columns = None if self.columns is None else checked_columns(self.columns)
 
     def __enter__(self) -> CloudFiles:
         return self
@@ -77,19 +110,11 @@ class CloudFiles:
 
     @cached_property
     def preview(self) -> PointCloud:
-        """Up to 65,536 of the first points, with attributes and header.
-
-        A file that has to be read at once is kept for the next `read`.
-        """
-        cloud = None
+        """Up to 65,536 of the first points, with attributes and header."""
         for path in self.paths:
-            with self._reading(path) as (_, known, reader, _):
-                cloud = next(self._chunks(known, reader, BLOCK, True))
-                if reader.at_once:
-                    self._clouds[path] = cloud
+            cloud = self._first_of(path)
             if len(cloud):
                 break
-        assert cloud is not None
         return cloud[:BLOCK] if len(cloud) > BLOCK else cloud
 
     @property
@@ -99,31 +124,34 @@ class CloudFiles:
 
     @property
     def is_counted(self) -> bool:
-        """Whether all files tell their number of points."""
+        """Whether the number of points is exact."""
         return self._count[1]
 
     @cached_property
     def _count(self) -> tuple[int, bool]:
-        total, density, is_exact = 0.0, 0.0, True
-        if len(self.preview) and self.paths[0] in self._clouds:
-            density = len(self._clouds[self.paths[0]]) / max(1, self._open(self.paths[0]).size)
+        total, is_exact = 0, True
         for path in self.paths:
             with self._reading(path) as opened:
-                reader = opened.reader
-                if path in self._clouds:
-                    total += len(self._clouds[path])
-                elif self.query:
-                    total += sum(len(cloud) for cloud in self._chunks(opened.format, reader, BLOCK, False))
-                elif reader.n_points is not None:
-                    total += reader.n_points
+                count = opened.reader.n_points
+                if self.query and not opened.reader.at_once:
+                    total += sum(len(cloud) for cloud in opened.reader.chunks(BLOCK, False))
+                elif count is not None and not self.query:
+                    total += count
                 else:
-                    if not reader.at_once:
-                        cloud = next(self._chunks(opened.format, reader, BLOCK, True))
-                        end = opened.file.tell() if len(cloud) == BLOCK else opened.size
-                        density = len(cloud) / max(1, end)
-                    total += opened.size * density
-                    is_exact = False
-        return round(total), is_exact
+                    first = self._first_of(path)
+                    is_all = opened.reader.at_once or len(first) < BLOCK
+                    total += len(first) if is_all else round(len(first) * opened.size / opened.file.tell())
+                    is_exact = is_exact and is_all
+        return total, is_exact
+
+    def _first_of(self, path: Path) -> PointCloud:
+        """Return the first points of a file, or all, which are kept for `read`, if they are read at once."""
+        with self._reading(path) as opened:
+            if not opened.reader.at_once:
+                return next(opened.reader.chunks(BLOCK, True))
+            if path not in self._clouds:
+                self._clouds[path] = opened.reader.read()
+            return self._clouds[path]
 
     @property
     def at_once(self) -> tuple[str | None, int]:
@@ -176,7 +204,8 @@ class CloudFiles:
         """Read all points once, with attributes or without, at most n at once unless a file is read at once."""
         for path in self.paths:
             with self._reading(path) as opened:
-                for cloud in self._chunks(opened.format, opened.reader, n, attributes):
+                span = {"span": self.span} if self.span else {}
+                for cloud in opened.reader.chunks(n, attributes, **span):
                     if len(cloud):
                         yield self._in_one_system(cloud)
 
@@ -201,12 +230,6 @@ class CloudFiles:
         """The index in the first file of the first point of `chunks`."""
         return self.span[0] if self.span else 0
 
-    def _chunks(self, known: Format, reader: Reader, n: int, attributes: bool) -> Iterator[PointCloud]:
-        """Read an open file in chunks, or as a whole if that is the only way."""
-        if reader.at_once:
-            return iter([reader.read()])
-        return reader.chunks(n, attributes, self.span) if self.span else reader.chunks(n, attributes)
-
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud with the header of the first file, if its coordinate system counts for all files.
 
@@ -230,31 +253,21 @@ class CloudFiles:
         """Open a file and read its header, unless it is open."""
         if path in self._opened:
             return self._opened[path]
-        check_input(path)
         plain = [path for path, opened in self._opened.items() if not opened.is_copy]
-        if len(plain) >= 64:  # of the files that a process may open
+        if len(plain) >= 64:  # a process may not open many more
             del self._opened[plain[0]]
             self._stacks.pop(plain[0]).close()
         with naming(path), ExitStack() as stack:
-            is_copy = not is_plain(path)
             file, name = stack.enter_context(plain_input(path))
-            known = format_of(file, name, self.format, self.if_needed)
-            columns = None if self.if_needed and "columns" not in known.options else self.columns
-            reader = restricted(known, file, columns, self.query)
-            self._opened[path] = _Opened(file, known, reader, is_copy)
+            known = format_of(file, self.format or name.name)
+            options: dict[str, Any] = {}
+            if self.columns is not None and "columns" in known.options:
+                options["columns"] = self.columns
+            elif self.columns is not None and not self.tables_only:
+                raise FileFormatError(f"expected a text table, whose columns can be named, found {known.name}")
+            if self.query and "query" in known.options:
+                options["query"] = self.query
+            reader = known.open(file, **options)
+            self._opened[path] = _Opened(file, known, self.query.restricted(known, reader) if self.query else reader)
             self._stacks[path] = stack.pop_all()
         return self._opened[path]
-
-
-def open_clouds(
-    paths: Sequence[str | os.PathLike[str]],
-    format: str | None = None,  # noqa: A002
-    columns: Sequence[str] | None = None,
-    query: Query | None = None,
-    assume_same_crs: bool = False,
-    if_needed: bool = False,
-) -> CloudFiles:
-    """Return files as one cloud, given arguments of `gppcs.read`; a virtual point cloud stands for its files."""
-    same = flag("assume_same_crs", assume_same_crs)
-    files = [file for path in paths for file in files_of(file_path(path))]
-    return CloudFiles(files, format, columns, query, same, if_needed)

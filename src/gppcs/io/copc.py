@@ -93,7 +93,7 @@ def _meets(page: NDArray[Any], info: CopcInfoVlr, query: Query, scales: NDArray[
         side = np.ldexp(2 * info.halfsize, -page["level"])[:, np.newaxis]
         lower = info.center - info.halfsize + page["cell"] * side
         # Coordinates are rounded to the scale, which may move a point out of its cell.
-        return np.logical_and.reduce((lower - scales <= query.high) & (lower + side + scales >= query.low), axis=1)
+        return np.logical_and.reduce((lower - scales <= query.upper) & (lower + side + scales >= query.lower), axis=1)
 
 
 class CopcNodes:

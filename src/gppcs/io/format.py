@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.clouds.header import Header
+from gppcs.errors import OutputError
 from gppcs.io.columns import check_name, column_name
 from gppcs.io.joining import joined
 
@@ -40,6 +42,15 @@ class Reader:
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         return joined(self.chunks(sys.maxsize, True))
+
+
+def refuse_losses(path: str | os.PathLike[str], name: str, values: list[str]) -> None:
+    """Raise an error if a format of a name cannot hold some values, given in words."""
+    if values:
+        raise OutputError(
+            f"{path}: expected a format that holds all of the cloud, but {name} cannot hold: {', '.join(values)}; "
+            "choose another format, or leave this out with lossy"
+        )
 
 
 def from_start(function: Callable[..., Any], file: BufferedReader, *args: Any, **options: Any) -> Any:
@@ -92,9 +103,9 @@ class Format:
         (remarks if tolerated else values).extend(digits)
         return Fit(stored, values, remarks)
 
-    def has_suffix(self, suffix: str) -> bool:
-        """Return whether a suffix names this format."""
-        return "." + suffix.lower().removeprefix(".") in self.suffixes
+    def has_suffix(self, name: str) -> bool:
+        """Return whether a suffix, or the end of the name of a file, names this format."""
+        return f".{name.lower().removeprefix('.')}".endswith(self.suffixes)
 
 
 def keeping(

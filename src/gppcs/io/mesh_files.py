@@ -12,11 +12,11 @@ import numpy as np
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
-from gppcs.io.files import FORMATS, check_input, format_of, naming, refuse_losses
-from gppcs.io.format import Format
+from gppcs.io.files import FORMATS, format_of, naming
+from gppcs.io.format import Format, refuse_losses
 from gppcs.io.meshes import GLTF, OBJ, OFF, STL, stored_of, write_by_trimesh
 from gppcs.io.ply import FORMAT as PLY
-from gppcs.io.streams import inner_name, plain_input, suffix_in_words, whole_output
+from gppcs.io.streams import inner_name, plain_input, whole_output
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -25,7 +25,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     Parameters
     ----------
     path : str or path
-        The file. Polygons become triangles that share their first corner. A gzip or Zstandard file is decompressed.
+        The file. Polygons become triangles that share their first corner. A gzip file is decompressed.
 
     Returns
     -------
@@ -50,9 +50,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     (4, 2)
     """
     source = file_path(path)
-    check_input(source)
     with naming(source), plain_input(source) as (file, name):
-        content = format_of(file, name)
+        content = format_of(file, name.name)
         if "faces" not in content.options:
             raise FileFormatError(f"expected a mesh, found {content.name}, whose files are point clouds")
         reader = content.open(file)
@@ -68,7 +67,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
 
 def mesh_of(path: Path, faces: int) -> Mesh | None:
     """Read the mesh of a file with so many faces, if there are any and its suffix tells that it may be a mesh."""
-    may_be = any(kind.has_suffix(inner_name(path).suffix) for kind in FORMATS if "faces" in kind.options)
+    may_be = any(kind.has_suffix(inner_name(path).name) for kind in FORMATS if "faces" in kind.options)
     return read_mesh(path) if faces and may_be else None
 
 
@@ -87,8 +86,8 @@ def write_mesh(
     Parameters
     ----------
     path : str or path
-        The file. Its suffix selects the format: .ply, .obj, .stl, .off or .glb (binary glTF). A further suffix .gz or
-        .zst compresses it.
+        The file. Its suffix selects the format: .ply, .obj, .stl, .off or .glb (binary glTF). A further suffix .gz
+        compresses it.
     mesh : Mesh
         The triangles.
     vertices : PointCloud, optional
@@ -154,7 +153,7 @@ def mesh_format_of(path: str | os.PathLike[str]) -> Format:
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
-            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {suffix_in_words(suffix)}"
+            f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {shown(suffix)}"
         )
     return _FORMATS[suffix]
 

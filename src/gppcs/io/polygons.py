@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.errors import FileFormatError, file_path, number
+from gppcs.errors import FileFormatError, ParameterError, number
 
 Ring: TypeAlias = tuple[tuple[float, float], ...]
 
@@ -22,16 +22,16 @@ class Polygons:
 
     rings: tuple[Ring, ...]  # the corners (x, y) of each line; the first follows the last
 
-    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (N, 3) are inside: a line from there crosses the rings an odd number of times."""
         order = np.argsort(points[:, 1])  # so that the points beside an edge follow each other
         x, y = points[order, 0], points[order, 1]
         inside = np.zeros(len(points), dtype=np.bool_)
         for ring in self.rings:
-            places = np.searchsorted(y, np.array(ring)[:, 1])
-            for k in np.flatnonzero(places != np.roll(places, -1)):
+            positions = np.searchsorted(y, np.array(ring)[:, 1])
+            for k in np.flatnonzero(positions != np.roll(positions, -1)):
                 (ax, ay), (bx, by) = ring[k], ring[(k + 1) % len(ring)]
-                begin, end = sorted((places[k], places[(k + 1) % len(ring)]))
+                begin, end = sorted((positions[k], positions[(k + 1) % len(ring)]))
                 if by < ay:  # from the lower end, whichever way the edge is given: two polygons may share it
                     ax, ay, bx, by = bx, by, ax, ay
                 with np.errstate(over="ignore", invalid="ignore"):
@@ -41,15 +41,21 @@ class Polygons:
         return result
 
 
-def read_polygons(path: str | os.PathLike[str]) -> Polygons:
+def polygon_of(corners: NDArray[np.float64]) -> Polygons:
+    """Return a polygon with these corners, (n, 2)."""
+    if corners.shape[1] != 2 or len(corners) < 3 or not np.isfinite(corners).all():
+        raise ParameterError(f"expected 3 or more finite corners of a polygon, (n, 2), found shape {corners.shape}")
+    return Polygons((tuple((x, y) for x, y in corners.tolist()),))
+
+
+def read_polygons(path: Path) -> Polygons:
     """Read the polygons of a GeoJSON file."""
-    source = file_path(path)
     try:
-        rings = tuple(_rings(json.loads(source.read_bytes())))
+        rings = tuple(_rings(json.loads(path.read_bytes())))
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-        raise FileFormatError(f"{source}: expected polygons in GeoJSON, but {error}") from error
+        raise FileFormatError(f"{path}: expected polygons in GeoJSON, but {error}") from error
     if not rings:
-        raise FileFormatError(f"{source}: expected a polygon in GeoJSON, found none")
+        raise FileFormatError(f"{path}: expected a polygon in GeoJSON, found none")
     return Polygons(rings)
 
 

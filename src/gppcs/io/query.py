@@ -1,12 +1,11 @@
-"""The class `Query`: which part of a file is read."""
+"""The class `Query`: which points of a file are read."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -17,143 +16,121 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, number, shown
 from gppcs.io.format import Format, Reader
-from gppcs.io.polygons import Polygons, read_polygons
+from gppcs.io.polygons import Polygons, polygon_of, read_polygons
 
 
 @dataclass(frozen=True)
 class Query:
-    """Which points of a file are read."""
+    """Which points of a file are read: those in a box and in all polygons that meet a condition."""
 
-    low: tuple[float, ...]  # with `high` the corners of a box, infinite if there is none
-    high: tuple[float, ...]
-    resolution: float | None  # the distance of neighbours up to which a COPC file is read
+    lower: tuple[float, ...] = (-math.inf,) * 3
+    upper: tuple[float, ...] = (math.inf,) * 3
+    polygons: tuple[Polygons, ...] = ()
     only: Expression | None = None
-    polygons: Polygons | None = None
+    resolution: float | None = None  # the distance of neighbours down to which a COPC file is read
 
     @classmethod
-    def of(
-        cls,
-        box: Sequence[float] | None,
-        resolution: float | None,
-        only: str | None = None,
-        polygon: str | os.PathLike[str] | None = None,
-    ) -> Query | None:
-        """Check the arguments of `gppcs.read` with these names."""
-        if box is None and resolution is None and only is None and polygon is None:
+    def from_options(cls, inside: Any = None, only: str | None = None, resolution: float | None = None) -> Query | None:
+        """Check the arguments of `gppcs.read` with these names; None if all are None."""
+        if inside is None and only is None and resolution is None:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
-        try:
-            limits = [] if box is None else [number(value) for value in box]
-        except TypeError:  # it is no sequence
-            limits = []
-        low, high = limits[: len(limits) // 2], limits[len(limits) // 2 :]
-        if box is not None and not (
-            len(limits) in (4, 6)
-            and all(-math.inf < most >= least < math.inf for least, most in zip(low, high, strict=True))
-        ):
-            raise ParameterError(
-                "expected a box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, with no minimum above "
-                f"its maximum, no minimum of inf and no maximum of -inf, found {shown(box)}"
-            )
-        fill = 3 - len(low)
+        lower, upper = np.full(3, -math.inf), np.full(3, math.inf)
+        polygons = []
+        for area in _areas(inside):
+            if isinstance(area, Polygons):
+                polygons.append(area)
+            else:
+                lower, upper = np.maximum(lower, area[0]), np.minimum(upper, area[1])
         return cls(
-            (*low, *[-math.inf] * fill),
-            (*high, *[math.inf] * fill),
-            None if resolution is None else float(resolution),
+            tuple(lower.tolist()),
+            tuple(upper.tolist()),
+            tuple(polygons),
             None if only is None else Expression.from_text(only),
-            None if polygon is None else read_polygons(polygon),
+            None if resolution is None else float(resolution),
         )
 
-    @property
-    def wanted(self) -> str:
-        """Which points are wanted, in words."""
-        boxed = bool(np.isfinite((*self.low, *self.high)).any())
-        parts = (
-            (boxed, "in the box"),
-            (self.polygons is not None, "inside the polygons"),
-            (self.only is not None, f"with {self.only.text if self.only else ''}"),
-        )
-        return " and ".join(words for known, words in parts if known) or "in the box"
-
-    def nothing_found(self) -> InputError:
-        """Return the error for a cloud without such points."""
-        return InputError(f"expected points {self.wanted}, found none; gppcs info shows where they lie")
-
-    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points (N, 3) are in the box and in the polygons; those on the border of the box are."""
-        limited = np.isfinite(self.low) | np.isfinite(self.high)
-        inside = np.logical_and.reduce((points >= self.low) & (points <= self.high) | ~limited, axis=1)
-        return inside if self.polygons is None else inside & self.polygons.holds(points)
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points, (N, 3), are in the box, border included, and in the polygons."""
+        limited = np.isfinite(self.lower) | np.isfinite(self.upper)
+        inside = np.logical_and.reduce((points >= self.lower) & (points <= self.upper) | ~limited, axis=1)
+        for polygons in self.polygons:
+            inside &= polygons.contains(points)
+        return inside
 
     def part(self, cloud: PointCloud) -> PointCloud:
-        """Return the points of a cloud that are wanted."""
-        inside = self.holds(cloud.points)
+        """Return the points of a cloud that are asked for."""
+        inside = self.contains(cloud.points)
         if self.only is not None:
             inside &= self.only.mask(cloud)
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
 
+    def restricted(self, known: Format, reader: Reader) -> Reader:
+        """Return a reader of a format that reads only what is asked for."""
+        if self.resolution is not None and "query" not in known.options:
+            raise without_levels(known.name)
 
-def box_and_polygon(inside: Any) -> tuple[list[float] | None, Path | None]:
-    """Return the limits of a box and the file of polygons that an argument `inside` names: one of them, or both.
+        def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+            clouds = reader.chunks(n, attributes or self.only is not None)  # conditions need attributes
+            for cloud in not_empty(map(self.part, clouds)):
+                yield cloud if attributes else replace(cloud, attributes={})
 
-    A text with commas that names no file is a box.
-    """
+        return replace(reader, chunks=chunks, spans=None)
+
+    def nothing_found(self) -> InputError:
+        """Return the error for a cloud without such points."""
+        conditions = ["in the box"] if np.isfinite((*self.lower, *self.upper)).any() else []
+        conditions += ["inside the polygons"] if self.polygons else []
+        conditions += [f"with {self.only.text}"] if self.only else []
+        return InputError(f"expected points {' and '.join(conditions)}, found none; gppcs info shows where they lie")
+
+
+def _areas(inside: Any) -> list[Polygons | tuple[list[float], list[float]]]:
+    """Return the boxes, each by two corners, and the polygons that an argument `inside` names: one or a list."""
     if inside is None:
-        return None, None
-    is_list = isinstance(inside, list | tuple) and any(isinstance(part, str | os.PathLike) for part in inside)
-    parts = inside if is_list else [inside]
-    boxes: list[Any] = []
-    files: list[Path] = []
-    for part in parts:
-        if isinstance(part, str) and "," in part and not Path(part).exists():
-            boxes.append([_as_number(limit) for limit in part.split(",")])
-        elif isinstance(part, str | os.PathLike) and part != "":
-            files.append(file_path(part))
-        else:
-            boxes.append(part)
-    if len(boxes) > 1 or len(files) > 1:
-        raise ParameterError("expected inside with at most one box and one file, found two of a kind")
-    return boxes[0] if boxes else None, files[0] if files else None
-
-
-def _as_number(text: str) -> Any:
-    """Return the number that a text means, or the text itself."""
+        return []
+    if isinstance(inside, str) and (not inside or ("," in inside and not Path(inside).exists())):
+        return [_box(inside)]
+    if isinstance(inside, str | os.PathLike):
+        return [read_polygons(file_path(inside))]
+    if isinstance(inside, list | tuple) and any(isinstance(part, str | os.PathLike) for part in inside):
+        return [area for part in inside for area in _areas(part)]
     try:
-        return float(text)
-    except ValueError:
-        return text
+        numbers = np.array(inside, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.empty(0)
+    return [polygon_of(numbers)] if numbers.ndim == 2 else [_box(inside)]
 
 
-def restricted(known: Format, file: BufferedReader, columns: Sequence[str] | None, query: Query | None) -> Reader:
-    """Open a file to read only what a query asks for, and a table with names of its columns."""
-    if columns is not None and "columns" not in known.options:
-        raise FileFormatError(f"expected a text table, whose columns can be named, found {known.name}")
-    options: dict[str, Any] = {} if columns is None else {"columns": columns}
-    if query is None:
-        return known.open(file, **options)
-    if "query" in known.options:
-        options["query"] = query
-    elif query.resolution is not None:
-        raise without_levels(known.name)
-    reader = known.open(file, **options)
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        """Read the points that are asked for; conditions need attributes."""
-        parts = not_empty(map(query.part, reader.chunks(n, attributes or query.only is not None)))
-        return parts if attributes else (replace(part, attributes={}) for part in parts)
-
-    return replace(reader, chunks=chunks, spans=None)
+def _box(inside: Any) -> tuple[list[float], list[float]]:
+    """Return the lower and the upper corner, (3,), of a box, infinite where it is open."""
+    limits = inside.split(",") if isinstance(inside, str) else inside
+    try:
+        values = [float(limit) if isinstance(limit, str) else number(limit) for limit in limits]
+    except (TypeError, ValueError):  # it is no sequence, or one limit no number
+        values = []
+    half = len(values) // 2
+    lower, upper = [*values[:half], -math.inf][:3], [*values[half:], math.inf][:3]
+    if len(values) not in (4, 6) or not all(
+        -math.inf < b >= a < math.inf for a, b in zip(values[:half], values[half:], strict=True)
+    ):
+        raise ParameterError(
+            "expected inside to be a box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, with no minimum "
+            "above its maximum, no minimum of inf and no maximum of -inf, or else a GeoJSON file, or the corners of a "
+            f"polygon, (n, 2), found {shown(inside)}"
+        )
+    return lower, upper
 
 
 def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
     """Yield the clouds that have points, or the last one if none has."""
-    found = False
+    cloud, is_empty = None, True
     for cloud in clouds:
         if len(cloud):
-            found = True
+            is_empty = False
             yield cloud
-    if not found:
+    if is_empty and cloud is not None:
         yield cloud
 
 

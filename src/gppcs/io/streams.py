@@ -1,49 +1,56 @@
-"""Opens what is not a plain file: compressed files, standard input and standard output."""
+"""Opens files to read and to write: plain and compressed ones, standard input and output."""
 
 from __future__ import annotations
 
 import gzip
 import os
+import secrets
 import shutil
 import sys
 import tempfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
+from gppcs.engine.unfinished import unfinished
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.whole_file import check_writable, is_standard, whole_file
+from gppcs.io.vpc import files_of
 
-COMPRESSIONS = (".gz", ".zst")  # Suffixes of compressed files.
-_GZIP, _ZSTANDARD = b"\x1f\x8b", b"\x28\xb5\x2f\xfd"  # The first bytes of such files.
-_ZSTANDARD_CHUNK = 4096  # Bytes. They can decompress to 128 MB at most.
+
+def is_standard(path: str | os.PathLike[str]) -> bool:
+    """Return whether a path stands for standard input or output."""
+    return os.fspath(path) == "-"
 
 
 def inner_name(path: Path) -> Path:
-    """Return the name of a file without the suffix of a compression."""
-    return path.with_suffix("") if path.suffix.lower() in COMPRESSIONS else path
-
-
-def suffix_in_words(suffix: str) -> str:
-    """Return a suffix, or the lack of one, as messages show it."""
-    return repr(suffix) if suffix else "a name without a suffix"
+    """Return the name of a file without the suffix of its compression."""
+    return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 
 @contextmanager
 def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
-    """Open a file, or standard input for `-`, as a plain file: what is not one is first unpacked to a temporary one."""
-    with _standard_input() if is_standard(path) else open(path, "rb") as file:
-        head = file.read(4)
+    """Open a file, or standard input for `-`; what cannot be read from any place is first copied to a temporary file.
+
+    Yield also the name of the file without a suffix of compression.
+    """
+    with ExitStack() as stack:
+        if path.exists() and not path.is_file():
+            raise FileFormatError("expected a file, found a folder or device; name a file")
+        file = stack.enter_context(_standard_input() if is_standard(path) else path.open("rb"))
+        is_compressed = file.read(2) == b"\x1f\x8b"
         file.seek(0)
-        if not _is_compressed(head):
-            yield file, path
-            return
-        with tempfile.TemporaryFile() as plain:
-            _copy_plain(file, head, plain)
+        if is_compressed:
+            plain = stack.enter_context(tempfile.TemporaryFile())
+            try:
+                shutil.copyfileobj(gzip.GzipFile(fileobj=file), plain)
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
             plain.seek(0)
             yield plain, inner_name(path)
+        else:
+            yield file, path
 
 
 def _standard_input() -> IO[bytes]:
@@ -57,71 +64,86 @@ def _standard_input() -> IO[bytes]:
     return copy
 
 
-def is_plain(path: Path) -> bool:
-    """Return whether `plain_input` opens a file as it is, without a copy."""
+def check_writable(path: str | os.PathLike[str], force: bool = False, makes_folders: bool = False) -> None:
+    """Check that a file, or standard output, can be written. Call it before long work."""
     if is_standard(path):
-        return False
-    with open(path, "rb") as file:
-        return not _is_compressed(file.peek(4)[:4])
+        if sys.stdout is None:
+            raise OutputError("expected standard output, found that it is closed; name a file")
+        return
+    target = Path(path)
+    folder = Path(os.path.realpath(target)).parent
+    while makes_folders and not folder.exists():
+        folder = folder.parent
+    if target.exists() and not target.is_file():
+        raise OutputError(f"{target}: expected a file, found a folder or device; choose another name")
+    if target.exists() and not force:
+        raise _exists(target)
+    if not folder.is_dir():
+        actual = "a file" if folder.exists() else "none"
+        raise OutputError(f"{target}: expected a folder {folder}, found {actual}; make it or choose another")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise OutputError(f"{target}: expected a writable folder {folder}, found no permission; choose another")
 
 
-def _is_compressed(head: bytes) -> bool:
-    return head.startswith((_GZIP, _ZSTANDARD))
-
-
-def _copy_plain(file: IO[bytes], head: bytes, plain: IO[bytes]) -> None:
-    """Decompress a file that begins with `head` into another one."""
-    if head.startswith(_GZIP):
-        try:
-            shutil.copyfileobj(gzip.GzipFile(fileobj=file), plain)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
-    else:
-        _copy_zstandard(file, plain)
-
-
-def _copy_zstandard(file: IO[bytes], plain: IO[bytes]) -> None:
-    import zstandard
-
-    frame = None
-    data = file.read(_ZSTANDARD_CHUNK)
-    while data:
-        frame = frame or zstandard.ZstdDecompressor().decompressobj()
-        try:
-            plain.write(frame.decompress(data))
-        except zstandard.ZstdError as error:
-            raise FileFormatError(f"expected whole Zstandard data, but {error}; get the file again") from error
-        data, frame = (frame.unused_data, None) if frame.eof else (b"", frame)
-        data = data or file.read(_ZSTANDARD_CHUNK)
-    if frame:
-        raise FileFormatError("expected whole Zstandard data, but it ends early; get the file again")
+def check_distinct(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Check that no output of a command is one of its inputs or another output. Call it before any work."""
+    sources = {os.path.realpath(file) for path in inputs for file in (path, *files_of(path)) if not is_standard(path)}
+    targets = set[str]()
+    for output in outputs:
+        target = os.path.realpath(output)
+        if target in sources:
+            raise OutputError(f"{output}: expected a file that is no input, found an input; choose another name")
+        if target in targets and not is_standard(output):
+            raise OutputError(f"{output}: expected a file for each result, found one for two; choose another name")
+        targets.add(target)
 
 
 @contextmanager
 def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for writing that appears under its name only when it is complete."""
-    suffix = Path(path).suffix.lower()
-    if not is_standard(path) and suffix not in COMPRESSIONS:
-        with whole_file(path, force) as file:
-            yield file
-        return
+    """Open a file, or standard output for `-`, to write. A file appears under its name only when it is complete.
+
+    The content goes to a temporary file in the same folder. If the block ends without an exception, that file is
+    renamed to the target; otherwise it is removed. A file that replaces another keeps the other's permissions.
+    """
     check_writable(path, force)
-    with tempfile.TemporaryFile() as plain:
-        yield plain
-        plain.seek(0)
-        if is_standard(path):
-            if sys.stdout is None:
-                raise OutputError("expected standard output, found that it is closed; name a file")
+    if is_standard(path):
+        with tempfile.TemporaryFile() as plain:
+            yield plain
+            plain.seek(0)
             shutil.copyfileobj(plain, sys.stdout.buffer)
             sys.stdout.buffer.flush()
-            return
-        with whole_file(path, force) as file, _compressor(file, suffix) as compressed:
-            shutil.copyfileobj(plain, compressed)
+        return
+    target = Path(os.path.realpath(path))  # so that a symbolic link stays one
+    temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
+    with unfinished(str(temporary)):
+        with open(temporary, "x+b") as file:  # permissions follow the umask, unlike those of tempfile
+            with suppress(OSError):  # there is no file to replace, or its file system stores no permissions
+                shutil.copymode(target, temporary)
+            if Path(path).suffix.lower() == ".gz":
+                with tempfile.TemporaryFile() as plain:
+                    yield plain
+                    plain.seek(0)
+                    with gzip.GzipFile("", "wb", fileobj=file, mtime=0) as packed:  # the same content, the same bytes
+                        shutil.copyfileobj(plain, packed)
+            else:
+                yield file
+        if force:
+            os.replace(temporary, target)
+        else:
+            _rename_to_new(temporary, target)
 
 
-def _compressor(file: BinaryIO, suffix: str) -> Any:
-    if suffix == ".gz":
-        return gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0)  # the same content gives the same bytes
-    import zstandard
+def _rename_to_new(temporary: Path, target: Path) -> None:
+    """Rename a file, unless one of the name has appeared meanwhile."""
+    try:
+        os.link(temporary, target)
+    except FileExistsError as error:
+        raise _exists(target) from error
+    except OSError:  # the file system has no hard links
+        if target.exists():
+            raise _exists(target) from None
+        os.replace(temporary, target)
 
-    return zstandard.ZstdCompressor().stream_writer(file, closefd=False)
+
+def _exists(target: Path) -> OutputError:
+    return OutputError(f"{target}: expected a new file, found one; choose another name, or overwrite it with force")

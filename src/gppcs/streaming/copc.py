@@ -23,8 +23,7 @@ from gppcs.errors import InputError
 from gppcs.io import las
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.copc_writing import FORMAT, write_octree
-from gppcs.io.files import refuse_losses
-from gppcs.io.format import shift_in_words
+from gppcs.io.format import refuse_losses, shift_in_words
 from gppcs.io.joining import JointColumns
 from gppcs.io.las_header import LasHeader
 from gppcs.io.streams import whole_output

@@ -163,7 +163,7 @@ def compare(
         contents["report.html"] = page.getvalue()
     output.mkdir(exist_ok=True)
     for name, content in contents.items():
-        with io.whole_file(output / name, force) as file:
+        with io.whole_output(output / name, force) as file:
             file.write(content)
     if not (as_json or quiet):
         print_table(*table)

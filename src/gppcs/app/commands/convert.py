@@ -65,7 +65,6 @@ def convert(
     """
     from gppcs import io
     from gppcs.clouds.quantities import bytes_of
-    from gppcs.io.cloud_files import open_clouds
     from gppcs.streaming.copc import write_beyond_memory
 
     timer = started(quiet)
@@ -73,18 +72,17 @@ def convert(
     has_levels = "levels_by" in chosen.options
     if memory and not has_levels:
         raise ParameterError("expected --memory with a name that ends in .copc.laz, found another")
-    query, files = options.query_of(inside, only, resolution)
-    check_output(target, [source, *files], force)
-    part = (input_format, names_of(columns), query, assume_same_crs)
+    check_output(target, [source, *options.files_of_inside(inside)], force)
+    part = (input_format, names_of(columns), inside or None, only, resolution, assume_same_crs)
     if has_levels and not io.is_standard(source):
         limit = None if memory is None else bytes_of(memory)
-        with open_clouds([source], *part) as clouds:
+        with io.open_clouds([source], *part) as clouds:
             left_out = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
         if left_out is not None:
             note_left_out(target, left_out)
             return
-    with timer("reading"):
-        cloud, _, unread = io.load(source, *part)
+    with timer("reading"), io.open_clouds([source], *part) as clouds:
+        cloud, unread = clouds.read(), clouds.skipped()
     if invalid == "drop" and (n := len(cloud.non_finite())):
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]

@@ -12,7 +12,7 @@ from gppcs.app.outputs import sources_of
 from gppcs.app.printing import emit, for_each, names_of, text_of
 
 if TYPE_CHECKING:
-    from gppcs.io.reading import Loaded
+    from gppcs.clouds.cloud import PointCloud
 
 EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
@@ -33,16 +33,18 @@ def info(
     """
     from gppcs import io
 
-    query, _ = options.query_of(inside, only, resolution)
-    part = (input_format, names_of(columns), query)
-    for_each(sources_of(files), lambda file: _print(file, io.load(file, *part), as_json))
+    def show_info(file: Path) -> None:
+        with io.open_clouds([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
+            _print(file, clouds.read(), clouds.n_faces, as_json)
+
+    for_each(sources_of(files), show_info)
 
 
-def _print(file: Path, loaded: Loaded, as_json: bool) -> None:
+def _print(file: Path, cloud: PointCloud, faces: int, as_json: bool) -> None:
     """Print the facts about one file."""
     from gppcs.clouds.summary import info as summarise
 
-    summary, faces = summarise(loaded.cloud), loaded.faces
+    summary = summarise(cloud)
     record = {"file": str(file), **dataclasses.asdict(summary), "faces": faces}
     rows = {
         name: value

@@ -79,7 +79,8 @@ def render(
             say(f"{output}: {len(original):,} and {len(simplified):,} points beside each other")
         return
     (source,) = sources
-    cloud, faces, unread = io.load(source, input_format, names_of(columns))
+    with io.open_clouds([source], input_format, names_of(columns)) as files:
+        cloud, faces, unread = files.read(), files.n_faces, files.skipped()
     mesh = mesh_of(source, faces)
     with naming(source), io.whole_output(output, force) as file:
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)

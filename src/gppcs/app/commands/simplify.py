@@ -154,7 +154,7 @@ def simplify(
     outputs = {result.sources[0]: result for result in outputs_of(inputs, output, output_format, len(sizes))}
     targets = [target for result in outputs.values() for target in result.targets]
     sources = [source for result in outputs.values() for source in result.sources]
-    check_distinct(targets, [*inputs, *sources, *options.query_of(inside, None)[1]])
+    check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
     def work(source: Path) -> None:
         result = outputs[source]

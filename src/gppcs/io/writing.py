@@ -1,0 +1,102 @@
+"""Writes cloud files."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.errors import flag
+from gppcs.io.files import format_to_write
+from gppcs.io.format import refuse_losses
+from gppcs.io.reading import as_cloud
+from gppcs.io.streams import whole_output
+
+
+def write(
+    path: str | os.PathLike[str],
+    cloud: CloudLike,
+    format: str | None = None,  # noqa: A002
+    force: bool = False,
+    lossy: bool = False,
+    ascii: bool | None = None,  # noqa: A002
+    levels_by: str | None = None,
+) -> None:
+    """Write a cloud: PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, PCD, E57, Parquet or Feather.
+
+    The file appears under its name only when it is complete. Coordinates are written in the cloud's
+    `coordinate_dtype`, attributes in their own types if the format has these.
+
+    Parameters
+    ----------
+    path : str or path
+        The file. Its suffix selects the format; a further suffix .gz compresses it. `-` is standard output.
+    cloud : PointCloud, (N, 3) array-like, path or object of another library
+        The points and their attributes.
+    format : str, optional
+        Suffix of the format, such as "ply" or ".ply". It overrides the suffix of `path`.
+    force : bool
+        Whether to overwrite an existing file.
+    lossy : bool
+        Whether to leave out values that the format cannot hold: attributes, and the precision of coordinates. What a
+        file says of the whole cloud, such as comments, is left out where the format has no place for it.
+    ascii : bool, optional
+        Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
+        is written as such again; all others are binary.
+    levels_by : str, optional
+        Which points are on the coarse levels of a COPC file: "order", the default, takes the first ones of the cloud,
+        such as those that `simplify` has chosen first; "random" takes random ones.
+
+    Raises
+    ------
+    FileFormatError
+        If the format is unknown, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
+    OutputError
+        If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
+        values of the cloud and `lossy` is False, or it cannot hold its points.
+    MissingExtraError
+        If the format needs a package that is not installed (E57, Parquet, Feather).
+    InputError, ParameterError
+        If an argument has a wrong type.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("sphere", n_points=100)
+    >>> gppcs.write("sphere.ply", cloud)
+    >>> len(gppcs.read("sphere.ply"))
+    100
+    """
+    store(path, cloud, format, force, lossy, ascii, levels_by)
+
+
+def store(
+    path: str | os.PathLike[str],
+    cloud: CloudLike,
+    format: str | None = None,  # noqa: A002
+    force: bool = False,
+    lossy: bool = False,
+    ascii: bool | None = None,  # noqa: A002
+    levels_by: str | None = None,
+) -> list[str]:
+    """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
+    cloud, force = as_cloud(cloud), flag("force", force)
+    known = format_to_write(path, format, ascii, levels_by)
+    fit = known.fit(cloud)
+    if not flag("lossy", lossy):
+        refuse_losses(path, known.name, fit.values)
+    with whole_output(path, force) as file:
+        assert known.write is not None
+        known.write(file, fit.cloud)
+    return [*fit.values, *fit.remarks]
+
+
+def check_storable(path: Path, cloud: PointCloud, format: str | None, lossy: bool) -> None:  # noqa: A002
+    """Check before long work that `write` can write a cloud: write one of its points to a temporary file."""
+    known = format_to_write(path, format)
+    fit = known.fit(cloud)
+    if not lossy:
+        refuse_losses(path, known.name, fit.values)
+    with tempfile.TemporaryFile() as trial:
+        assert known.write is not None
+        known.write(trial, fit.cloud[:1])
