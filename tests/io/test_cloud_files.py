@@ -208,8 +208,7 @@ def divisible(tmp_path_factory):
 @pytest.mark.parametrize(
     ("name", "rows", "begins"),
     [
-        ("a.las", 50_000, [0, 50_000, 100_000]),
-        ("a.las", 119_999, [0, 119_999]),
+        ("a.las", 50_000, [0, 65_536]),
         ("a.las", LARGE, [0]),
         ("a.laz", 1, [0, 50_000, 100_000]),
         ("a.laz", 50_001, [0, 100_000]),

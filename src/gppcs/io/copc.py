@@ -18,7 +18,7 @@ from gppcs.errors import FileFormatError
 from gppcs.io import las as las_files
 from gppcs.io.format import Reader
 from gppcs.io.las_header import LasHeader, read_header
-from gppcs.io.laz import decompressed
+from gppcs.io.laz import points_of
 from gppcs.io.query import Query
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class CopcNodes:
     def read(self, numbers: Sequence[int]) -> tuple[NDArray[np.int64], PointCloud]:
         """Return the points of some nodes: their coordinates as whole numbers (N, 3), and as a cloud."""
         empty = np.empty(0, self.las.point_format.dtype())
-        records = np.concatenate([empty, *decompressed(self._file, self.las, self.entries[list(numbers)])])
+        records = np.concatenate([empty, *points_of(self._file, self.las, self.entries[list(numbers)])])
         multiples = np.stack([records[axis].astype(np.int64) for axis in "XYZ"], axis=1)
         attributes = las_files.attributes_of(records, self.las)
         return multiples, PointCloud(

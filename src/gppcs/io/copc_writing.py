@@ -42,18 +42,16 @@ def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str = ORDERS[0]) ->
 def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any]) -> None:
     """Write a COPC file of points as they are stored, (n,), the most important first. It sorts them in place."""
     import laspy
-    import lazrs
 
     header, info = deepcopy(header), laspy.VLR("copc", 1, "copc info", bytes(160))
     header.vlrs.insert(0, info)
-    kind = las.compression_of(header, by_nodes=True)
-    las.write_header(file, header, kind)
+    compressor = las.write_header(file, header, compressed=True, by_nodes=True)
+    assert compressor
     times = _count(header, records)
     octree = Octree(header)
     pieces = octree.sort(records)
     keys = sorted(pieces)
     with las.reported_writing():
-        compressor = lazrs.ParLasZipCompressor(file, kind)
         for begin in range(0, len(keys), 16):  # nodes that are compressed at once
             nodes = (np.concatenate([records[i:j] for i, j in pieces[key]]) for key in keys[begin : begin + 16])
             compressor.compress_chunks([node.view(np.uint8) for node in nodes])

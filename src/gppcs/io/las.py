@@ -20,9 +20,9 @@ from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, read_header
-from gppcs.io.laz import chunks_of, counted_chunks, decompressed
+from gppcs.io.laz import counted_chunks, points_of, uncounted
 from gppcs.io.query import not_empty
-from gppcs.io.rows import BLOCK, at_most, check_length
+from gppcs.io.rows import BLOCK, at_most
 
 if TYPE_CHECKING:
     import laspy
@@ -38,46 +38,30 @@ POINT_FORMATS = (0, 1, 2, 3, 6, 7, 8)
 def open_las(
     file: BufferedReader, select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]] = counted_chunks
 ) -> Reader:
-    """Open a LAS, LAZ or COPC file; `select` returns the chunks of compressed points that are read."""
+    """Open a LAS, LAZ or COPC file; `select` returns the chunks that are read."""
     las = read_header(file)
     header = LasHeader.from_laspy(las)
 
     def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
         """Read the points in chunks: first a cloud without points, which stays if there are no others."""
-        blocks = _compressed(file, las, select, span) if las.are_points_compressed else _plain(file, las, span)
+        selected = select(file, las)
+        if span:
+            selected = selected[slice(*np.searchsorted(np.cumsum(selected["count"]), span, side="right"))]
         clouds = (
             PointCloud(coordinates_of(block, las), attributes_of(block, las) if attributes else {}, header=header)
-            for block in chain([np.empty(0, las.point_format.dtype())], blocks)
+            for block in chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
         )
         return at_most(n, not_empty(clouds))
 
-    return Reader(chunks, las.point_count, skipped=partial(_uncounted, file, las), spans=partial(_spans, file, las))
+    def spans(n: int) -> list[Span]:
+        """Divide the points at borders of chunks."""
+        begins = [0]
+        for end in np.cumsum(select(file, las)["count"]).tolist():
+            if begins[-1] + n <= end < las.point_count:
+                begins.append(end)
+        return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-
-def _compressed(
-    file: BufferedReader,
-    las: laspy.LasHeader,
-    select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]],
-    span: Span | None,
-) -> Iterator[NDArray[Any]]:
-    """Yield points as they are stored, (n,), of a span that begins and ends with chunks."""
-    chunks = select(file, las)
-    if span:
-        chunks = chunks[slice(*np.searchsorted(np.cumsum(chunks["count"]), span, side="right"))]
-    yield from decompressed(file, las, chunks)
-
-
-def _plain(file: BufferedReader, las: laspy.LasHeader, span: Span | None) -> Iterator[NDArray[Any]]:
-    """Yield points as they are stored, (n,)."""
-    record = las.point_format.dtype()
-    begin, end = span or (0, las.point_count)
-    file.seek(las.offset_to_point_data)
-    check_length(file, record.itemsize, end)
-    file.seek(las.offset_to_point_data + begin * record.itemsize)
-    for start in range(begin, end, BLOCK):
-        block = np.empty(min(BLOCK, end - start), record)
-        file.readinto(block.view(np.uint8).data)
-        yield block
+    return Reader(chunks, las.point_count, skipped=partial(uncounted, file, las), spans=spans)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -130,51 +114,18 @@ def _stored(values: Column, dimension: DimensionInfo) -> Column | None:
     return stored if is_exact else None
 
 
-def _uncounted(file: BufferedReader, las: laspy.LasHeader) -> list[str]:
-    """Return in words how many points a file holds behind those that its header counts, if any."""
-    start = las.offset_to_point_data
-    if las.are_points_compressed:
-        counts = chunks_of(file, las)["count"] if las.point_count else np.empty(0, int)
-        n_points = int(counts[:-1].sum()) + (len(counts) > 0)  # the last chunk may have fewer than the table says
-    else:
-        ends = (las.start_of_first_evlr, las.start_of_waveform_data_packet_record)
-        n_points = (min([file.seek(0, 2), *(end for end in ends if end > start)]) - start) // las.point_format.size
-    n_uncounted = n_points - las.point_count
-    return [f"points that its header does not count ({n_uncounted:,} or more)"] if n_uncounted > 0 else []
-
-
-def _spans(file: BufferedReader, las: laspy.LasHeader, n: int) -> list[Span]:
-    """Divide the points of a file into parts that can be read by themselves."""
-    ends: Iterable[int] = range(n, las.point_count, n)
-    if las.are_points_compressed:
-        ends = np.cumsum(counted_chunks(file, las)["count"]).tolist()
-    else:
-        file.seek(las.offset_to_point_data)
-        check_length(file, las.point_format.size, las.point_count)
-    begins = [0]
-    for end in ends:
-        if begins[-1] + n <= end < las.point_count:
-            begins.append(end)
-    return list(pairwise([*begins, las.point_count])) if las.point_count else []
-
-
 def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file of a cloud that `stored` has returned."""
     import laspy
-    import lazrs
 
     las = deepcopy(header_of(cloud))
-    kind = compression_of(las) if compressed else None
-    write_header(file, las, kind)
+    compressor = write_header(file, las, compressed)
+    write = compressor.compress_many if compressor else file.write
     with reported_writing():
-        compressor = lazrs.ParLasZipCompressor(file, kind) if compressed else None
         for start in range(0, len(cloud), BLOCK):
             block = records_of(cloud[start : start + BLOCK], las)
             las.grow(laspy.PackedPointRecord(block, las.point_format))
-            if compressor:
-                compressor.compress_many(block.view(np.uint8))
-            else:
-                file.write(block.view(np.uint8).data)
+            write(block.view(np.uint8).data)
         if compressor:
             compressor.done()
     write_rest(file, las)
@@ -208,24 +159,25 @@ def set_coordinates(block: NDArray[Any], points: NDArray[np.float64], las: laspy
         block[axis] = np.rint((values - offset) / scale)
 
 
-def compression_of(las: laspy.LasHeader, by_nodes: bool = False) -> lazrs.LazVlr:
-    """Return lazrs' description of the compression; `by_nodes` lets chunks have any number of points."""
+def write_header(
+    file: BinaryIO, las: laspy.LasHeader, compressed: bool, by_nodes: bool = False
+) -> lazrs.ParLasZipCompressor | None:
+    """Write what stands before the points, make the header ready to count them, and return what compresses them.
+
+    With `by_nodes`, chunks can have any number of points.
+    """
+    import laspy
     import lazrs
 
     extra = las.point_format.num_extra_bytes
-    return lazrs.LazVlr.new_for_compression(las.point_format.id, extra, use_variable_size_chunks=by_nodes)
-
-
-def write_header(file: BinaryIO, las: laspy.LasHeader, kind: lazrs.LazVlr | None) -> None:
-    """Write what stands before the points, and make a header ready to count them."""
-    import laspy
-
-    if kind:
+    kind = lazrs.LazVlr.new_for_compression(las.point_format.id, extra, use_variable_size_chunks=by_nodes)
+    if compressed:
         las.are_points_compressed = True
         las.vlrs.append(laspy.vlrs.known.LasZipVlr(bytes(kind.record_data())))
     with reported_writing():
         las.write_to(file, encoding_errors="surrogateescape")
-    las.partial_reset()
+        las.partial_reset()
+        return lazrs.ParLasZipCompressor(file, kind) if compressed else None
 
 
 def write_rest(file: BinaryIO, las: laspy.LasHeader) -> None:
@@ -309,14 +261,11 @@ def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasH
     """Return a header with the first point format that holds the most attributes as standard dimensions."""
     import laspy
 
-    formats = [laspy.PointFormat(number) for number in point_formats]
-    held = [
-        sum(
-            d.name in cloud.attributes and _stored(cloud.attributes[d.name], d) is not None for d in form.dimensions[3:]
-        )
-        for form in formats
-    ]
-    best = formats[int(np.argmax(held))]
+    def n_held(point_format: laspy.PointFormat) -> int:
+        held = (d for d in point_format.dimensions[3:] if d.name in cloud.attributes)
+        return sum(_stored(cloud.attributes[dimension.name], dimension) is not None for dimension in held)
+
+    best = max(map(laspy.PointFormat, point_formats), key=n_held)
     is_new = best.id >= 6 or len(cloud) >= 2**32
     las = laspy.LasHeader(version="1.4" if is_new else "1.2", point_format=best)
     las.generating_software = "gppcs"
@@ -401,9 +350,8 @@ def scale_and_offset(
     if scale and all(_is_exact(part, scale, offset) for part in parts()):
         return scale, offset
     limits = np.array([(part.min(), part.max()) for part in parts() if len(part)] or [(0.0, 0.0)])
-    lower, upper = float(limits[:, 0].min()), float(limits[:, 1].max())
-    for scale, offset, rounding in _scales(lower, upper):
-        if all(_is_exact(part, scale, offset, rounding) for part in parts()):
+    for scale, offset in _scales(float(limits[:, 0].min()), float(limits[:, 1].max())):
+        if all(_is_exact(part, scale, offset) for part in parts()):
             break
     return scale, offset
 
@@ -419,32 +367,25 @@ def multiples(
     return result
 
 
-def _is_exact(values: NDArray[np.float64], scale: float, offset: float, rounding: float = 0.0) -> bool:
-    """Return whether values are whole multiples of a scale that fit, but for `rounding` units in the last place."""
+def _is_exact(values: NDArray[np.float64], scale: float, offset: float) -> bool:
+    """Return whether values are multiples of a scale that fit, but for two units in the last place: 41 times 0.01."""
     for part in (values[:1000], values[1000:]):  # most scales fail at the first
         with np.errstate(over="ignore"):
-            tolerance = rounding * np.spacing(np.maximum(np.abs(part), abs(offset))) if rounding else 0.0
+            tolerance = 2 * np.spacing(np.maximum(np.abs(part), abs(offset)))
         if not (np.abs(multiples(part, scale, offset) - part) <= tolerance).all():
             return False
     return True
 
 
-def _scales(lower: float, upper: float) -> Iterator[tuple[float, float, float]]:
-    """Yield scales that fit, the finest last, with a fitting offset and the rounding in which they count as exact."""
+def _scales(lower: float, upper: float) -> Iterator[tuple[float, float]]:
+    """Yield powers of ten that fit, the finest last, each with a fitting offset."""
     for offset in (0.0, float(np.rint(lower / 2 + upper / 2))):
-        finest = _finest_power(max(upper - offset, offset - lower))
+        distance = max(upper - offset, offset - lower)
+        fits = (e for e in range(-300, 309) if distance <= float(f"1e{e}") * (_LARGEST - 1))
+        finest = next(fits) if distance else 0
         # In multiples of coarser scales than the first, all but zero are too small.
         for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
-            # People write numbers in powers of ten from 1e-9 to 1: 41 times 0.01 differs from 0.41 by two units.
-            yield float(f"1e{exponent}"), offset, 2.0 if -9 <= exponent <= 0 else 0.0
-
-
-def _finest_power(distance: float) -> int:
-    """Return the exponent of the smallest power of ten in which a length is at most a whole number of 31 bits."""
-    if distance <= 0:
-        return 0
-    exponent = max(math.ceil(math.log10(distance) - math.log10(_LARGEST)), -300)
-    return exponent + (distance / float(f"1e{exponent}") > _LARGEST - 1)
+            yield float(f"1e{exponent}"), offset
 
 
 def _format(name: str, suffix: str, compressed: bool) -> Format:

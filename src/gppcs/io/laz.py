@@ -1,4 +1,4 @@
-"""Decompresses the points of LAZ and COPC files by lazrs, after the sizes of chunks have been checked."""
+"""Reads points of LAS, LAZ and COPC files by chunks, and checks the sizes of these; lazrs decompresses them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.errors import FileFormatError
-from gppcs.io.rows import BLOCK, reported
+from gppcs.io.rows import BLOCK, check_length, reported
 
 if TYPE_CHECKING:
     import laspy
@@ -19,11 +19,11 @@ CHUNK = np.dtype([("offset", "<u8"), ("size", "<i8"), ("count", "<i8")])  # byte
 _LAZRS = ("lazrs", "whole compressed points")
 
 
-def chunks_of(file: BinaryIO, header: laspy.LasHeader) -> NDArray[Any]:
-    """Return all chunks of a file, (C,), of type `CHUNK`; the last may have fewer points than its count says."""
+def chunks_of(file: BinaryIO, las: laspy.LasHeader) -> NDArray[Any]:
+    """Return all chunks of a compressed file, (C,), of type `CHUNK`; the last may have fewer points than it says."""
     import lazrs
 
-    start = header.offset_to_point_data
+    start = las.offset_to_point_data
     size = file.seek(0, 2)
     table = _whole_number(file, start, 8)
     if table == -1:  # of a file that was written without going back
@@ -33,11 +33,8 @@ def chunks_of(file: BinaryIO, header: laspy.LasHeader) -> NDArray[Any]:
         raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
     file.seek(start)
     with reported(*_LAZRS):
-        counts, sizes = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(_laszip(header))), np.int64).T
-    chunks = np.empty(len(counts), CHUNK)
-    chunks["size"], chunks["count"] = sizes, counts
-    chunks["offset"] = start + 8 + np.cumsum(sizes) - sizes
-    return chunks
+        counts, sizes = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(_laszip(las))), np.int64).T
+    return _chunks(start + 8, sizes, counts)
 
 
 def _whole_number(file: BinaryIO, position: int, length: int) -> int:
@@ -45,18 +42,43 @@ def _whole_number(file: BinaryIO, position: int, length: int) -> int:
     return int.from_bytes(file.read(length), "little", signed=True)
 
 
-def counted_chunks(file: BufferedReader, header: laspy.LasHeader) -> NDArray[Any]:
-    """Return the chunks of the points that the header counts, as `chunks_of` does, with their true counts."""
-    if not header.point_count:
-        return np.empty(0, CHUNK)
-    chunks = chunks_of(file, header)
+def _chunks(start: int, sizes: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[Any]:
+    """Return chunks side by side."""
+    chunks = np.empty(len(counts), CHUNK)
+    chunks["size"], chunks["count"] = sizes, counts
+    chunks["offset"] = start + np.cumsum(sizes) - sizes
+    return chunks
+
+
+def counted_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
+    """Return the chunks of the points that the header counts, (C,), of type `CHUNK`."""
+    count, start = las.point_count, las.offset_to_point_data
+    if not las.are_points_compressed:
+        file.seek(start)
+        check_length(file, las.point_format.size, count)
+        counts = np.diff([*range(0, count, BLOCK), count])
+        return _chunks(start, counts * las.point_format.size, counts)
+    chunks = chunks_of(file, las) if count else np.empty(0, CHUNK)
     _check_counts(chunks)
     ends = np.cumsum(chunks["count"])
-    if ends[-1] < header.point_count:
+    if count > ends.max(initial=0):
         raise _ends_early()
-    chunks = chunks[: np.searchsorted(ends, header.point_count) + 1]
-    chunks["count"][-1] -= ends[len(chunks) - 1] - header.point_count
+    chunks = chunks[: np.searchsorted(ends, count) + 1]
+    chunks["count"][-1:] -= ends[len(chunks) - 1 : len(chunks)] - count
     return chunks
+
+
+def uncounted(file: BufferedReader, las: laspy.LasHeader) -> list[str]:
+    """Return in words how many points a file holds behind those that its header counts, if any."""
+    start = las.offset_to_point_data
+    if las.are_points_compressed:
+        counts = chunks_of(file, las)["count"] if las.point_count else np.empty(0, int)
+        n_points = int(counts[:-1].sum()) + (len(counts) > 0)  # the last chunk may have fewer than the table says
+    else:
+        ends = (las.start_of_first_evlr, las.start_of_waveform_data_packet_record)
+        n_points = (min([file.seek(0, 2), *(end for end in ends if end > start)]) - start) // las.point_format.size
+    n_uncounted = n_points - las.point_count
+    return [f"points that its header does not count ({n_uncounted:,} or more)"] if n_uncounted > 0 else []
 
 
 def _check_counts(chunks: NDArray[Any]) -> None:
@@ -66,33 +88,41 @@ def _check_counts(chunks: NDArray[Any]) -> None:
         raise FileFormatError(f"expected chunks of 1 to 10,000,000 points, found one of {bad[0]:,}")
 
 
-def decompressed(file: BufferedReader, header: laspy.LasHeader, chunks: NDArray[Any]) -> Iterator[NDArray[Any]]:
+def points_of(file: BufferedReader, las: laspy.LasHeader, chunks: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Yield the points of some chunks, (n,), as they are stored, in blocks of one chunk or several."""
     import lazrs
 
-    record, laszip = header.point_format.dtype(), _laszip(header)
+    record = las.point_format.dtype()
+    if not las.are_points_compressed:
+        for offset, _, count in chunks.tolist():
+            points = np.empty(count, record)
+            file.seek(offset)
+            file.readinto(points.view(np.uint8).data)
+            yield points
+        return
+    _check_counts(chunks)
+    laszip = _laszip(las)
     with reported(*_LAZRS):
         size = lazrs.LazVlr(laszip).item_size()
         n_layers = _number_of_layers(laszip)
     if size != record.itemsize:
         raise FileFormatError(f"expected compressed points of {record.itemsize} bytes, found {size}")
-    _check_counts(chunks)
-    all_parts = lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL)
-    blocks = np.cumsum(chunks["count"]) // (4 * BLOCK)  # in some chunks at once, on several cores
+    everything = lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL)
+    blocks = np.cumsum(chunks["count"]) // (4 * BLOCK)  # of several chunks, for several cores
     for block in np.split(chunks, np.flatnonzero(np.diff(blocks)) + 1) if len(chunks) else ():
         content = bytearray()
         for offset, size in block[["offset", "size"]].tolist():
             content += _checked_chunk(file, offset, size, record.itemsize, n_layers)
         points = np.empty(block["count"].sum(), record)
-        table = list(zip(block["count"].tolist(), block["size"].tolist(), strict=True))
+        table = block[["count", "size"]].tolist()
         with reported(*_LAZRS):
-            lazrs.decompress_points_with_chunk_table(content, laszip, points.view(np.uint8), table, all_parts)
+            lazrs.decompress_points_with_chunk_table(content, laszip, points.view(np.uint8), table, everything)
         yield points
 
 
-def _laszip(header: laspy.LasHeader) -> bytes:
+def _laszip(las: laspy.LasHeader) -> bytes:
     """Return the content of the record that describes the compression."""
-    records = header.vlrs.get("LasZipVlr")
+    records = las.vlrs.get("LasZipVlr")
     if not records:
         raise FileFormatError("expected a record that describes the compression of the points, found none")
     return bytes(records[0].record_data)
