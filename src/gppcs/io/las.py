@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import lazrs
     from laspy.point.dims import DimensionInfo
 
-FARTHEST = 1e300  # Largest coordinate. Beyond, a whole number times the scale overflows.
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 # Point formats for clouds of other sources, in the order of preference: none has waveforms, COPC has the last three.
 POINT_FORMATS = (0, 1, 2, 3, 6, 7, 8)
@@ -249,12 +248,10 @@ def check_coordinates(points: NDArray[np.float64]) -> None:
     if n := np.count_nonzero(~np.isfinite(points).all(axis=1)):
         raise OutputError(
             f"expected finite coordinates, which alone LAS can hold, found {n:,} points with NaN or infinite ones; "
-            "drop them first, as with cloud[cloud.finite_rows()] or --drop invalid, or write PLY"
+            "drop them first, as with cloud[cloud.finite_rows()] or invalid=drop, or write PLY"
         )
-    if np.abs(points).max(initial=0.0) > FARTHEST:
-        raise OutputError(
-            f"expected coordinates of at most {FARTHEST:g} in LAS, found larger ones: drop them first, or write PLY"
-        )
+    if np.abs(points).max(initial=0.0) > 1e300:  # beyond, a whole number times the scale overflows
+        raise OutputError("expected coordinates of at most 1e300 in LAS, found larger ones; drop them, or write PLY")
 
 
 def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasHeader:
@@ -287,38 +284,28 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
     is_unchanged = is_unchanged and all(d.num_elements <= widest or d.num_elements > 3 for d in described)
     taken = (*standard.dimension_names, *standard.dtype().names)
     kept: dict[str, Column] = {}
+    extra = []
     for name, values in cloud.attributes.items():
         dimension, column = dimensions.get(name), columns.get(name)
         if dimension and column is not None and (is_unchanged or dimension.num_elements <= widest):
             kept[name] = values if dimension.is_scaled else column
-            standard.dimensions += [] if dimension.is_standard else [dimension]
+            extra += [] if dimension.is_standard else [dimension]
         elif dimension is None or not dimension.is_standard:
             for part, numbers in _extra_columns(name, values, widest).items():
-                _check_extra_name(part, (*kept, *taken))
+                check_name(part, (*kept, *taken))
+                if len(part.encode()) > 32 or len(extra) == 341:
+                    raise OutputError(
+                        "expected at most 341 attributes in extra bytes, with names of at most 32 bytes, found "
+                        f"{part!r} as number {len(extra) + 1}; rename or drop attributes"
+                    )
                 kept[part] = numbers
                 dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
-                standard.dimensions.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
+                extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
     if not is_unchanged:
-        _check_size(standard)
+        standard.dimensions += extra
         with reported_writing():
             las.point_format = standard
     return kept
-
-
-def _check_extra_name(name: str, taken: Collection[str]) -> None:
-    check_name(name, taken)
-    if len(name.encode()) > 32:
-        raise OutputError(
-            f"expected a name of at most 32 bytes for each attribute in LAS, found {name!r}; rename the attribute"
-        )
-
-
-def _check_size(point_format: laspy.PointFormat) -> None:
-    """Check that the record of extra bytes, and the points, have no more bytes than 16 bits can count."""
-    if (n := sum(1 for _ in point_format.extra_dimensions)) > 341:
-        raise OutputError(f"expected at most 341 attributes in extra bytes, found {n:,}; drop some")
-    if point_format.size > 65_535:
-        raise OutputError(f"expected points of at most 65,535 bytes, found {point_format.size:,}; drop attributes")
 
 
 def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:

@@ -210,7 +210,7 @@ def _check_records(file: BufferedReader, position: int, end: int, count: int, ex
             length = int.from_bytes(file.read(width), "little")
         position += size + length
         if position > end:
-            kind, place = ("extended ", "in the file") if extended else ("", "before the points")
+            kind, where = ("extended ", "in the file") if extended else ("", "before the points")
             raise FileFormatError(
-                f"expected {count:,} {kind}variable-length records {place}, found {i:,}; get the whole file again"
+                f"expected {count:,} {kind}variable-length records {where}, found {i:,}; get the whole file again"
             )

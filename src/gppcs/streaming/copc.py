@@ -57,11 +57,11 @@ def write_beyond_memory(
     with scratch_folder(None, 2 * size) as folder, whole_output(target, force) as file:
         parts = [folder / str(i) for i in range(-(-files.n_points // PART))]
         with timer("points to disk", files.n_points) as on_progress:
-            header, lost = _store(target, files, parts, rng, drop, lossy, on_progress)
+            header, changes = _store(target, files, parts, rng, drop, lossy, on_progress)
         with timer("levels and writing"):
             header, digits = _on_one_scale(target, parts, header, lossy)
             write_octree(file, header.las, _joined(folder / "joined", parts, header.las, rng))
-    return [*files.skipped(), *lost, *digits]
+    return [*files.skipped(), *changes, *digits]
 
 
 def _store(
@@ -78,7 +78,7 @@ def _store(
     Return their header, and in words what the file will not hold.
     """
     header, columns = None, JointColumns()
-    dropped, n_stored, n_invalid = dict[str, None](), 0, 0
+    changes, n_stored, n_invalid = dict[str, None](), 0, 0
     with ExitStack() as stack:
         opened = [[stack.enter_context(open(f"{part}{kind}", "wb")) for kind in KINDS] for part in parts]
         for chunk in files.chunks():
@@ -101,7 +101,7 @@ def _store(
                 )
             assert isinstance(fit.cloud.header, LasHeader)
             header = fit.cloud.header
-            dropped |= dict.fromkeys([*fit.values, *fit.remarks])
+            changes |= dict.fromkeys([*fit.values, *fit.remarks])
             last = len(parts) - 1
             if rng is None:
                 indices = np.minimum((n_stored + np.arange(len(cloud))) // PART, last)
@@ -116,7 +116,7 @@ def _store(
     if header is None:
         raise InputError(f"{target}: expected points with finite coordinates, found none")
     invalid = [f"points with NaN or infinite coordinates ({n_invalid:,})"] if n_invalid else []
-    return header, [*invalid, *dropped]
+    return header, [*invalid, *changes]
 
 
 def _on_one_scale(target: Path, parts: list[Path], header: LasHeader, lossy: bool) -> tuple[LasHeader, list[str]]:
