@@ -103,7 +103,7 @@ def test_one_row_and_a_loop_give_coordinates():
     "rows", ["label", None, 1.5, [0.5], True, (0, 1), (slice(None), 2), [[0, 1]], ..., np.array(["a"])]
 )
 def test_what_names_no_rows_is_a_type_error(rows):
-    with pytest.raises(TypeError, match=r"expected a slice, a mask or indices of rows, found .*attributes"):
+    with pytest.raises(TypeError, match=r"expected a slice, a mask or indices of points, found .*attributes"):
         CLOUD[rows]
 
 

@@ -224,7 +224,7 @@ TABLE = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"})
         (TABLE.assign(z=["a", "b"]), "expected numbers as coordinates, found <U1 in z"),
         (TABLE.assign(z=[True, False]), "expected numbers as coordinates, found bool in z"),
         (TABLE.assign(z=[2**60, 1]), r"expected coordinates below 2\^53, found larger ones in z"),
-        (TABLE.join(pandas.Series([1, 2], name=7)), "expected text as the name of an attribute, found 7"),
+        (TABLE.join(pandas.Series([1, 2], name=7)), "expected attributes by name"),
         (TABLE[["x", "y"]], "expected x, y and z for each point, found 'x', 'y'; rename"),
         (TABLE[["x", "y", "z", "x"]], "columns of different names, found 'x' twice"),
         (TABLE.assign(count=pandas.array([1, None], dtype="Int16")),

@@ -33,7 +33,7 @@ class PointCloud(ComparedByValue):
     """N points, each with the same attributes.
 
     A cloud can be used as an array of its points: `np.asarray(cloud)` is `cloud.points`, `len(cloud)` is N, and a loop
-    over the cloud yields the coordinates of each point. See `PointCloud.__getitem__` for `cloud[rows]`.
+    over the cloud yields the coordinates of each point. See `PointCloud.__getitem__` for `cloud[indices]`.
 
     Parameters
     ----------
@@ -73,22 +73,17 @@ class PointCloud(ComparedByValue):
 
     def __post_init__(self) -> None:
         points = array_of(self.points)
-        if points.ndim == 0:
-            raise InputError(f"expected points of shape (N, 3), found {_described(self.points)}")
         if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"expected points of shape (N, 3), found {points.shape}")
-        if not (np.issubdtype(points.dtype, np.floating) or np.issubdtype(points.dtype, np.integer)):
-            raise InputError(f"expected numbers as coordinates, found an array of {points.dtype}")
+            raise InputError(f"expected points of shape (N, 3), found {points.shape or _described(self.points)}")
+        _require_numbers(points.dtype, "numbers as coordinates, found an array of")
         object.__setattr__(self, "points", np.ascontiguousarray(points, dtype=np.float64))
-        if not isinstance(self.attributes, Mapping):
+        if not (isinstance(self.attributes, Mapping) and all(isinstance(name, str) for name in self.attributes)):
             raise InputError(
                 f"expected attributes by name, such as {{'label': labels}}, found {shown(self.attributes)}"
             )
         attributes = {}
-        for name, given in self.attributes.items():
-            if not isinstance(name, str):
-                raise InputError(f"expected text as the name of an attribute, found {shown(name)}")
-            attributes[name] = values = array_of(given, f"an array as attribute {name!r}")
+        for name, attribute in self.attributes.items():
+            attributes[name] = values = array_of(attribute, f"an array as attribute {name!r}")
             if values.shape[:1] != (len(points),):
                 raise InputError(
                     f"expected attribute {name!r} to have one row for each of the {len(points)} points, "
@@ -96,14 +91,12 @@ class PointCloud(ComparedByValue):
                 )
         object.__setattr__(self, "attributes", attributes)
         try:
-            kept = np.dtype(self.coordinate_dtype)
+            dtype = np.dtype(self.coordinate_dtype)
         except TypeError as error:
-            raise InputError(
-                f"expected a type of NumPy as coordinate_dtype, found {shown(self.coordinate_dtype)}"
-            ) from error
-        if not (np.issubdtype(kept, np.floating) or np.issubdtype(kept, np.integer)):
-            raise InputError(f"expected a type of numbers as coordinate_dtype, found {kept}")
-        object.__setattr__(self, "coordinate_dtype", kept)
+            found = shown(self.coordinate_dtype)
+            raise InputError(f"expected a type of NumPy as coordinate_dtype, found {found}") from error
+        _require_numbers(dtype, "a type of numbers as coordinate_dtype, found")
+        object.__setattr__(self, "coordinate_dtype", dtype)
         if not isinstance(self.header, Header | None):
             raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
 
@@ -165,8 +158,7 @@ class PointCloud(ComparedByValue):
         points = array_of(cloud, ACCEPTED)
         if points.ndim == 0:
             raise InputError(f"expected {ACCEPTED}, found {_described(cloud)}")
-        kept = points.dtype if np.issubdtype(points.dtype, np.floating) else np.dtype(np.float64)
-        return cls(points, coordinate_dtype=kept)
+        return cls(points, coordinate_dtype=_floating(points.dtype))
 
     def __repr__(self) -> str:
         carried = f", each with {', '.join(self.attributes)}" if self.attributes else ""
@@ -182,108 +174,54 @@ class PointCloud(ComparedByValue):
         return iter(self.points)
 
     @overload
-    def __getitem__(self, rows: int) -> NDArray[np.float64]: ...
+    def __getitem__(self, indices: int) -> NDArray[np.float64]: ...
 
     @overload
-    def __getitem__(self, rows: slice | ArrayLike) -> PointCloud: ...
+    def __getitem__(self, indices: slice | ArrayLike) -> PointCloud: ...
 
-    def __getitem__(self, rows: Any) -> PointCloud | NDArray[np.float64]:
-        """Return a part of the cloud with all attributes, or the coordinates of one point.
+    def __getitem__(self, indices: Any) -> PointCloud | NDArray[np.float64]:
+        """Return a part of the cloud with all attributes, or the coordinates of one point, (3,).
 
-        Shapes: rows (N,) or (M,); returns (3,).
+        Indices are a slice, a mask, (N,), or whole numbers, (M,).
         """
-        if isinstance(rows, slice):
-            return self.take(np.arange(len(self))[rows])
-        given = array_of(rows, "indices of rows")
-        if not given.size and given.dtype == np.float64:  # what NumPy makes of an empty list
-            given = given.astype(np.int64)
-        of_rows = given.dtype.kind in "iu" or (given.dtype.kind == "b" and given.ndim)
-        if isinstance(rows, tuple) or given.ndim > 1 or not of_rows:
+        if isinstance(indices, slice):
+            return self.take(np.arange(len(self))[indices])
+        chosen = array_of(indices, "indices of points")
+        if not chosen.size and chosen.dtype == np.float64:  # what NumPy makes of an empty list
+            chosen = chosen.astype(np.int64)
+        is_index = chosen.dtype.kind in "iu" or (chosen.dtype.kind == "b" and chosen.ndim)
+        if isinstance(indices, tuple) or chosen.ndim > 1 or not is_index:
             raise TypeError(
-                f"expected a slice, a mask or indices of rows, found {shown(rows)}; coordinates are in .points, "
+                f"expected a slice, a mask or indices of points, found {shown(indices)}; coordinates are in .points, "
                 "attributes in .attributes"
             )
-        indices = np.arange(len(self))[given]
-        return self.take(indices) if given.ndim else self.points[indices]
+        positive = np.arange(len(self))[chosen]
+        return self.take(positive) if chosen.ndim else self.points[positive]
 
     def take(self, indices: NDArray[np.int64]) -> PointCloud:
-        """Return the points with the given indices, in that order, with all attributes.
-
-        Parameters
-        ----------
-        indices : (M,) array, int64
-            Rows of the cloud.
-
-        Returns
-        -------
-        PointCloud
-            A copy of M points.
-        """
-        return PointCloud(
-            self.points[indices],
-            {name: values[indices] for name, values in self.attributes.items()},
-            self.coordinate_dtype,
-            self.header,
-        )
+        """Return a copy of the points with some indices, (M,), in that order, with all attributes."""
+        attributes = {name: values[indices] for name, values in self.attributes.items()}
+        return PointCloud(self.points[indices], attributes, self.coordinate_dtype, self.header)
 
     def moved(self, points: NDArray[np.float64]) -> PointCloud:
-        """Return the cloud with other coordinates and the same attributes.
-
-        Parameters
-        ----------
-        points : (N, 3) array, float64
-
-        Returns
-        -------
-        PointCloud
-            If `coordinate_dtype` is a type of integers, it becomes float64, to hold the coordinates.
-        """
-        kept = self.coordinate_dtype if np.issubdtype(self.coordinate_dtype, np.floating) else np.dtype(np.float64)
-        return replace(self, points=points, coordinate_dtype=kept)
+        """Return the cloud with other coordinates, (N, 3); a `coordinate_dtype` of integers becomes float64."""
+        return replace(self, points=points, coordinate_dtype=_floating(self.coordinate_dtype))
 
     def to_open3d(self) -> Any:
-        """Return the cloud as an object of Open3D, with all attributes.
+        """Return the cloud as a new `open3d.t.geometry.PointCloud`, with all attributes.
 
-        Returns
-        -------
-        open3d.t.geometry.PointCloud
-            A copy. `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates
-            are float32 if `coordinate_dtype` is, otherwise float64. Its method `to_legacy` makes an
-            `open3d.geometry.PointCloud`, which holds points, colours and normals only.
-
-        Raises
-        ------
-        InputError
-            If Open3D has no such type as an attribute, or an attribute is called "positions".
-        MissingExtraError
-            If Open3D is not installed.
-
-        Examples
-        --------
-        >>> made = gppcs.sample("sphere", n_points=100).to_open3d()  # doctest: +SKIP
-        >>> made.point.positions.shape, made.point.normals.dtype  # doctest: +SKIP
-        (SizeVector[100, 3], Float64)
+        `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates are float32 if
+        `coordinate_dtype` is, otherwise float64. An InputError names attributes of types that Open3D lacks.
         """
         from gppcs.clouds.objects import open3d_of
 
         return open3d_of(self)
 
     def to_pyvista(self) -> Any:
-        """Return the cloud as an object of PyVista, with all attributes.
+        """Return the cloud as a new `pyvista.PolyData`, with all attributes as `point_data`.
 
-        Returns
-        -------
-        pyvista.PolyData
-            A copy. Attributes are arrays of `point_data`: `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of
-            `red`, `green`, `blue` and `alpha`. An attribute of three or more axes becomes one of two. The coordinates
-            are float32 if `coordinate_dtype` is, otherwise float64.
-
-        Raises
-        ------
-        InputError
-            If PyVista has no such type as an attribute.
-        MissingExtraError
-            If PyVista is not installed.
+        `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of `red`, `green`, `blue` and `alpha`. An attribute of
+        three or more axes becomes one of two. An InputError names attributes of types that PyVista lacks.
 
         Examples
         --------
@@ -296,45 +234,21 @@ class PointCloud(ComparedByValue):
         return pyvista_of(self)
 
     def to_trimesh(self) -> Any:
-        """Return the cloud as an object of trimesh, with all attributes.
+        """Return the cloud as a new `trimesh.PointCloud`, with all attributes.
 
-        Returns
-        -------
-        trimesh.PointCloud
-            A copy with float64 coordinates. `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8;
-            without `alpha`, trimesh sets it to 255. All other attributes are in `metadata["vertex_attributes"]`.
-
-        Raises
-        ------
-        MissingExtraError
-            If trimesh is not installed.
-
-        Examples
-        --------
-        >>> made = gppcs.sample("sphere", n_points=100).to_trimesh()
-        >>> made.vertices.shape, list(made.metadata["vertex_attributes"])
-        ((100, 3), ['nx', 'ny', 'nz', 'curvature'])
+        `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8; without `alpha`, trimesh sets it to
+        255. All other attributes are in `metadata["vertex_attributes"]`.
         """
         from gppcs.clouds.objects import trimesh_of
 
         return trimesh_of(self)
 
     def to_pandas(self) -> Any:
-        """Return the cloud as a table of pandas.
+        """Return the cloud as a new `pandas.DataFrame` with the columns x, y, z and one for each attribute.
 
-        Returns
-        -------
-        pandas.DataFrame
-            A copy with the columns x, y, z, and one for each attribute. An attribute with k numbers for each point
-            becomes k columns, called name_0, name_1 and so on. The coordinates are of type `coordinate_dtype`; but if
-            that is a type of integers and some coordinates are none, they are float64.
-
-        Raises
-        ------
-        InputError
-            If two columns would have the same name.
-        MissingExtraError
-            If pandas is not installed.
+        An attribute with k numbers for each point becomes k columns, called name_0, name_1 and so on; an InputError
+        names columns that would be twice. The coordinates are of type `coordinate_dtype`; but if that is a type of
+        integers and some coordinates are none, they are float64.
 
         Examples
         --------
@@ -349,35 +263,19 @@ class PointCloud(ComparedByValue):
         return pandas_of(self)
 
     def non_finite(self) -> NDArray[np.int64]:
-        """Return the indices of the points that have a NaN or infinite coordinate.
-
-        Returns
-        -------
-        (K,) array, int64
-            Ascending.
-        """
-        x, y, z = np.isfinite(self.points).T  # several times as fast as `all` along the short axis
-        return np.flatnonzero(~(x & y & z))
+        """Return the indices of the points that have a NaN or infinite coordinate, ascending."""
+        return np.flatnonzero(~self._is_finite())
 
     def finite_rows(self) -> NDArray[np.int64]:
-        """Return the indices of the points whose coordinates are all finite.
+        """Return the indices of the points whose coordinates are all finite, ascending."""
+        return np.flatnonzero(self._is_finite())
 
-        Returns
-        -------
-        (N - K,) array, int64
-            Ascending.
-        """
-        rows, bad = np.arange(len(self)), self.non_finite()
-        return np.delete(rows, bad) if len(bad) else rows
+    def _is_finite(self) -> NDArray[np.bool_]:
+        x, y, z = np.isfinite(self.points).T  # several times as fast as `all` along the short axis
+        return x & y & z
 
     def normals(self) -> NDArray[np.float64] | None:
-        """Return the normals in the attributes `nx`, `ny` and `nz`.
-
-        Returns
-        -------
-        (N, 3) array, float64, or None
-            None if one of the three attributes is missing.
-        """
+        """Return the normals in the attributes `nx`, `ny` and `nz`, (N, 3); None if one of these is missing."""
         if not set(NORMALS) <= set(self.attributes):
             return None
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
@@ -414,6 +312,16 @@ def array_of(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArr
     except (TypeError, LookupError, AttributeError, RuntimeError) as error:  # of objects that are like no array
         reason = " ".join(str(error).split())
         raise InputError(f"expected {name}, found {_described(values)}, of which NumPy says: {reason}") from error
+
+
+def _require_numbers(dtype: np.dtype[Any], expected: str) -> None:
+    if dtype.kind not in "iuf":
+        raise InputError(f"expected {expected} {dtype}")
+
+
+def _floating(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return a type of floats, or float64 in place of another type."""
+    return dtype if dtype.kind == "f" else np.dtype(np.float64)
 
 
 def _described(value: Any) -> str:

@@ -129,7 +129,7 @@ class Expression:
 
     def _computed(self, node: ast.BinOp, left: Any, right: Any) -> Any:
         """Compute with numbers: whole ones exactly, however large."""
-        sizes = [int(np.max(np.abs(value), initial=0)) for value in (left, right) if _is_whole(value)]
+        sizes = [_size(value) for value in (left, right) if _is_whole(value)]
         if isinstance(node.op, ast.Mod) and _is_whole(right) and not np.all(right):
             raise self._error(node.right, "a divisor other than 0")
         if len(sizes) == 2 and not isinstance(node.op, ast.Div):
@@ -186,6 +186,11 @@ def _is_text(value: Any) -> bool:
 
 def _is_whole(value: Any) -> bool:
     return isinstance(value, int) or (isinstance(value, np.ndarray) and value.dtype.kind in "iO")
+
+
+def _size(value: Any) -> int:
+    """Return the largest absolute value of whole numbers."""
+    return int(np.abs(value).max(initial=0)) if isinstance(value, np.ndarray) else abs(value)
 
 
 def _plain(name: str) -> str:
