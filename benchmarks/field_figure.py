@@ -20,9 +20,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import gppcs
-from gppcs.drawing.camera import Camera, Square
+from gppcs.drawing.camera import Camera, Square, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.gp.local import algorithm
 from gppcs.gp.local.posterior import condition, posterior
 

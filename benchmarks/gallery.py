@@ -14,9 +14,9 @@ from PIL import Image
 
 import gppcs
 import report
+from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.side_by_side import Column, draw_comparison
-from gppcs.drawing.viewpoint import Viewpoint
 
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 POINTS, RATIO = 200_000, 0.05

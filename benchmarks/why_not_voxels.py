@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 import gppcs
 import report
-from gppcs.drawing.camera import SUPERSAMPLING, Camera
+from gppcs.drawing.camera import SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh
 
 PICTURE = Path(__file__).parents[1] / "docs" / "why-not-voxels.png"

@@ -21,9 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "learned"))
 
 import gppcs
 import training_set
-from gppcs.drawing.camera import Camera
+from gppcs.drawing.camera import Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
-from gppcs.drawing.viewpoint import Viewpoint
 from gppcs_learned import APES, APESGlobal, Potamias
 
 METHODS: tuple[str | gppcs.Method, ...] = ("gp", "gp-spectral", APES(), APESGlobal(), Potamias())

@@ -2,7 +2,7 @@ from gppcs import errors as errors
 from gppcs.clouds.cloud import PointCloud as PointCloud
 from gppcs.clouds.mesh import Mesh as Mesh
 from gppcs.clouds.summary import info as info
-from gppcs.drawing.notebook import show as show
+from gppcs.drawing.show import show as show
 from gppcs.engine.threads import set_threads as set_threads
 from gppcs.engine.timer import Timer as Timer
 from gppcs.errors import GppcsError as GppcsError

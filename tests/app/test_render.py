@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.drawing.viewpoint import Viewpoint
+from gppcs.drawing.camera import Viewpoint
 
 
 @pytest.fixture(autouse=True)

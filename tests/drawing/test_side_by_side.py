@@ -9,38 +9,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing import side_by_side
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.colours import Legend
-from gppcs.drawing.side_by_side import (
-    BAR,
-    BETWEEN,
-    CLOSE_UP_SHARE,
-    FLATTEST,
-    FRAMES,
-    GAP,
-    MIN_SEPARATION,
-    TALLEST,
-    TITLE,
-    Column,
-    draw_comparison,
-    feature_squares,
-)
+from gppcs.drawing.side_by_side import BAR, BETWEEN, GAP, TITLE, Column, draw_comparison, feature_squares
 from gppcs.errors import MissingExtraError
 
 matplotlib = pytest.importorskip("matplotlib")
 BUMP = np.array([0.6, -0.64, 0.48])
 TRIANGLE = Mesh(np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]]), np.array([[0, 1, 2]]))
-WIDTH = 160
+WIDTH = 560  # of a column with close-ups
 TOP = 3 * TITLE
 CLOSE_UP = (WIDTH - BETWEEN) // 2
-
-
-@pytest.fixture(autouse=True)
-def small(monkeypatch):
-    """Make pictures small, to make them fast."""
-    monkeypatch.setattr(side_by_side, "MAX_COLUMN_WIDTH", WIDTH)
 
 
 @pytest.fixture(scope="module")
@@ -52,13 +32,12 @@ def original(sphere):
 
 @pytest.fixture(scope="module")
 def camera(original):
-    return Camera.towards(original.cloud.points, WIDTH, (int(FLATTEST * WIDTH), int(TALLEST * WIDTH)))
+    return Camera.towards(original.cloud.points, WIDTH, (int(0.6 * WIDTH), int(1.3 * WIDTH)))
 
 
 @pytest.fixture(scope="module")
 def kept(original):
-    some = original.cloud.at(original.cloud.points[:200])
-    return Column("some", some, "H mean 1\nH max 2", None)
+    return Column("kept", original.cloud.at(original.cloud.points[:200]), "H mean 1\nH max 2", None)
 
 
 def picture(*columns, **options):
@@ -70,27 +49,26 @@ def picture(*columns, **options):
     return matplotlib.image.imread(file)[..., :3]
 
 
-def test_columns_stand_in_rows_of_six_at_most_of_a_width_that_is_allowed(monkeypatch, original, kept):
+@pytest.mark.slow
+def test_columns_stand_in_rows_of_six_at_most_of_a_width_that_is_allowed(original, kept):
     long = replace(original, title="sample-elimination " * 3)
     one, six, seven = (picture(long, *[kept] * count) for count in (0, 5, 6))
-    assert one.shape[1] < seven.shape[1] < six.shape[1]  # in two rows, of four and three
+    assert one.shape[1] < seven.shape[1] <= six.shape[1] <= 2400  # seven in two rows, of four and three
     assert seven.shape[0] > 1.7 * six.shape[0]
     assert one[: 3 * TITLE, [*range(GAP), *range(-GAP, 0)]].min() > 0.9  # the long title stays in its column
-    monkeypatch.setattr(side_by_side, "MAX_WIDTH", 500)
-    assert 450 < picture(original, *[kept] * 5).shape[1] <= 500
 
 
 def test_the_roughest_place_is_framed_and_enlarged(original, camera):
-    place, _ = camera.pixels(BUMP[None])
-    column, row = place[0] / 2.0 + (GAP, TOP)
-    red = matplotlib.colors.to_rgb(FRAMES[0])
+    pixels, _ = camera.pixels(BUMP[None])
+    column, row = pixels[0] / 2.0 + (GAP, TOP)
+    red = matplotlib.colors.to_rgb("#d1495b")
     rows, columns = np.nonzero(np.abs(picture(original) - red).max(axis=2) < 0.01)
     marked = rows < TOP + camera.size[1]
-    side = CLOSE_UP_SHARE * max(camera.size)
+    side = 0.18 * max(camera.size)
     assert (rows[marked].min() + rows[marked].max()) / 2 == pytest.approx(row, abs=0.3 * side)
     assert (columns[marked].min() + columns[marked].max()) / 2 == pytest.approx(column, abs=0.3 * side)
     assert np.ptp(rows[marked]) == pytest.approx(side, abs=3)
-    assert [np.ptp(each[~marked]) for each in (rows, columns)] == pytest.approx([CLOSE_UP, CLOSE_UP], abs=3)
+    assert [np.ptp(pixels[~marked]) for pixels in (rows, columns)] == pytest.approx([CLOSE_UP, CLOSE_UP], abs=3)
 
 
 @pytest.mark.usefixtures("opengl")
@@ -99,9 +77,9 @@ def test_meshes_stand_under_their_clouds_and_need_pyvista(monkeypatch, original,
     image = picture(*columns)
     row = TOP + camera.size[1] + CLOSE_UP + 3 * BETWEEN
     drawn = image[row:][: camera.size[1]].min(axis=2) < 0.95
-    shares = [drawn[:, GAP + number * (WIDTH + GAP) :][:, :WIDTH].mean() for number in range(3)]
-    assert 0.0 < shares[0] == shares[1] < 0.05  # "no mesh"
-    assert shares[2] > 0.15
+    covered = [drawn[:, GAP + number * (WIDTH + GAP) :][:, :WIDTH].mean() for number in range(3)]
+    assert 0.0 < covered[0] == covered[1] < 0.05  # "no mesh"
+    assert covered[2] > 0.15
     assert (picture(*columns) == image).all()
     monkeypatch.setitem(sys.modules, "pyvista", None)
     picture(original, kept)
@@ -109,16 +87,16 @@ def test_meshes_stand_under_their_clouds_and_need_pyvista(monkeypatch, original,
         picture(*columns)
 
 
-def test_both_clouds_are_seen_alike_in_their_own_colours(monkeypatch, original):
-    monkeypatch.setattr(side_by_side, "WIDE", WIDTH)
+def test_both_clouds_are_seen_alike_in_their_own_colours(original):
+    width = 776  # of a column without close-ups
     cloud = replace(original.cloud, colours=np.broadcast_to((1.0, 0.1, 0.1), original.cloud.points.shape))
-    whole, few = (replace(original, cloud=each) for each in (cloud, cloud.at(cloud.points[:2000])))
-    image = picture(whole, few, legend=Legend("RGB"), close_ups=0)
-    panels = [image[TOP:, left:][:, :WIDTH] for left in (GAP, WIDTH + 2 * GAP)]
+    everything, few = (replace(original, cloud=part) for part in (cloud, cloud.at(cloud.points[:2000])))
+    image = picture(everything, few, legend=Legend("RGB"), close_ups=0)
+    panels = [image[TOP:, left:][:, :width] for left in (GAP, width + 2 * GAP)]
     red = [np.nonzero((np.ptp(panel, axis=2) > 0.3) & (panel.argmax(axis=2) == 0)) for panel in panels]
-    boxes = [[ends for each in places for ends in (each.min(), each.max())] for places in red]
-    assert boxes[0][3] - boxes[0][2] > 0.8 * WIDTH
-    np.testing.assert_allclose(boxes[0], boxes[1], atol=4)
+    boxes = [[end for axis in pixels for end in (axis.min(), axis.max())] for pixels in red]
+    assert boxes[0][3] - boxes[0][2] > 0.8 * width
+    np.testing.assert_allclose(boxes[0], boxes[1], atol=12)
     assert (image[-BAR:] == 1.0).all()  # RGB has no colour bar
 
 
@@ -135,4 +113,4 @@ def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, sid
         assert one.column + side <= 20
         assert one.row + side <= 15
         for other in squares[:rank]:
-            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= MIN_SEPARATION * side
+            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= 1.5 * side

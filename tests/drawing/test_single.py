@@ -5,8 +5,8 @@ import pytest
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.single import draw_single
-from gppcs.drawing.viewpoint import Viewpoint
 from gppcs.errors import InputError, ParameterError
 from meshes import monument
 

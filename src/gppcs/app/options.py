@@ -14,7 +14,7 @@ from gppcs.app.panels import INPUT, LARGE, LOOK, METHOD, SIZE
 from gppcs.errors import ParameterError, file_path, shown
 
 if TYPE_CHECKING:
-    from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.drawing.camera import Viewpoint
 
 
 HELP = {field.name: field.metadata["help"] for field in dataclasses.fields(Options)}
@@ -153,7 +153,7 @@ def weights_of(detail: Sequence[str] | None) -> dict[str, float]:
 
 def viewpoint_of(view: str | None, up: str | None) -> Viewpoint:
     """Return the viewpoint that the options set."""
-    from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.drawing.camera import Viewpoint
 
     if view is None:
         return Viewpoint(up)

@@ -1,20 +1,56 @@
-"""An orthographic camera."""
+"""An orthographic camera, and the direction from which it looks at a cloud, as set or guessed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.drawing.viewpoint import AXES, GUESSED, Viewpoint
+from gppcs.clouds.mesh import Mesh
+from gppcs.errors import ParameterError, number, shown
 
 Array = NDArray[np.float64]
 
 SUPERSAMPLING = 2  # pictures are drawn larger by this factor and averaged down, so that edges are smooth
-MARGIN = 0.04  # empty share of a panel on each side
-WIDEST = 3.0  # extent that is shown whole, as a multiple of that of nearly all points
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """The direction from which a camera looks. A value that is None is guessed from the cloud."""
+
+    up: str | None = None
+    direction: tuple[float, float] | None = None  # azimuth and elevation in degrees
+
+    def __post_init__(self) -> None:
+        if self.up is not None and not (isinstance(self.up, str) and self.up.removeprefix("-") in ("x", "y", "z")):
+            raise ParameterError(f"expected x, y, z, -x, -y or -z as the axis that points up, found {shown(self.up)}")
+        if self.direction is None:
+            return
+        angles = [number(angle) for angle in self.direction] if isinstance(self.direction, Iterable) else []
+        if not (len(angles) == 2 and abs(angles[0]) < np.inf and abs(angles[1]) <= 90.0):
+            expected = "a finite azimuth and an elevation from -90 to 90, in degrees"
+            raise ParameterError(f"expected {expected}, found {shown(self.direction)}")
+
+    def guessed(self, points: Array) -> tuple[str, tuple[float, float]]:
+        """Return the axis and the direction; those that are None are guessed from points (N, 3)."""
+        lower, upper = np.percentile(points, (1, 99), axis=0)
+        extent = upper - lower
+        framed = _is_depth_image(points, extent)
+        up = self.up or ("-y" if framed else _up(points, lower, extent))
+        if self.direction or framed:
+            return up, self.direction or (20.0, 20.0)  # beside the camera
+        along = "xyz".index(up[-1])
+        broad, deep = np.delete(extent, along)
+        # On the broad side. Models usually face -y if z is up, and +z if y is up: both are azimuth 0.
+        if _lies(extent, along):
+            return up, (90.0 if broad < deep else 0.0, 55.0)
+        return up, (50.0 if broad < deep else 30.0, 22.0)  # turned a little
+
+
+GUESSED = Viewpoint()  # up and direction are guessed
 
 
 class Square(NamedTuple):
@@ -46,14 +82,14 @@ class Camera:
     ) -> Camera:
         """Return a camera that sees the whole of a cloud (N, 3), without distant outliers."""
         axes = _axes(points, viewpoint)
-        low, high = _frame(points @ axes[:2].T)
-        extent = high - low
+        lower, upper = _frame(points @ axes[:2].T)
+        extent = upper - lower
         # For a line, one extent is zero; for a single point, both are.
         extent = np.maximum(extent, 1e-6 * extent.max() or 1.0)
         height = int(np.clip(width * min(extent[1] / extent[0], 1e3), *heights))
         shape = (width * SUPERSAMPLING, height * SUPERSAMPLING)
-        empty = np.maximum(MARGIN * np.array(shape), margin * SUPERSAMPLING)
-        return cls(axes, (low + high) / 2.0, float(np.min((shape - 2.0 * empty) / extent)), shape)
+        empty = np.maximum(0.04 * np.array(shape), margin * SUPERSAMPLING)  # on each side
+        return cls(axes, (lower + upper) / 2.0, float(np.min((shape - 2.0 * empty) / extent)), shape)
 
     def close_up(self, square: Square, size: int) -> Camera:
         """Return a camera that shows a square part of this camera's picture."""
@@ -64,16 +100,16 @@ class Camera:
         return Camera(self.axes, centre, self.scale * enlargement, (side, side), enlargement)
 
     def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
-        """Return the places (N, 2) of points (N, 3) in the picture, and their depths (N,)."""
+        """Return the pixels (N, 2) of points (N, 3) in the picture, and their depths (N,)."""
         seen = points @ self.axes.T
-        place = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
+        pixels = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
         # Distant outliers must not exceed the range of integers.
-        return np.clip(place, -1e6, 1e6).astype(np.int64), -seen[:, 2] * self.scale
+        return np.clip(pixels, -1e6, 1e6).astype(np.int64), -seen[:, 2] * self.scale
 
-    def clipped(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the rows and columns (N,) of the pixels of the panel that are nearest to some places (N, 2)."""
+    def clipped(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the rows and columns (N,) of the pixels of the panel that are nearest to some pixels (N, 2)."""
         width, height = self.shape
-        return np.clip(place[:, 1], 0, height - 1), np.clip(place[:, 0], 0, width - 1)
+        return np.clip(pixels[:, 1], 0, height - 1), np.clip(pixels[:, 0], 0, width - 1)
 
 
 def averaged(image: Array) -> Array:
@@ -83,22 +119,66 @@ def averaged(image: Array) -> Array:
     return image.reshape(blocks).mean(axis=(1, 3))
 
 
+def spread_over(mesh: Mesh) -> Array:
+    """Return points (N, 3) spread evenly over a mesh, as a scan has them: its vertices can be few where it is flat."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        sums = np.cumsum(mesh.face_areas())
+    if not 0.0 < sums[-1] < np.inf:
+        return mesh.vertices[np.unique(mesh.faces)]
+    count = 20_000
+    faces = np.searchsorted(sums, sums[-1] * (np.arange(count) + 0.5) / count)
+    first, second = np.random.default_rng(0).random((2, count, 1))
+    weights = np.hstack([1.0 - np.sqrt(first), np.sqrt(first) * (1.0 - second), np.sqrt(first) * second])
+    return np.einsum("nc,ncx->nx", weights, mesh.vertices[mesh.faces[faces]])
+
+
 def _axes(points: Array, viewpoint: Viewpoint) -> Array:
     """Return the axes (3, 3) of a camera at a viewpoint, as `Camera` has them."""
     up, direction = viewpoint.guessed(points)
-    along = AXES.index(up[-1])
+    along = "xyz".index(up[-1])
     upwards, right = np.eye(3)[along] * (-1.0 if up[0] == "-" else 1.0), np.eye(3)[1 if along == 0 else 0]
     forward = np.cross(right, upwards)
     azimuth, elevation = np.radians(direction)
-    level = np.cos(azimuth) * forward + np.sin(azimuth) * right
-    to_viewer = np.cos(elevation) * level + np.sin(elevation) * upwards
+    horizontal = np.cos(azimuth) * forward + np.sin(azimuth) * right
+    to_viewer = np.cos(elevation) * horizontal + np.sin(elevation) * upwards
     sideways = np.cos(azimuth) * right - np.sin(azimuth) * forward
     return np.stack([sideways, np.cross(to_viewer, sideways), to_viewer])
 
 
 def _frame(flat: Array) -> tuple[Array, Array]:
     """Return the lower left and upper right corner (2,) of the points (N, 2), without distant outliers."""
-    low, inner_low, inner_high, high = np.percentile(flat, (0, 0.5, 99.5, 100), axis=0)
-    inner = inner_high - inner_low
-    reach = np.where(high - low <= WIDEST * inner, high - low, 0.25 * inner)
-    return np.maximum(low, inner_low - reach), np.minimum(high, inner_high + reach)
+    lower, inner_lower, inner_upper, upper = np.percentile(flat, (0, 0.5, 99.5, 100), axis=0)
+    inner = inner_upper - inner_lower
+    margin = np.where(upper - lower <= 3.0 * inner, upper - lower, 0.25 * inner)
+    return np.maximum(lower, inner_lower - margin), np.minimum(upper, inner_upper + margin)
+
+
+def _is_depth_image(points: Array, extent: Array) -> bool:
+    """Return whether points, (N, 3), are probably one image of a depth camera at the origin, with z ahead and y down.
+
+    It sees one point in each direction of a rectangular field of view, here of 0.3 to 3 at a distance of 1.
+    """
+    x, y, z = points.T
+    if z.min() <= 0.0 or extent[2] < 0.5 * extent.max():
+        return False
+    right, down = x / z, y / z
+    size = np.ptp(right), np.ptp(down)
+    if min(size) < 0.3 or max(size) > 3.0:
+        return False
+    cells, _, _ = np.histogram2d(right, down, 16)
+    return bool(np.mean(cells > 0) >= 0.9)
+
+
+def _lies(extent: Array, along: int) -> bool:
+    """Return whether an object of an extent (3,) lies: its height is below half of its smaller width."""
+    return bool(extent[along] < 0.5 * np.delete(extent, along).min())
+
+
+def _up(points: Array, lower: Array, extent: Array) -> str:
+    """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points."""
+    if _lies(extent, 2):
+        return "z"
+    for axis in (2, 1):  # the lowest 4 % of the height are a ground if they hold 15 % of the points
+        if np.mean(points[:, axis] <= lower[axis] + 0.04 * extent[axis]) >= 0.15:
+            return "xyz"[axis]
+    return "y" if extent[1] > 1.2 * extent[2] else "z"

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
-from gppcs.drawing.colours import Legend
-from gppcs.drawing.estimates import AROUND, estimates, reaches
+from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
+from gppcs.drawing.estimates import AROUND, disc_radii, estimates
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 
 Array = NDArray[np.float64]
 
-LIGHT = np.array([-0.35, 0.45, 0.82])  # direction to the light (right, up, to the viewer): from the upper left
-AMBIENT, DIFFUSE = 0.52, 0.63  # brightness without light, and what light from the front adds
-MIN_FACING = 0.1  # discs do not tilt further than to this component of the normal towards the viewer
-MAX_SURFACE_RADIUS = 28  # supersampled pixels; more in close-ups
-MIN_POINT_RADIUS = 2.4  # supersampled pixels
-GHOST_OPACITY = 0.35  # opacity of the original behind single points
-NORMAL_NEIGHBOURS = 12  # points that a normal is estimated from
-SIXTH = 6  # neighbour at whose distance discs close a surface
-PIXELS_AT_ONCE = 1 << 18  # pixels of discs drawn at once, to bound the memory
+MAX_SURFACE_RADIUS = 28  # of discs in supersampled pixels; more in close-ups
 
 
 @dataclass(frozen=True)
@@ -46,12 +39,29 @@ class ColouredCloud:
 
     def at(self, points: Array) -> ColouredCloud:
         """Return a simplified cloud: points (M, 3) with the values and colours of the nearest ones."""
-        rows = KdTree.build(self.points).nearest_of(points, 1)[0][:, 0]
-        return ColouredCloud(points, self.values[rows], colours=None if self.colours is None else self.colours[rows])
+        nearest = KdTree.build(self.points).nearest_of(points, 1)[0][:, 0]
+        colours = None if self.colours is None else self.colours[nearest]
+        return ColouredCloud(points, self.values[nearest], colours=colours)
 
     def colours_by(self, legend: Legend) -> Array:
         """Return the colours (N, 3): its own if it has some, otherwise those of its values."""
         return legend.colours_of(self.values) if self.colours is None else self.colours
+
+
+def painted(cloud: PointCloud, colour: str | None) -> tuple[ColouredCloud, Legend | None]:
+    """Return a finite cloud coloured by RGB or an attribute, and its legend; or by surface variation, without one."""
+    attributes = Colourable.from_cloud(cloud)
+    coloured = ColouredCloud.by_surface_variation(cloud.points)
+    if colour is None or (colour == VARIATION and VARIATION not in attributes.columns):
+        return coloured, None
+    attributes.require(colour)
+    if colour == RGB and RGB not in attributes.columns:
+        assert attributes.rgb is not None
+        return replace(coloured, colours=attributes.rgb / 255.0), Legend("RGB")
+    values = attributes.columns[colour]
+    kinds = kinds_of(values)
+    legend = Legend.of_amounts([values], colour, root=False) if kinds is None else Legend.of_kinds(kinds, colour)
+    return replace(coloured, colours=legend.colours_of(values)), legend
 
 
 class Original:
@@ -60,15 +70,15 @@ class Original:
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
         points, self.frame = normalised(cloud.points)
-        self.tree, spacing = _reaches(points)
+        self.tree, spacing = _spacings(points)
         self.spacing = self.frame.lengths(spacing)
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
         if cloud.normals is not None:
             return cloud.normals[indices]
-        places = self.frame.near(cloud.points[indices])
-        _, neighbours = self.tree.query(places, k=range(1, min(NORMAL_NEIGHBOURS, self.tree.n) + 1), workers=-1)
+        points = self.frame.near(cloud.points[indices])
+        _, neighbours = self.tree.query(points, k=range(1, min(12, self.tree.n) + 1), workers=-1)
         patches = self.tree.data[neighbours]
         patches = patches - patches.mean(axis=1, keepdims=True)
         _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
@@ -85,18 +95,18 @@ class View:
         # Outliers have no near neighbours, but must not become large discs.
         largest = np.clip(4.0 * np.median(radii), 1.0, MAX_SURFACE_RADIUS * camera.enlargement)
         radii = np.clip(radii, 1.0, largest)
-        place, depth = camera.pixels(original.cloud.points)
+        pixels, depth = camera.pixels(original.cloud.points)
         margin = math.ceil(largest)
-        inside = np.flatnonzero(((place >= -margin) & (place < np.array(camera.shape) + margin)).all(axis=1))
-        place, depth, radii = place[inside], depth[inside], radii[inside]
+        inside = np.flatnonzero(((pixels >= -margin) & (pixels < np.array(camera.shape) + margin)).all(axis=1))
+        pixels, depth, radii = pixels[inside], depth[inside], radii[inside]
         # First draw small discs that face the viewer. They remove most of the far side, which then needs no normals.
-        nearest, _ = _splat(place, depth, 0.4 * radii, None, camera.shape)
-        covering = np.maximum(nearest[camera.clipped(place)], 0)
+        nearest, _ = _splat(pixels, depth, 0.4 * radii, None, camera.shape)
+        covering = np.maximum(nearest[camera.clipped(pixels)], 0)
         front = depth <= depth[covering] + 4.0 * radii[covering]
-        place, depth, radii = place[front], depth[front], radii[front]
+        pixels, depth, radii = pixels[front], depth[front], radii[front]
         self.shown = inside[front]
         self.normals = self._facing(original.cloud, self.shown)
-        self.nearest, self.depth = _splat(place, depth, radii, self.normals, camera.shape)
+        self.nearest, self.depth = _splat(pixels, depth, radii, self.normals, camera.shape)
         covered = self.nearest >= 0
         self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
 
@@ -111,13 +121,14 @@ class View:
 
     def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
-        place, depth = self.camera.pixels(cloud.points)
-        front = np.flatnonzero(depth <= self.depth[self.camera.clipped(place)])
-        _, spacing = _reaches(cloud.points)
-        radii = np.clip(0.33 * self.camera.scale * spacing, MIN_POINT_RADIUS, max_radius)[front]
-        nearest, _ = _splat(place[front], depth[front], radii, None, self.camera.shape)
+        pixels, depth = self.camera.pixels(cloud.points)
+        front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
+        _, spacing = _spacings(cloud.points)
+        radii = np.clip(0.33 * self.camera.scale * spacing, 2.4, max_radius)[front]
+        nearest, _ = _splat(pixels[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
-        ghost = 1.0 - GHOST_OPACITY * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
+        opacity = 0.35
+        ghost = 1.0 - opacity * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
         return averaged(_lit(nearest, colours[front], self._facing(cloud, front), ghost))
 
     def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
@@ -128,21 +139,22 @@ class View:
 
 def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background: Array) -> Array:
     """Return the shaded picture (height, width, 3) of the points with the indices `nearest` (height, width)."""
-    facing = np.clip(normals @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
-    lit = np.clip(colours * (AMBIENT + DIFFUSE * facing)[:, None], 0.0, 1.0)
+    light = np.array([-0.35, 0.45, 0.82])  # right, up, to the viewer: from the upper left
+    facing = np.clip(normals @ (light / np.linalg.norm(light)), 0.0, 1.0)
+    lit = np.clip(colours * (0.52 + 0.63 * facing)[:, None], 0.0, 1.0)
     return np.where(nearest[..., None] < 0, background, np.append(lit, np.ones((1, 3)), axis=0)[nearest])
 
 
-def _reaches(points: Array) -> tuple[cKDTree, Array]:
-    """Return a tree over the distinct points, and how far the disc of each point (N, 3) is to reach."""
+def _spacings(points: Array) -> tuple[cKDTree, Array]:
+    """Return a tree over the distinct points, and the radius of the disc of each point (N, 3)."""
     # Repeats would make the searches take quadratic time.
     tree = cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
     distances, neighbours = tree.query(points, k=range(1, min(AROUND + 1, tree.n) + 1), workers=-1)
-    return tree, reaches(tree.data, neighbours, distances[:, min(SIXTH, tree.n - 1)])
+    return tree, disc_radii(tree.data, neighbours, distances[:, min(6, tree.n - 1)])
 
 
 def _splat(
-    place: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
+    pixels: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], Array]:
     """Return the nearest point and its depth in each pixel, drawn as a disc that faces the viewer or has a normal."""
     width, height = shape
@@ -155,12 +167,12 @@ def _splat(
     sizes = np.round(2.0 * radii).astype(np.int64)
     for size in np.unique(sizes):
         members = np.flatnonzero(sizes == size)
-        x, y, z = place[members, 0], place[members, 1], depth[members] - nearest_depth
+        x, y, z = pixels[members, 0], pixels[members, 1], depth[members] - nearest_depth
         slope = np.zeros((len(members), 2))
         if normals is not None:
-            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], MIN_FACING)
+            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], 0.1)  # do not tilt further
         offsets = _disc(size)
-        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / PIXELS_AT_ONCE)):
+        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / (1 << 18))):
             dx, dy = part.T
             deeper = slope[:, :1] * dx + slope[:, 1:] * dy
             column, row = x[:, None] + dx, y[:, None] + dy
@@ -177,6 +189,6 @@ def _splat(
 
 def _disc(size: int) -> NDArray[np.int64]:
     """Return the pixels (K, 2) of a disc relative to its centre, given its diameter."""
-    reach = np.arange(-(size // 2), size // 2 + 1)
-    offsets = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
+    steps = np.arange(-(size // 2), size // 2 + 1)
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     return offsets[4 * (offsets * offsets).sum(axis=1) <= size * size]

@@ -1,4 +1,4 @@
-"""The colours of values, and the legend that explains them."""
+"""What the colours of points can show, the colours of values, and the legend that explains them."""
 
 from __future__ import annotations
 
@@ -9,19 +9,59 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.colours import eight_bits, full_scale
 from gppcs.clouds.lookup import bounded
+from gppcs.errors import ParameterError, nearest_name, shown
 
 if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-SURFACE_VARIATION = "surface variation"  # its title
-COLOUR_MAP, DARKEST = "viridis", 0.22  # a colour map, from this place on: darker colours would hide the shading
+RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
 # The palette of Okabe and Ito, for kinds; the page for the browser has the same.
 KINDS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7f00", "#7a5195")
-NO_VALUE = 0.6  # grey level of NaN
-ROOT_SHARE = 98.0  # percentile at which a colour scale of skewed values ends
-LINEAR_SHARES = 1.0, 99.0  # percentiles at which other colour scales begin and end
+
+
+@dataclass(frozen=True)
+class Colourable:
+    """The attributes of numbers of a cloud, its RGB, and which value of it in the cloud is the brightest possible."""
+
+    columns: dict[str, NDArray[Any]]
+    rgb: NDArray[np.uint8] | None
+    full: float | None = None
+
+    @classmethod
+    def from_cloud(cls, cloud: PointCloud, full: float | None = None) -> Colourable:
+        """Return the attributes of a cloud as single columns; `full` is the brightest value of colours, if known."""
+        columns: dict[str, NDArray[Any]] = {}
+        for name, values in cloud.attributes.items():
+            if values.dtype.kind in "biuf":
+                flat = values.reshape(len(values), -1).T
+                columns |= {name if values.ndim == 1 else f"{name} {i}": column for i, column in enumerate(flat)}
+        triples = [["red", "green", "blue"], ["r", "g", "b"]]
+        triples += [[f"{name} {i}" for i in range(3)] for name in ("rgb", "color", "colors")]
+        names = next((names for names in triples if set(names) <= set(columns)), None)
+        if names is None:
+            return cls(columns, None)
+        colours = np.stack([columns.pop(name) for name in names], axis=1)
+        full = full or full_scale(colours)
+        return cls(columns, eight_bits(colours, full), full)
+
+    def require(self, colour: str) -> None:
+        """Raise an error if the cloud cannot be coloured so."""
+        names = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
+        if colour not in names:
+            found = f"{shown(colour)}{nearest_name(colour, names)}"
+            raise ParameterError(f"expected a colour or an attribute of numbers that the cloud has, found {found}")
+
+
+def kinds_of(values: NDArray[Any], maximum: int = len(KINDS)) -> NDArray[Any] | None:
+    """Return the different values (K,) if they are kinds, at most so many, rather than amounts."""
+    if np.issubdtype(values.dtype, np.floating):
+        return None
+    kinds = np.unique(values)
+    return kinds if 0 < len(kinds) <= maximum else None
 
 
 @dataclass(frozen=True)
@@ -33,17 +73,17 @@ class Legend:
     kinds: NDArray[Any] | None = None
 
     @classmethod
-    def of_amounts(cls, clouds: Sequence[NDArray[Any]], title: str = SURFACE_VARIATION, root: bool = True) -> Legend:
+    def of_amounts(cls, clouds: Sequence[NDArray[Any]], title: str = "surface variation", root: bool = True) -> Legend:
         """Return the legend of one quantity, (N,) each, of several clouds."""
         from matplotlib import colormaps
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import ListedColormap, Normalize, PowerNorm
 
-        lows, highs = zip(*(scale_ends(values, root) for values in clouds), strict=True)
-        low, high = min(lows), max(highs)
-        high = high if high > low else low + 1.0
-        norm = PowerNorm(0.5, low, high, clip=True) if root else Normalize(low, high, clip=True)
-        shades = ListedColormap(colormaps[COLOUR_MAP](np.linspace(DARKEST, 1.0, 256)))
+        starts, ends = zip(*(scale_ends(values, root) for values in clouds), strict=True)
+        start, end = min(starts), max(ends)
+        end = end if end > start else start + 1.0
+        norm = PowerNorm(0.5, start, end, clip=True) if root else Normalize(start, end, clip=True)
+        shades = ListedColormap(colormaps["viridis"](np.linspace(0.22, 1.0, 256)))  # darker ones would hide the shading
         unknown = any(np.isnan(values).any() for values in clouds)
         return cls(f"{title} (grey: unknown)" if unknown else title, ScalarMappable(norm, shades))
 
@@ -59,23 +99,23 @@ class Legend:
     def colours_of(self, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return the colours (N, 3) of values (N,)."""
         assert self.scale is not None
-        places = values if self.kinds is None else np.searchsorted(self.kinds, values)
-        colours = self.scale.to_rgba(places.astype(np.float64))[:, :3]
-        colours[np.isnan(values)] = NO_VALUE
+        shown_values = values if self.kinds is None else np.searchsorted(self.kinds, values)
+        colours = self.scale.to_rgba(shown_values.astype(np.float64))[:, :3]
+        colours[np.isnan(values)] = 0.6
         return colours
 
-    def add_bar(self, figure: Figure, place: tuple[float, float, float, float], size: float) -> None:
+    def add_bar(self, figure: Figure, box: tuple[float, float, float, float], size: float) -> None:
         """Add a colour bar to a figure; none for RGB."""
         from matplotlib.colors import PowerNorm
         from matplotlib.ticker import MaxNLocator
 
         if self.scale is None:
             return
-        axes = figure.add_axes(place)
+        axes = figure.add_axes(box)
         if self.kinds is None:
             extend = "max" if isinstance(self.scale.norm, PowerNorm) else "both"
-            low, high = self.scale.get_clim()
-            ticks = [tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high]
+            start, end = self.scale.get_clim()
+            ticks = [tick for tick in MaxNLocator(4).tick_values(start, end) if start <= tick <= end]
             bar = figure.colorbar(self.scale, axes, orientation="horizontal", extend=extend, ticks=ticks)
         else:
             bar = figure.colorbar(self.scale, axes, orientation="horizontal")
@@ -88,8 +128,8 @@ class Legend:
 
 def scale_ends(values: NDArray[Any], root: bool) -> tuple[float, float]:
     """Return where a colour scale of values (N,) begins and ends, so that a few extreme ones do not spoil it."""
-    known = bounded(values[np.isfinite(values)])
-    if len(known) == 0:
+    finite = bounded(values[np.isfinite(values)])
+    if len(finite) == 0:
         return 0.0, 1.0
-    first, last = np.percentile(known, (0.0, ROOT_SHARE) if root else LINEAR_SHARES)
+    first, last = np.percentile(finite, (0.0, 98.0) if root else (1.0, 99.0))
     return float(min(0.0, first) if root else first), float(last)

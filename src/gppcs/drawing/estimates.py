@@ -11,12 +11,7 @@ from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
 from gppcs.surface.surface_variation import features_in_radius
 
-KNOWN = 4  # points in a neighbourhood, at least: fewer always seem flat
-ROUNDING = 1e-12  # surface variation that rounding leaves on a plane; drawn, it would look like relief
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
-ACROSS = 3.0  # a point reaches so many standard deviations of its neighbours across a line,
-ON_LINES = 0.2  # but at least so much of the distance to its sixth neighbour, and at most all of it
-AT_ONCE = 1 << 16  # points whose neighbours are gathered at once, to bound the memory
 
 
 def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], KdTree]:
@@ -29,27 +24,28 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     distinct = local[first_occurrences(local)]
     tree = KdTree.build(distinct)
     features = features_in_radius(tree, neighbourhood_radius(tree))
-    measured = np.where(features.surface_variation <= ROUNDING, 0.0, features.surface_variation)
-    variation = np.where(features.neighbours >= KNOWN, measured, np.nan)
+    # Rounding on a plane would look like relief, and fewer than four points always seem flat.
+    measured = np.where(features.surface_variation <= 1e-12, 0.0, features.surface_variation)
+    variation = np.where(features.neighbours >= 4, measured, np.nan)
     same = tree.nearest_of(local, 1)[0][:, 0]
     return variation[same], features.normals[same], tree
 
 
-def reaches(
+def disc_radii(
     points: NDArray[np.float64], neighbours: NDArray[np.int64], sixth: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the distances (N,) to the sixth neighbours, less where a scan has but lines: they are no surface to close.
 
     Shapes: points (M, 3), neighbours (N, K), numbers of points.
     """
-    across = np.empty(len(sixth))
-    for first in range(0, len(sixth), AT_ONCE):
-        part = slice(first, first + AT_ONCE)
+    across, at_once = np.empty(len(sixth)), 1 << 16  # points, to bound the memory
+    for first in range(0, len(sixth), at_once):
+        part = slice(first, first + at_once)
         around = points[neighbours[part]]
         around -= around.mean(axis=1, keepdims=True)
         spread = np.einsum("nki,nkj->nij", around, around) / around.shape[1]
-        whole = np.einsum("nii->n", spread)
+        total = np.einsum("nii->n", spread)
         # About the second eigenvalue: the products of two eigenvalues each, divided by the sum of all.
-        products = (whole * whole - np.einsum("nij,nij->n", spread, spread)) / 2.0
-        across[part] = np.sqrt(np.maximum(products, 0.0) / np.where(whole > 0.0, whole, 1.0))
-    return np.clip(ACROSS * across, ON_LINES * sixth, sixth)
+        products = (total * total - np.einsum("nij,nij->n", spread, spread)) / 2.0
+        across[part] = np.sqrt(np.maximum(products, 0.0) / np.where(total > 0.0, total, 1.0))
+    return np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line

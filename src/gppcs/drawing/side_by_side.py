@@ -11,26 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.camera import SUPERSAMPLING, Camera, Square
+from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Square, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 
-MAX_WIDTH, MAX_COLUMNS, MAX_COLUMN_WIDTH = 2400, 6, 560  # pixels, columns in a row, pixels
-WIDE = 776  # pixels, instead of MAX_COLUMN_WIDTH where there are no close-ups
-FLATTEST, TALLEST = 0.6, 1.3  # height of a panel, divided by its width
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
 TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
-LETTER = 0.66  # mean width of a letter, divided by its size
 POINT = 0.72  # typographic points, the unit of matplotlib for letters and lines, in a pixel
-MAX_POINT_RADIUS = 6.5  # supersampled pixels
 CLOSE_UPS = 2
-CLOSE_UP_SHARE = 0.18  # edge length of a close-up's square, divided by the longer edge of the panel
-MIN_SEPARATION = 1.5  # least distance between the corners of two squares along one axis, in edge lengths
-MIN_SHARE = 1e-3  # a square below this share of the largest sum shows no feature
-FRAMES, FRAME_WIDTH = ("#d1495b", "#e8871e"), 3
 
 
 @dataclass(frozen=True)
@@ -62,8 +52,8 @@ def draw_comparison(
     if with_meshes:
         require_pyvista()
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
-    per_row = math.ceil(len(columns) / math.ceil(len(columns) / MAX_COLUMNS))
-    width = min(MAX_COLUMN_WIDTH if close_ups else WIDE, (MAX_WIDTH - GAP) // per_row - GAP)
+    per_row = math.ceil(len(columns) / math.ceil(len(columns) / 6))  # at most six
+    width = min(560 if close_ups else 776, (2400 - GAP) // per_row - GAP)  # pixels
     # Without its normals: those of the surface variation would show less of the relief.
     views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint, close_ups)
     cameras = [view.camera for view in views]
@@ -71,23 +61,23 @@ def draw_comparison(
     for number, column in enumerate(columns):
         cloud, colours = column.cloud, column.cloud.colours_by(legend)
         sheet.write(number, column)
-        drawn = [view.points(cloud, colours, MAX_POINT_RADIUS) if number else view.surface(colours) for view in views]
-        sheet.place(number, 0, drawn)
+        drawn = [view.points(cloud, colours, 6.5) if number else view.surface(colours) for view in views]
+        sheet.add(number, 0, drawn)
         if column.mesh:
-            sheet.place(number, 1, mesh_images(column.mesh, cameras))
+            sheet.add(number, 1, mesh_images(column.mesh, cameras))
     bar_width = min(0.5, 600 / sheet.width)
-    place = (0.5 - bar_width / 2.0, 80 / sheet.height, bar_width, 16 / sheet.height)
-    legend.add_bar(sheet.figure, place, POINT * TEXT)
+    box = (0.5 - bar_width / 2.0, 80 / sheet.height, bar_width, 16 / sheet.height)
+    legend.add_bar(sheet.figure, box, POINT * TEXT)
     sheet.figure.savefig(file, format="png", dpi=100)
 
 
 def _views(original: Original, width: int, viewpoint: Viewpoint, close_ups: int) -> tuple[list[View], list[Square]]:
     """Return the view of the whole original, those of its close-ups, and the squares that the close-ups show."""
-    heights = int(FLATTEST * width), int(TALLEST * width)
-    whole = View(original, Camera.towards(original.cloud.points, width, heights, viewpoint))
-    squares = feature_squares(whole.values(), round(CLOSE_UP_SHARE * max(whole.camera.shape)), close_ups)
+    heights = int(0.6 * width), int(1.3 * width)
+    overview = View(original, Camera.towards(original.cloud.points, width, heights, viewpoint))
+    squares = feature_squares(overview.values(), round(0.18 * max(overview.camera.shape)), close_ups)
     size = (width - BETWEEN * (CLOSE_UPS - 1)) // CLOSE_UPS
-    return [whole, *(View(original, whole.camera.close_up(square, size)) for square in squares)], squares
+    return [overview, *(View(original, overview.camera.close_up(square, size)) for square in squares)], squares
 
 
 def feature_squares(variation: NDArray[np.float64], side: int, count: int) -> list[Square]:
@@ -96,19 +86,19 @@ def feature_squares(variation: NDArray[np.float64], side: int, count: int) -> li
     corner = np.pad(variation.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     sums = corner[side:, side:] - corner[:-side, side:] - corner[side:, :-side] + corner[:-side, :-side]
     squares: list[Square] = []
-    least = MIN_SHARE * sums.max()
+    featureless = 1e-3 * sums.max()
     while len(squares) < count:
         row, column = np.unravel_index(sums.argmax(), sums.shape)
-        if sums[row, column] <= least:
+        if sums[row, column] <= featureless:
             break
         squares.append(Square(int(column), int(row), side))
-        near = math.ceil(MIN_SEPARATION * side)
+        near = math.ceil(1.5 * side)  # the smallest distance of two corners along one axis
         sums[max(row - near, 0) : row + near, max(column - near, 0) : column + near] = 0.0
     return squares
 
 
 class _Sheet:
-    """A matplotlib figure with columns of panels and their close-ups. Places are in pixels from the upper left."""
+    """A matplotlib figure with columns of panels and their close-ups. Positions are in pixels from the upper left."""
 
     def __init__(
         self, columns: Sequence[Column], per_row: int, sizes: list[tuple[int, int]], squares: list[Square], meshes: bool
@@ -120,10 +110,10 @@ class _Sheet:
         self.tops = [3 * TITLE + row * (panel_height + BETWEEN) for row in range(3 if meshes else 2)]
         lines = max(column.caption.count("\n") + 1 for column in columns)
         row_height = self.tops[-1] + round(1.35 * TEXT * lines) + GAP
-        places = [divmod(number, per_row) for number in range(len(columns))]
-        self.corners = [(GAP + column * (self.panel[0] + GAP), row * row_height) for row, column in places]
+        cells = [divmod(number, per_row) for number in range(len(columns))]
+        self.corners = [(GAP + column * (self.panel[0] + GAP), row * row_height) for row, column in cells]
         self.width = GAP + per_row * (self.panel[0] + GAP)
-        self.height = (places[-1][0] + 1) * row_height + BAR
+        self.height = (cells[-1][0] + 1) * row_height + BAR
         self.figure = Figure(figsize=(self.width / 100, self.height / 100), dpi=100, facecolor="white")
 
     def write(self, number: int, column: Column) -> None:
@@ -138,22 +128,23 @@ class _Sheet:
 
     def _text(self, number: int, below: int, text: str, size: float, **style: Any) -> None:
         left, top = self.corners[number]
-        size = min(size, self.panel[0] / (LETTER * max(len(text), 1)))
+        size = min(size, self.panel[0] / (0.66 * max(len(text), 1)))  # the mean width of a letter is 0.66 of its size
         x, y = (left + self.panel[0] / 2) / self.width, 1.0 - (top + below) / self.height
         self.figure.text(x, y, text, ha="center", size=POINT * size, **style)
 
-    def place(self, number: int, row: int, images: list[NDArray[np.float64]]) -> None:
-        """Place a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
+    def add(self, number: int, row: int, images: list[NDArray[np.float64]]) -> None:
+        """Add a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
         left, top = self.corners[number]
         top += self.tops[row]
         self._image(left, top, images[0])
         for rank, (image, square) in enumerate(zip(images[1:], self.squares, strict=True)):
             side = square.side / SUPERSAMPLING
-            self._frame(left + square.column / SUPERSAMPLING, top + square.row / SUPERSAMPLING, side, FRAMES[rank])
+            colour = ("#d1495b", "#e8871e")[rank]
+            self._frame(left + square.column / SUPERSAMPLING, top + square.row / SUPERSAMPLING, side, colour)
             size = image.shape[0]
             x, y = left + rank * (size + BETWEEN), top + images[0].shape[0] + BETWEEN
             self._image(x, y, image)
-            self._frame(x, y, size, FRAMES[rank])
+            self._frame(x, y, size, colour)
 
     def _image(self, left: int, top: int, image: NDArray[np.float64]) -> None:
         self.figure.figimage(image, left, self.height - top - image.shape[0], origin="upper")
@@ -162,8 +153,9 @@ class _Sheet:
         from matplotlib.patches import Rectangle
         from matplotlib.transforms import IdentityTransform
 
-        inner = side - FRAME_WIDTH
-        corner = (left + FRAME_WIDTH / 2, self.height - top - side + FRAME_WIDTH / 2)
-        linewidth, transform = POINT * FRAME_WIDTH, IdentityTransform()
-        frame = Rectangle(corner, inner, inner, fill=False, color=colour, linewidth=linewidth, transform=transform)
+        width = 3  # pixels
+        inner = side - width
+        corner = (left + width / 2, self.height - top - side + width / 2)
+        frame = Rectangle(corner, inner, inner, fill=False, color=colour, transform=IdentityTransform())
+        frame.set_linewidth(POINT * width)
         self.figure.add_artist(frame)

@@ -11,30 +11,25 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.attributes import RGB, Colourable
-from gppcs.drawing.camera import SUPERSAMPLING, Camera
-from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View
-from gppcs.drawing.colours import Legend
+from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint, spread_over
+from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View, painted
+from gppcs.drawing.colours import RGB, Colourable, Legend
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.drawing.paint import painted
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint, spread_over
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, bounds
 
-SMALLEST, LARGEST = 64, 4096  # pixels; larger pictures would take many gigabytes of memory
+SMALLEST = 64  # pixels
 DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
-BELOW = 74  # pixels for the colour bar
-TEXT = 16.0  # pixels
 
 
 class Drawn(NamedTuple):
     """What a picture shows."""
 
     colour: str  # what the colours show, in words; empty for a white mesh
-    left_out: int  # points whose coordinates are NaN or infinite
+    excluded: int  # points whose coordinates are NaN or infinite
     outside: int  # points that lie so far from all others that the picture does not show them
 
 
@@ -52,37 +47,38 @@ def draw_single(
     if mesh is not None:
         require_pyvista()
     width, height = checked_size(size)
-    rows = cloud.finite_rows()
-    if len(rows) == 0:
+    indices = cloud.finite_rows()
+    if len(indices) == 0:
         raise InputError(f"expected points with finite coordinates to draw, found none among {len(cloud)}")
-    finite = cloud.take(rows)
+    finite = cloud.take(indices)
     corners, everything = finite.points, finite.points  # where the camera looks, and what becomes of about unit size
     if mesh is not None:
         corners, everything = mesh.vertices[np.unique(mesh.faces)], np.vstack([finite.points, mesh.vertices])
     frame = Frame.from_bounds(*bounds(everything))
-    places, local = frame.local(corners), mesh and Mesh(frame.local(mesh.vertices), mesh.faces)
+    seen_points, local = frame.local(corners), mesh and Mesh(frame.local(mesh.vertices), mesh.faces)
     seen, legend = _coloured(finite.moved(frame.local(finite.points)), colour, mesh is not None)
-    below = BELOW if bar and legend.scale and height - BELOW >= SMALLEST else 0
+    below = 74 if bar and legend.scale and height - 74 >= SMALLEST else 0  # pixels for the colour bar
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
     looked = Viewpoint(*viewpoint.guessed(finite.points if mesh is None else spread_over(mesh)))
-    camera = Camera.towards(places, width, (height - below,) * 2, looked, radius)
+    camera = Camera.towards(seen_points, width, (height - below,) * 2, looked, radius)
     _write(file, _image(seen, local, camera), (width, height), below, legend)
-    place, _ = camera.pixels(places)
-    outside = int(((place < 0) | (place >= np.array(camera.shape))).any(axis=1).sum())
-    return Drawn(legend.title, len(cloud) - len(rows), outside)
+    drawn, _ = camera.pixels(seen_points)
+    outside = int(((drawn < 0) | (drawn >= np.array(camera.shape))).any(axis=1).sum())
+    return Drawn(legend.title, len(cloud) - len(indices), outside)
 
 
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
     """Check the size of a picture."""
-    width, height = (whole_number("the size of a picture", each, SMALLEST) for each in size)
-    if max(width, height) > LARGEST:
-        raise ParameterError(f"expected a picture of at most {LARGEST} x {LARGEST} pixels, found {width} x {height}")
+    width, height = (whole_number("the size of a picture", pixels, SMALLEST) for pixels in size)
+    largest = 4096  # larger pictures would take many gigabytes of memory
+    if max(width, height) > largest:
+        raise ParameterError(f"expected a picture of at most {largest} x {largest} pixels, found {width} x {height}")
     return width, height
 
 
 def _coloured(cloud: PointCloud, colour: str | None, is_mesh: bool) -> tuple[ColouredCloud | None, Legend]:
     """Return a cloud with its colours and, as far as it has some, its own normals; none for a mesh without RGB."""
-    rgb = Colourable.of(cloud).rgb
+    rgb = Colourable.from_cloud(cloud).rgb
     if is_mesh and colour is None and rgb is None:
         return None, Legend("")
     seen, legend = painted(cloud, colour or (None if rgb is None else RGB))
@@ -90,8 +86,8 @@ def _coloured(cloud: PointCloud, colour: str | None, is_mesh: bool) -> tuple[Col
     if carried is not None and seen.normals is not None:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             units = carried / np.linalg.norm(carried, axis=1, keepdims=True)
-        known = np.isfinite(units).all(axis=1, keepdims=True)
-        seen = replace(seen, normals=np.where(known, units, seen.normals))
+        usable = np.isfinite(units).all(axis=1, keepdims=True)
+        seen = replace(seen, normals=np.where(usable, units, seen.normals))
     return replace(seen, colours=seen.colours_by(legend)), legend
 
 
@@ -116,7 +112,7 @@ def _write(file: BinaryIO, image: NDArray[np.float64], size: tuple[int, int], be
     figure.figimage(image, 0, below, origin="upper")
     if below:
         broad = min(0.8, 512 / width)
-        legend.add_bar(figure, (0.5 - broad / 2.0, 48 / height, broad, 12 / height), TEXT * 72 / DPI)
+        legend.add_bar(figure, (0.5 - broad / 2.0, 48 / height, broad, 12 / height), 16.0 * 72 / DPI)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # the name of an attribute may have letters that the font lacks
         figure.savefig(file, format="png", dpi=DPI)

@@ -32,7 +32,7 @@ def test_triangles_come_back_sorted_and_turning_as_they_did(faces):
 def test_coordinates_differ_by_half_a_step_at_most(sphere, factor, shift):
     points = factor * sphere[:1000] + shift
     held = quantised(points)
-    assert (np.abs(held.low + held.step * held.numbers - points) <= 0.5001 * held.step + 1e-9 * np.max(factor)).all()
+    assert (np.abs(held.lower + held.step * held.numbers - points) <= 0.5001 * held.step + 1e-9 * np.max(factor)).all()
     assert held.step == pytest.approx(np.ptp(points, axis=0) / 65535, rel=1e-6)
 
 
@@ -52,7 +52,7 @@ def test_values_are_held_in_16_bits_of_their_range_and_unknown_ones_marked(value
     held = quantised_values(values)
     assert held.step == pytest.approx(step)
     known = np.isfinite(values)
-    back = held.low + held.step * held.numbers[known].astype(np.float64)
+    back = held.lower + held.step * held.numbers[known].astype(np.float64)
     assert back == pytest.approx(values[known].astype(np.float64), abs=0.5001 * float(held.step))
     assert ((held.numbers == UNKNOWN) == ~known).all()
 

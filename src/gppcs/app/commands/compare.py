@@ -22,7 +22,7 @@ from gppcs.methods import METHODS
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.mesh import Mesh
-    from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.drawing.camera import Viewpoint
     from gppcs.drawing.web.contents import Named
     from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
@@ -203,9 +203,9 @@ def _require_extras(pipelines: Sequence[str]) -> None:
 
 def _require_colour(original: PointCloud, colour: str) -> None:
     """Raise an error if a cloud cannot be coloured so."""
-    from gppcs.drawing.attributes import Colourable
+    from gppcs.drawing.colours import Colourable
 
-    Colourable.of(original).require(colour)
+    Colourable.from_cloud(original).require(colour)
 
 
 def _clouds(entries: Sequence[Entry], original: PointCloud, surface: Mesh | None, drawn: bool) -> list[Named]:
@@ -249,7 +249,7 @@ def _drawn(
     colour: str | None,
 ) -> bytes:
     """Return a PNG of the original and each result, in the colours of the nearest original points, and their meshes."""
-    from gppcs.drawing.paint import painted
+    from gppcs.drawing.cloud_images import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
     everything, legend = painted(original.take(original.finite_rows()), colour)

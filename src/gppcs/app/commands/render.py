@@ -15,7 +15,7 @@ from gppcs.errors import ParameterError, shown
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.viewpoint import Viewpoint
+    from gppcs.drawing.camera import Viewpoint
 
 EPILOG = (
     "gppcs render scan.ply -o scan.png\n\n"
@@ -86,8 +86,8 @@ def render(
         drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if faces and mesh is None:
         note_left_out(output, unread)
-    if drawn.left_out:
-        print_error(f"note: {source}: {drawn.left_out:,} points with NaN or infinite coordinates are left out")
+    if drawn.excluded:
+        print_error(f"note: {source}: {drawn.excluded:,} points with NaN or infinite coordinates are left out")
     if drawn.outside:
         print_error(f"note: {source}: {drawn.outside:,} points lie far from all others, outside the picture")
     if not quiet and not io.is_standard(output):
@@ -104,7 +104,7 @@ def _draw_beside(
     colour: str | None,
 ) -> None:
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
-    from gppcs.drawing.paint import painted
+    from gppcs.drawing.cloud_images import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
     original, legend = painted(cloud.take(cloud.finite_rows()), colour)

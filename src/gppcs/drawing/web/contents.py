@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint, spread_over
+from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
@@ -30,13 +30,6 @@ from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
-
-PARTS = 8, 4, 2, 1  # a result is also measured after the first eighth of its points, and so on
-LEAST = 4  # points of a part that is measured
-PLACE = b"<!--DATA-->"  # in the page that `make viewer` builds
-APART = 2.0  # clouds are drawn in one frame unless their common box is larger than the largest by this factor,
-SMALL = 0.1  # or one is smaller than this share of the largest
-MOVED = 2**32 - 1  # stands for the row of the original of a point that is at none of its places
 
 
 @dataclass(frozen=True)
@@ -56,17 +49,17 @@ class Page:
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
-        known = dict(Report.definitions())
+        definitions = Report.definitions()
         for name in detail:
-            known |= {f"{name}_{figure}": each for figure, each in DetailErrors.definitions().items()}
+            definitions |= {f"{name}_{figure}": value for figure, value in DetailErrors.definitions().items()}
         described["figures"] = [
-            {"name": name, "title": name.replace("_", " "), **each._asdict()} for name, each in known.items()
+            {"name": name, "title": name.replace("_", " "), **figure._asdict()} for name, figure in definitions.items()
         ]
         return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
 
     def write(self, file: BinaryIO) -> None:
         """Write the page."""
-        before, after = (files("gppcs.drawing.web") / "page.html").read_bytes().split(PLACE)
+        before, after = (files("gppcs.drawing.web") / "page.html").read_bytes().split(b"<!--DATA-->")
         json = strict_json(self.described)
         for character in "<>&":  # they could end the element
             json = json.replace(character, f"\\u{ord(character):04x}")
@@ -96,9 +89,9 @@ def report_page(
     lengths = f"in {unit or 'the unit of the coordinates'}"
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
-            kept, rows = _on_original(Surface.of(result), surface)
+            kept, indices = _on_original(Surface.of(result), surface)
             layer = Layer(blocks, result, "result", kept)
-            layer.described["blocks"]["originals"] = blocks.add(rows[layer.shown])
+            layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
         layers.append(layer)
         first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances, True)
@@ -120,9 +113,9 @@ def report_page(
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
     """Return a page of any clouds."""
     blocks = Blocks()
-    layers = [Layer(blocks, each, "cloud", Surface.of(each)) for each in clouds]
+    layers = [Layer(blocks, named, "cloud", Surface.of(named)) for named in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
-    lead = f"{sum(len(each.cloud) for each in clouds):,} points"
+    lead = f"{sum(len(named.cloud) for named in clouds):,} points"
     unit, mesh = unit_of(clouds[0].cloud.header) or "", clouds[0].mesh
     if mesh is not None:
         viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
@@ -130,12 +123,12 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
 
 
 def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:
-    """Return a result with surface variation and normals of the original, and the rows of its points there."""
+    """Return a result with the variation and normals of the original, and where its points are there, or 2^32 - 1."""
     _, frame = normalised(original.cloud.points)
     nearest, squared = original.tree.nearest_of(frame.near(result.cloud.points), 1)
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
-    rows = np.where(squared[:, 0] == 0.0, original.rows[distinct], MOVED).astype(np.uint32)
-    return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), rows
+    indices = np.where(squared[:, 0] == 0.0, original.indices[distinct], 2**32 - 1).astype(np.uint32)
+    return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), indices
 
 
 def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -149,7 +142,8 @@ def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:
     """Return the figures of a result after some numbers of its first points."""
     measured = []
-    for count in sorted({len(result), *(count for part in PARTS if (count := len(result) // part) >= LEAST)}):
+    counts = {len(result), *(count for part in (8, 4, 2) if (count := len(result) // part) >= 4)}
+    for count in sorted(counts):
         report = evaluate(original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
@@ -167,5 +161,5 @@ def _lie_together(layers: Sequence[Layer]) -> bool:
     boxes = np.array([(layer.cloud.points.min(axis=0), layer.cloud.points.max(axis=0)) for layer in layers])
     with np.errstate(over="ignore"):
         sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
-        whole = np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0))
-    return bool(whole <= APART * sizes.max() and sizes.min() >= SMALL * sizes.max())
+        joint = np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0))
+    return bool(joint <= 2.0 * sizes.max() and sizes.min() >= 0.1 * sizes.max())

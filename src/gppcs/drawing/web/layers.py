@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import CLASSES
-from gppcs.drawing.attributes import MOST_KINDS, Colourable, kinds_of
-from gppcs.drawing.colours import scale_ends
-from gppcs.drawing.estimates import AROUND, estimates, reaches
+from gppcs.drawing.colours import KINDS, Colourable, kinds_of, scale_ends
+from gppcs.drawing.estimates import AROUND, disc_radii, estimates
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
@@ -22,11 +21,6 @@ from gppcs.spatial.scaling import normalised
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
 MOST_TRIANGLES = 1_000_000  # of a mesh on the page; larger ones are left out
-MOST_CLASSES = 32  # that can be shown and hidden
-MOST_ATTRIBUTES = 12  # of a cloud; a million values take about two megabytes
-
-SIXTH, SPACINGS_TO_SIXTH = 6, 1.4  # the sixth neighbour is 1.4 mean spacings away
-SPREAD_PER_OCTAVE, USUAL_SPREAD, WIDEST = 40.0, 128.0, 4.0  # sizes of points in 8 bits, and the largest
 
 
 @dataclass(frozen=True)
@@ -43,7 +37,7 @@ class Surface(NamedTuple):
     """What a cloud tells of its surface at each of its N points with finite coordinates."""
 
     cloud: PointCloud  # these points
-    rows: NDArray[np.int64]  # (N,), in the file
+    indices: NDArray[np.int64]  # (N,), in the file
     variation: NDArray[np.float64]  # (N,), NaN where fewer than four points lie near, which always seem flat
     normals: NDArray[np.float64]  # (N, 3), of either sign
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
@@ -51,31 +45,31 @@ class Surface(NamedTuple):
     @classmethod
     def of(cls, named: Named) -> Surface:
         """Estimate the surface of a cloud; errors name the cloud."""
-        cloud, rows = named.cloud, named.cloud.finite_rows()
+        cloud, indices = named.cloud, named.cloud.finite_rows()
         try:
-            if len(rows) == 0:
+            if len(indices) == 0:
                 raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
-            finite = cloud if len(rows) == len(cloud) else cloud.take(rows)
+            finite = cloud if len(indices) == len(cloud) else cloud.take(indices)
             variation, normals, tree = estimates(finite.points)
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        return cls(finite, rows, variation, normals if carried is None else carried, tree)
+        return cls(finite, indices, variation, normals if carried is None else carried, tree)
 
     def spacings(self) -> NDArray[np.float64]:
         """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
         local, frame = normalised(self.cloud.points)
         count = self.tree.points.shape[1]
         nearest, squared = self.tree.in_own_order().nearest_of(local, min(AROUND + 1, count))
-        sixth = np.sqrt(squared[:, min(SIXTH, count - 1)])
-        return frame.lengths(reaches(self.tree.points.T, nearest, sixth) / SPACINGS_TO_SIXTH)
+        sixth = np.sqrt(squared[:, min(6, count - 1)])  # 1.4 mean spacings away
+        return frame.lengths(disc_radii(self.tree.points.T, nearest, sixth) / 1.4)
 
 
-def spread(spacings: NDArray[np.float64], least: float) -> tuple[float, NDArray[np.uint8]]:
+def spread(spacings: NDArray[np.float64], minimum: float) -> tuple[float, NDArray[np.uint8]]:
     """Return the usual one of some spacings (N,), and each in relation to it in 8 bits (N,)."""
-    usual = float(np.median(spacings)) or least
-    octaves = np.log2(np.clip(spacings / (usual or 1.0), 1.0 / WIDEST, WIDEST))
-    return usual, np.round(USUAL_SPREAD + SPREAD_PER_OCTAVE * octaves).astype(np.uint8)
+    usual = float(np.median(spacings)) or minimum
+    octaves = np.log2(np.clip(spacings / (usual or 1.0), 0.25, 4.0))
+    return usual, np.round(128.0 + 40.0 * octaves).astype(np.uint8)
 
 
 class Layer:
@@ -83,7 +77,7 @@ class Layer:
 
     def __init__(self, blocks: Blocks, named: Named, role: str, surface: Surface) -> None:
         self.blocks, self.name, self.notes = blocks, named.name, list[str]()
-        finite, points = len(surface.rows), len(named.cloud)
+        finite, points = len(surface.indices), len(named.cloud)
         self.shown = np.arange(finite)  # (K,), the points of the surface that are drawn
         if finite > MOST_SHOWN:
             self.shown = np.sort(simplify(surface.cloud.points, n_points=MOST_SHOWN).indices)
@@ -97,7 +91,7 @@ class Layer:
             "spreads": blocks.add(spreads),
         }
         if len(self.shown) < points:
-            held["rows"] = blocks.add(surface.rows[self.shown].astype(np.uint32))
+            held["rows"] = blocks.add(surface.indices[self.shown].astype(np.uint32))
         self.described: dict[str, Any] = {"name": named.name, "role": role, "reason": named.reason, "spacing": usual}
         self.described |= placed.described() | {"points": points, "shown": len(self.shown), "blocks": held}
         self.described |= {"values": [], "prefixes": [], "mesh": named.mesh and self._mesh(named.mesh)}
@@ -115,7 +109,7 @@ class Layer:
 
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity (K,) that colours can show."""
-        kinds = kinds_of(values, MOST_CLASSES if title in CLASSES else MOST_KINDS)
+        kinds = kinds_of(values, 32 if title in CLASSES else len(KINDS))
         held = self._held(values) if kinds is None else quantised_values(np.searchsorted(kinds, values))
         first, last = scale_ends(values, root)
         described = {"key": key, "title": title, "unit": unit, "from": first, "to": last, "root": root}
@@ -134,14 +128,15 @@ class Layer:
 
     def _add_attributes(self) -> None:
         """Add all attributes of numbers, and RGB, up to the limit of the page."""
-        attributes = Colourable.of(self.cloud)
+        attributes = Colourable.from_cloud(self.cloud)
         if attributes.rgb is not None:
             self.described["blocks"]["colours"] = self.blocks.add(attributes.rgb)
-        wanted = [name for name in attributes.columns if name not in NORMALS]
-        for name in wanted[:MOST_ATTRIBUTES]:
+        names = [name for name in attributes.columns if name not in NORMALS]
+        limit = 12  # a million values take about two megabytes
+        for name in names[:limit]:
             self.add_values(f"attribute:{name}", name, "as in the file", attributes.columns[name])
-        if left_out := wanted[MOST_ATTRIBUTES:]:
-            self.note(f"left out of this page: attributes {', '.join(left_out)}.")
+        if excluded := names[limit:]:
+            self.note(f"left out of this page: attributes {', '.join(excluded)}.")
 
     def _mesh(self, mesh: Mesh) -> dict[str, Any] | None:
         """Return the surface rebuilt from the cloud, or none if it is too large."""

@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
-from gppcs.drawing.attributes import Colourable
-from gppcs.drawing.viewpoint import GUESSED, Viewpoint
+from gppcs.drawing.camera import GUESSED, Viewpoint
+from gppcs.drawing.colours import Colourable
 from gppcs.drawing.web.contents import Page
 from gppcs.drawing.web.layers import Layer, Named, Surface, spread
 from gppcs.drawing.web.packing import UNKNOWN, Blocks, Quantised, octahedral, quantised_values
 from gppcs.io.copc import CopcNodes
 
-FIRST = 20_000  # points of the first levels, at least: they are the first picture, and tell the ranges of values
-EXACT = 2  # bytes of whole numbers whose whole range the page can hold
-POLICY = b"default-src 'none';"  # of the page, which may load nothing
-ALSO_NODES = b" connect-src 'self';"
+FIRST = 20_000  # points of the first levels, at least: they are the first picture, and give the ranges of values
 
 
 class Levels:
@@ -40,16 +37,17 @@ class Levels:
         self._names = [key for key, values in cloud.attributes.items() if (values != values[0]).any()]
         named = Named(name, self._telling(cloud))
         layer = _FirstLevels(blocks, named, "original", Surface.of(named))
-        rows = np.concatenate([nodes.rows[i] + np.arange(counts[i]) for i in first])
-        layer.described["blocks"]["rows"] = blocks.add(rows[layer.shown].astype(np.uint32))
+        indices = np.concatenate([nodes.rows[i] + np.arange(counts[i]) for i in first])
+        layer.described["blocks"]["rows"] = blocks.add(indices[layer.shown].astype(np.uint32))
         total = int(counts.sum())
         layer.described |= {"points": total, "octree": self._described()}
         layer.note(f"{len(cloud):,} of {total:,} points are here at once, the others as far as you look at them.")
-        self._values, self._full = layer.described["values"], Colourable.of(named.cloud).full
+        self._values, self._full = layer.described["values"], Colourable.from_cloud(named.cloud).full
         said: dict[str, Any] = {"title": name, "lead": f"{total:,} points, shown by level", "made": made}
         content = BytesIO()
         Page.of([layer], blocks, viewpoint, **said, diagonal=0.0, unit=unit_of(cloud.header) or "").write(content)
-        self.page = content.getvalue().replace(POLICY, POLICY + ALSO_NODES, 1)
+        policy = b"default-src 'none';"  # the page may load nothing but nodes
+        self.page = content.getvalue().replace(policy, policy + b" connect-src 'self';", 1)
 
     def __len__(self) -> int:
         """Return the number of nodes."""
@@ -76,14 +74,14 @@ class Levels:
         added to these coordinates, each quantity in 16 bits, normals, spreads and colours.
         """
         with self._lock:  # to read and to estimate takes all cores
-            whole, cloud = self._nodes.read([number])
+            integers, cloud = self._nodes.read([number])
             surface = Surface.of(Named(self._name, cloud))
             usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
-        attributes, low = Colourable.of(self._telling(cloud), self._full), whole.min(axis=0)
-        columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": each for key, each in attributes.columns.items()}
+        attributes, lower = Colourable.from_cloud(self._telling(cloud), self._full), integers.min(axis=0)
+        columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
         parts = [
-            np.array([*low, usual], "<f8"),
-            (whole - low).astype("<u4"),
+            np.array([*lower, usual], "<f8"),
+            (integers - lower).astype("<u4"),
             *(_numbers(columns[held["key"]], held).astype("<u2") for held in self._values),
             octahedral(surface.normals),
             spreads,
@@ -105,22 +103,22 @@ class _FirstLevels(Layer):
 
     def _held(self, values: NDArray[Any]) -> Quantised:
         """Return a quantity (K,) in a range that holds all that its type can, or twice the range found."""
-        if values.dtype.kind in "iu" and values.dtype.itemsize <= EXACT:
-            low, step = np.array(np.iinfo(values.dtype).min, np.float64), np.ones(())
+        if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
+            lower, step = np.array(np.iinfo(values.dtype).min, np.float64), np.ones(())
         else:
             held = quantised_values(values)
-            low, step = np.array(held.low - held.step * (UNKNOWN // 2)), np.array(2 * held.step)
-        described = {"low": low, "step": step, "categories": None}
-        return Quantised(_numbers(values, described), low, step)
+            lower, step = np.array(held.lower - held.step * (UNKNOWN // 2)), np.array(2 * held.step)
+        described = {"low": lower, "step": step, "categories": None}
+        return Quantised(_numbers(values, described), lower, step)
 
 
 def _numbers(values: NDArray[Any], held: dict[str, Any]) -> NDArray[np.uint16]:
     """Return a quantity (N,) in the numbers by which the page holds it."""
     if held["categories"]:
         kinds = np.array(held["categories"])
-        places = np.minimum(np.searchsorted(kinds, values), len(kinds) - 1)
-        return np.where(kinds[places] == values, places, UNKNOWN).astype(np.uint16)
+        numbers = np.minimum(np.searchsorted(kinds, values), len(kinds) - 1)
+        return np.where(kinds[numbers] == values, numbers, UNKNOWN).astype(np.uint16)
     with np.errstate(invalid="ignore"):
-        places = np.round((values.astype(np.float64) - held["low"]) / (held["step"] or 1.0))
-    known = np.isfinite(places)
-    return np.where(known, np.clip(places, 0, UNKNOWN - 1, where=known, out=places), UNKNOWN).astype(np.uint16)
+        numbers = np.round((values.astype(np.float64) - held["low"]) / (held["step"] or 1.0))
+    finite = np.isfinite(numbers)
+    return np.where(finite, np.clip(numbers, 0, UNKNOWN - 1, where=finite, out=numbers), UNKNOWN).astype(np.uint16)

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = 2**16 - 1  # number of coordinates
-UNKNOWN = LARGEST  # stands for NaN and infinity among values
+UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
 
 Array = NDArray[np.float64]
 
@@ -32,41 +31,41 @@ class Blocks:
 
 
 class Quantised(NamedTuple):
-    """Coordinates (N, 3) or values (N,) as whole numbers: the original is about low + step * number."""
+    """Coordinates (N, 3) or values (N,) as whole numbers: the original is about lower + step * number."""
 
     numbers: NDArray[np.uint16]
-    low: Array
+    lower: Array
     step: Array
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to know of the numbers, as JSON."""
-        return {"low": self.low.tolist(), "step": self.step.tolist()}
+        return {"low": self.lower.tolist(), "step": self.step.tolist()}
 
 
-def quantised(values: Array, largest: int = LARGEST, least_step: float = 0.0) -> Quantised:
+def quantised(values: Array, largest: int = 2**16 - 1, minimum_step: float = 0.0) -> Quantised:
     """Return finite coordinates (N, 3) or values (N,) as numbers up to the largest."""
-    low = values.min(axis=0)
-    # Shares and halves: the range can exceed the largest float.
-    step = np.maximum(values.max(axis=0) / largest - low / largest, least_step)
+    lower = values.min(axis=0)
+    # Divided and halved first: the range can exceed the largest float.
+    step = np.maximum(values.max(axis=0) / largest - lower / largest, minimum_step)
     with np.errstate(divide="ignore", invalid="ignore"):
-        numbers = np.where(step > 0, (values / 2 - low / 2) / (step / 2), 0.0)
-    return Quantised(np.clip(np.round(numbers), 0, largest).astype(np.uint16), low, step)
+        numbers = np.where(step > 0, (values / 2 - lower / 2) / (step / 2), 0.0)
+    return Quantised(np.clip(np.round(numbers), 0, largest).astype(np.uint16), lower, step)
 
 
 def quantised_values(values: NDArray[Any]) -> Quantised:
     """Return values (N,) that may be unknown in 16 bits of their range; whole numbers stay exact if they fit."""
-    known = np.isfinite(values)
-    floats = values[known].astype(np.float64) if known.any() else np.zeros(1)
+    finite = np.isfinite(values)
+    floats = values[finite].astype(np.float64) if finite.any() else np.zeros(1)
     held = quantised(floats, UNKNOWN - 1, 0.0 if np.issubdtype(values.dtype, np.floating) else 1.0)
     numbers = np.full(len(values), UNKNOWN, dtype=np.uint16)
-    numbers[known] = held.numbers[: known.sum()]
+    numbers[finite] = held.numbers[: finite.sum()]
     return held._replace(numbers=numbers)
 
 
 def octahedral(normals: Array) -> NDArray[np.uint8]:
     """Return directions (N, 3) as points (N, 2) of an unfolded octahedron, in 8 bits each (Cigolle et al. 2014)."""
-    known = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
-    directions = np.where(known[:, None], normals, (0.0, 0.0, 1.0))
+    usable = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
+    directions = np.where(usable[:, None], normals, (0.0, 0.0, 1.0))
     directions = directions / np.abs(directions).max(axis=1, keepdims=True)
     directions /= np.abs(directions).sum(axis=1, keepdims=True)
     flat = directions[:, :2]

@@ -18,14 +18,6 @@ from typing import Any
 from gppcs.drawing.web.levels import Levels
 from gppcs.errors import GppcsError
 
-HOST = "127.0.0.1"
-HEADERS = {
-    "Cache-Control": "no-store",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
-
 
 class LevelsServer(ThreadingTCPServer):
     """Answers at a free port of the loopback address, under a path that nobody can guess."""
@@ -34,8 +26,8 @@ class LevelsServer(ThreadingTCPServer):
 
     def __init__(self, levels: Levels) -> None:
         self.levels, self.token = levels, secrets.token_urlsafe(16)
-        super().__init__((HOST, 0), _Handler)
-        self.host = f"{HOST}:{self.server_address[1]}"
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.host = f"127.0.0.1:{self.server_address[1]}"
         self.url = f"http://{self.host}/{self.token}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -74,7 +66,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, content: bytes, kind: str) -> None:
         self.send_response(HTTPStatus.OK)
-        for name, value in {"Content-Type": kind, "Content-Length": str(len(content)), **HEADERS}.items():
+        headers = {
+            "Content-Type": kind,
+            "Content-Length": str(len(content)),
+            "Cache-Control": "no-store",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+        }
+        for name, value in headers.items():
             self.send_header(name, value)
         self.end_headers()
         with suppress(ConnectionError, TimeoutError):  # the browser no longer wants it

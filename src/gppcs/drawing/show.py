@@ -10,13 +10,11 @@ from io import BytesIO
 from pathlib import Path
 
 from gppcs.clouds.cloud import CloudLike
-from gppcs.drawing.viewpoint import Viewpoint
+from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.engine.timer import in_words
 from gppcs.io.reading import as_cloud
 from gppcs.simplification import Result
-
-HEIGHT = 720  # pixels of the viewer
 
 
 def show(
@@ -75,7 +73,7 @@ def _embed(page: bytes) -> None:
     """Show a page below the cell. The page's own policy lets no other script run, whatever names contain."""
     from IPython.display import HTML, display
 
-    style = f"width:100%;height:{HEIGHT}px;border:0"
+    style = "width:100%;height:720px;border:0"
     frame = f'<iframe title="Point clouds" srcdoc="{escape(page.decode())}" style="{style}"></iframe>'
     display(HTML(f"<div>{frame}</div>"))  # IPython warns of a bare frame
 
