@@ -198,8 +198,9 @@ def open_gltf(file: BufferedReader) -> Reader:
             raise FileFormatError(f"expected at most {len(data):,} numbers in a file of so many bytes, found more")
         # Without a resolver, no other file is read.
         scene = trimesh.load_scene(BytesIO(data), file_type="glb", process=False, skip_materials=True)
-        if sum(len(scene.geometry[scene.graph[node][1]].vertices) for node in scene.graph.nodes_geometry) > 10**8:
-            raise FileFormatError("expected at most 100 million vertices, found more")
+        repeated = sum(len(scene.geometry[scene.graph[node][1]].vertices) for node in scene.graph.nodes_geometry)
+        if repeated > max(10**7, len(data)):  # each node of a scene can repeat a mesh
+            raise FileFormatError(f"expected a scene of fewer vertices in {len(data):,} bytes, found {repeated:,}")
         mesh = scene.to_mesh()
         points, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
