@@ -36,55 +36,37 @@ def copc(las, tmp_path_factory, request):
     return path
 
 
-def same(found, expected):
-    assert found.points.tobytes() == expected.points.tobytes()
-    assert found.header == expected.header
-    for name, values in expected.attributes.items():
-        assert found.attributes[name].tobytes() == values.tobytes()
-
-
 def inside(cloud, box):
-    low, high = np.reshape(box, (2, -1))
-    points = cloud.points[:, : len(low)]
-    return cloud[((points >= low) & (points <= high)).all(axis=1)]
+    lower, upper = np.reshape(box, (2, -1))
+    points = cloud.points[:, : len(lower)]
+    return cloud[((points >= lower) & (points <= upper)).all(axis=1)]
 
 
-def test_the_file_is_one_that_laspy_reads(copc, las):
-    with laspy.CopcReader.open(copc) as reader:
-        assert sorted(reader.query().gps_time) == las.gps_time.tolist()
-    whole = gppcs.read(copc)
-    assert sorted(whole.attributes["gps_time"]) == las.gps_time.tolist()
-
-
-@pytest.mark.parametrize("resolution", [None, 100, 8, 7.9, 4, 3, 0.1, 1e-9])
+@pytest.mark.parametrize("resolution", [None, 100, 8, 7.9, 3, 1e-9])
 @pytest.mark.parametrize("box", BOXES)
-def test_the_points_are_those_that_laspy_finds(copc, box, resolution):
-    found = gppcs.read(copc, inside=box, resolution=resolution)
+def test_the_points_are_those_that_laspy_finds(copc, las, box, resolution):
+    found, cloud = gppcs.read(copc, inside=box, resolution=resolution), gppcs.read(copc)
+    assert sorted(cloud.attributes["gps_time"]) == las.gps_time.tolist()
     bounds = None if box is None else laspy.Bounds(*np.reshape(box, (2, -1)))
     with laspy.CopcReader.open(copc) as reader:
         expected = reader.query(bounds, resolution)
     assert sorted(found.attributes["gps_time"]) == sorted(expected.gps_time)
-    whole = gppcs.read(copc)
-    rows = np.searchsorted(np.sort(whole.attributes["gps_time"]), found.attributes["gps_time"])
-    rows = np.argsort(whole.attributes["gps_time"])[rows]
-    assert (np.diff(rows) > 0).all()  # in the order of the file
-    same(found, whole.take(rows))
+    indices = np.flatnonzero(np.isin(cloud.attributes["gps_time"], found.attributes["gps_time"]))
+    assert found == cloud.take(indices)  # in the order of the file
 
 
 @pytest.mark.parametrize("box", [[-np.inf, *BOX[1:]], [BOX[0], BOX[1], np.inf, np.inf], [-np.inf] * 2 + [np.inf] * 2])
 def test_infinite_limits_leave_a_side_open(copc, box):
-    whole = gppcs.read(copc)
-    found = gppcs.read(copc, inside=box)
-    assert sorted(found.attributes["gps_time"]) == sorted(inside(whole, box).attributes["gps_time"])
+    assert gppcs.read(copc, inside=box) == inside(gppcs.read(copc), box)
 
 
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".csv", ".npz", ".xyz.gz"])
 def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_path, suffix):
     path = tmp_path / f"b{suffix}"
     gppcs.write(path, gppcs.read(copc), lossy=True)
-    whole = gppcs.read(path)
+    cloud = gppcs.read(path)
     for box in BOXES[1:]:
-        same(gppcs.read(path, inside=box), inside(whole, box))
+        assert gppcs.read(path, inside=box) == inside(cloud, box)
     with pytest.raises(FileFormatError, match=r"b\.\S+: expected a COPC file, .* leave out resolution"):
         gppcs.read(path, resolution=1)
 
@@ -96,9 +78,6 @@ def test_the_border_belongs_to_the_box_and_nan_to_no_box(tmp_path):
     assert gppcs.read(tmp_path / "a.csv", inside=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
     open_sides = [-np.inf, -np.inf, -np.inf, 1, np.inf, np.inf]
     assert gppcs.read(tmp_path / "a.csv", inside=open_sides).points[:, 0].tolist() == [0, 1]
-    names = ["a", "x", "z"]
-    with pytest.raises(ParameterError, match="names of columns"):
-        gppcs.read(tmp_path / "a.csv", columns=names, inside=[0, 0, 2, 2])
     (tmp_path / "b.txt").write_text("".join(f"{a} {b} {c}\n" for a, b, c in points))
     assert gppcs.read(tmp_path / "b.txt", columns=["y", "x", "z"], inside=[1, 3, 1, 3]).points.tolist() == [[1, 3, 1]]
 
@@ -115,7 +94,6 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
             chunks = list(files.chunks(attributes, 50))
             assert suffix == ".npz" or max(map(len, chunks)) <= 50
             assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
-        assert files.read().points.tobytes() == expected.tobytes()
     with CloudFiles(paths, query=Query.from_options([0, 0, 1, 1])) as files:
         assert files.n_points == len(files.read()) == 0
         assert not list(files.chunks(True))
@@ -169,16 +147,12 @@ def test_a_damaged_index_is_refused(copc, tmp_path, place, values, message):
 def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(las, tmp_path):
     path = tmp_path / "a.copc.laz"
     index = write_copc(path, las, DEPTH, SPACING)
-    place, whole = path.stat().st_size - index.nbytes, path.read_bytes()
-    loop = index.copy()
+    place, content = path.stat().st_size - index.nbytes, path.read_bytes()
+    loop, twice, beyond, many, more = (index.copy() for _ in range(5))
     loop[0] = (0, (0, 0, 0), place, index.nbytes, -1)
-    twice = index.copy()
     twice[1] = index[0]
-    beyond = index.copy()
     beyond["size"][-1] = 2**30
-    many = index.copy()
     many["count"][-1] = 2**31 - 1
-    more = index.copy()
     more["count"][-1] += 1000
     for entries, message in (
         (loop, "a COPC index within the file"),
@@ -187,7 +161,7 @@ def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(la
         (many, "expected chunks of 1 to 10,000,000 points, found one of 2,147,483,647"),
         (more, "expected whole compressed points, but lazrs reports"),
     ):
-        path.write_bytes(whole)
+        path.write_bytes(content)
         damaged(path, place, entries.tobytes())
         with pytest.raises(FileFormatError, match=message):
             gppcs.read(path, resolution=1e-9)
@@ -197,14 +171,9 @@ def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
     """A layer of times in which the decoder would see a switch of sequences without end."""
     path = tmp_path / "a.copc.laz"
     index = write_copc(path, las[:800], 3, SPACING)
-    chunk = int(index["offset"][np.argmax(index["count"])])
-    layers = chunk + las.header.point_format.size + 4
-    sizes = np.frombuffer(
-        path.read_bytes()[layers : layers + 40], "<u4"
-    )  # 9 of points, the last the times; 1 of colours
+    layers = int(index["offset"][np.argmax(index["count"])]) + las.header.point_format.size + 4
+    sizes = np.frombuffer(path.read_bytes(), "<u4", 10, layers)  # 9 of points, the last the times; 1 of colours
     damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
     for query in ({"inside": [0, 0, 9e5, 9e5]}, {}):
-        with pytest.raises(
-            FileFormatError, match=r"a\.copc\.laz: expected whole compressed points, found damaged ones"
-        ):
+        with pytest.raises(FileFormatError, match=r"copc\.laz: expected whole compressed points, found damaged ones"):
             gppcs.read(path, **query)
