@@ -16,7 +16,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BufferedReader
@@ -60,7 +60,7 @@ class _Preview:
 
 
 def open_table(
-    names_of_width: Callable[[int], list[str]], file: BufferedReader, columns: list[str] | None = None
+    file: BufferedReader, columns: list[str] | None = None, names_of_width: Callable[[int], list[str]] = default_names
 ) -> Reader:
     """Open a table; `columns` are names in place of any in the file."""
     preview = _preview(lines_of(file), columns)
@@ -175,13 +175,25 @@ def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
     return columns | {name: values.astype(np.uint8) for name, values in colours.items()}
 
 
-def _write(
-    preamble: Callable[[PointCloud, Iterable[str]], str], separator: str, file: BinaryIO, cloud: PointCloud
-) -> None:
-    """Write what `preamble` returns for the names of the columns, then numbers and quoted text."""
+def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a table of blanks; of a cloud with attributes, the names of the columns are in a comment."""
     columns = columns_of(cloud)
-    file.write(preamble(cloud, columns).encode())
-    write_rows(file, list(columns.values()), separator)
+    if cloud.attributes:
+        file.write(f"# {' '.join(columns)}\n".encode())
+    write_rows(file, list(columns.values()))
+
+
+def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write a table of commas."""
+    columns = columns_of(cloud)
+    file.write(f"{','.join(columns)}\n".encode())
+    write_rows(file, list(columns.values()), ",")
+
+
+def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
+    """Write the number of points, and a table of blanks."""
+    file.write(f"{len(cloud)}\n".encode())
+    write_rows(file, list(columns_of(cloud).values()))
 
 
 def _numbers_and_text(cloud: PointCloud) -> PointCloud:
@@ -202,24 +214,10 @@ def _pts_names(width: int) -> list[str]:
     return [*default_names(3), *_PTS_ATTRIBUTES.get(width, default_names(width)[3:])]
 
 
-def _format(
-    name: str,
-    suffixes: tuple[str, ...],
-    preamble: Callable[[PointCloud, Iterable[str]], str],
-    separator: str = " ",
-    names_of_width: Callable[[int], list[str]] = default_names,
-    stored: Callable[[PointCloud], PointCloud] = _numbers_and_text,
-) -> Format:
-    opened, write = partial(open_table, names_of_width), partial(_write, preamble, separator)
-    return Format(name, suffixes, opened, write, stored=stored, options=frozenset({"columns"}))
-
-
+_TABLE = frozenset({"columns"})
+_open_pts = partial(open_table, names_of_width=_pts_names)
 FORMATS = (
-    _format(
-        "XYZ",
-        (".xyz", ".txt", ".asc"),
-        lambda cloud, names: f"# {' '.join(names)}\n" if cloud.attributes else "",
-    ),
-    _format("CSV", (".csv",), lambda cloud, names: f"{','.join(names)}\n", ","),
-    _format("PTS", (".pts",), lambda cloud, names: f"{len(cloud)}\n", " ", _pts_names, _usual_in_pts),
+    Format("XYZ", (".xyz", ".txt", ".asc"), open_table, write_xyz, stored=_numbers_and_text, options=_TABLE),
+    Format("CSV", (".csv",), open_table, write_csv, stored=_numbers_and_text, options=_TABLE),
+    Format("PTS", (".pts",), _open_pts, write_pts, stored=_usual_in_pts, options=_TABLE),
 )
