@@ -58,7 +58,7 @@ def kept_by_meshopt(case: Case, count: int) -> gppcs.PointCloud:
     """Return what `meshopt_simplifyPoints` keeps, with colours in OKLab or a number as grey; at most `count` points."""
     import meshoptimizer
 
-    values = AttributeRange.of(case.cloud, case.attribute).values(case.cloud)
+    values = AttributeRange.from_cloud(case.cloud, case.attribute).values(case.cloud)
     colours = np.ascontiguousarray(np.repeat(values, 3, axis=1) if values.shape[1] == 1 else values)
     places = case.cloud.points - case.cloud.points.min(axis=0)
     places = np.ascontiguousarray(places / places.max(), dtype=np.float32)
@@ -79,7 +79,7 @@ def error_of_fitted(case: Case, kept: gppcs.PointCloud) -> float:
     _, corners, (v, w) = (each.T for each in surface.find(case.cloud.points - middle))
     n, shares = len(case.cloud), np.stack([1.0 - v - w, v, w], axis=1)
     matrix = csr_array((shares.ravel(), corners.T.ravel(), np.arange(0, 3 * n + 1, 3)), shape=(n, len(surface.normals)))
-    true = AttributeRange.of(case.cloud, case.attribute).values(case.cloud).astype(np.float64)
+    true = AttributeRange.from_cloud(case.cloud, case.attribute).values(case.cloud).astype(np.float64)
     weights, least = np.ones(n), np.inf
     for _ in range(ROUNDS):
         weighted = diags_array(weights) @ matrix

@@ -113,7 +113,7 @@ def test_oklab_has_its_published_values():
 def test_a_range_leaves_out_outliers_and_fills_gaps():
     values = np.r_[np.linspace(0.0, 1.0, 1000), 1e9, np.nan]
     cloud = gppcs.PointCloud(np.zeros((1002, 3)), {"a": values})
-    shares = AttributeRange.of(cloud, "a").values(cloud)[:, 0]
+    shares = AttributeRange.from_cloud(cloud, "a").values(cloud)[:, 0]
     assert shares[500] == pytest.approx(0.5, abs=0.01)
     assert shares[1000:].tolist() == [1.5, 0.5]
 
@@ -129,5 +129,5 @@ def test_a_range_that_a_float_cannot_hold_is_one():
 def test_what_marks_missing_values_counts_as_an_outlier():
     values = np.r_[np.linspace(0.0, 1e-3, 1000), 1.797e308, -1.797e308]
     cloud = gppcs.PointCloud(np.zeros((1002, 3)), {"a": values, **dict.fromkeys(("red", "green", "blue"), values)})
-    assert AttributeRange.of(cloud, "a").values(cloud)[1000:, 0].tolist() == [1.5, -0.5]
-    assert np.isfinite(AttributeRange.of(cloud, "rgb").values(cloud)).all()
+    assert AttributeRange.from_cloud(cloud, "a").values(cloud)[1000:, 0].tolist() == [1.5, -0.5]
+    assert np.isfinite(AttributeRange.from_cloud(cloud, "rgb").values(cloud)).all()

@@ -23,7 +23,7 @@ def test_info_prints_the_facts(printed):
     out = printed("info", "scan.ply")
     rows = rows_of(out)
     assert rows[:2] == ["scan.ply", "points 400"]
-    assert {"low -50 -30 0", "repeats 1", "non finite 1", "unit the file does not say it"} <= set(rows)
+    assert {"minimum -50 -30 0", "repeats 1", "non finite 1", "unit the file does not say it"} <= set(rows)
     assert any(row.startswith("spacing 3.") for row in rows)
 
 

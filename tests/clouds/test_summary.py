@@ -17,8 +17,8 @@ def test_facts_of_a_grid():
     )
     assert gppcs.info(cloud) == Summary(
         points=17,
-        low=(10.0, 10.0, 10.0),
-        high=(14.0, 12.0, 12.0),
+        minimum=(10.0, 10.0, 10.0),
+        maximum=(14.0, 12.0, 12.0),
         diagonal=pytest.approx(np.sqrt(24)),
         spacing=pytest.approx(2.0),
         repeats=3,
@@ -40,12 +40,12 @@ def test_ranges_of_what_is_no_number_and_of_truth_values():
 def test_without_finite_points_lengths_are_nan(points):
     summary = gppcs.info(points)
     assert (summary.points, summary.repeats, summary.non_finite) == (len(points), 0, len(points))
-    assert np.isnan([*summary.low, *summary.high, summary.diagonal, summary.spacing]).all()
+    assert np.isnan([*summary.minimum, *summary.maximum, summary.diagonal, summary.spacing]).all()
 
 
 def test_points_in_one_place_have_no_spacing():
     summary = gppcs.info(np.ones((5, 3)))
-    assert (summary.repeats, summary.diagonal, summary.low) == (4, 0.0, (1.0, 1.0, 1.0))
+    assert (summary.repeats, summary.diagonal, summary.minimum) == (4, 0.0, (1.0, 1.0, 1.0))
     assert np.isnan(summary.spacing)
 
 
@@ -55,7 +55,7 @@ def test_lengths_are_right_in_any_unit(unit):
     summary = gppcs.info(points)
     assert summary.diagonal == pytest.approx(5 * unit, rel=1e-9)
     assert summary.spacing == pytest.approx(3 * unit, rel=1e-9)
-    assert (summary.high, summary.repeats) == ((3 * unit, 4 * unit, 0.0), 1)
+    assert (summary.maximum, summary.repeats) == ((3 * unit, 4 * unit, 0.0), 1)
 
 
 def test_a_diagonal_beyond_the_range_of_floats_is_infinite():

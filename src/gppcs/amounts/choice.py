@@ -171,7 +171,7 @@ def _task(
         weights = WeightRange.from_weights(constraints.weights).relative(constraints.weights)[indices]
         arrays["weights"] = np.maximum(weights, weights[weights > 0.0].min())  # those of points to keep may be 0
     if options.details:
-        detail = Details.of(cloud, options.details).values(cloud)
+        detail = Details.from_cloud(cloud, options.details).values(cloud)
         arrays["detail"] = None if detail is None else detail.take(indices, axis=0)
     if attribute is not None:
         arrays["values"] = numbers_in(cloud, attribute, "to choose points by")[indices]

@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
-LARGEST = np.finfo(np.float64).max / 4.0  # numbers whose differences do not overflow
 
-
-def check_named(name: str, known: Iterable[str], use: str) -> None:
-    """Raise an error that says for what an attribute was wanted, unless it is among those known."""
-    known = list(known)
-    if name not in known:
-        near = nearest_name(name, known) if known else "; it has none at all"
+def check_named(name: str, names: Iterable[str], use: str) -> None:
+    """Raise an error that says for what an attribute is needed, unless it is among some names."""
+    names = list(names)
+    if name not in names:
+        near = nearest_name(name, names) if names else "; it has none at all"
         raise InputError(f"the cloud has no attribute {shown(name)} {use}{near}")
 
 
@@ -29,13 +27,8 @@ def numbers_in(cloud: PointCloud, name: str, use: str) -> NDArray[np.float64]:
     values = cloud.attributes[name]
     if values.ndim == 1 and values.dtype.kind in "biuf":
         return as_floats(values)
-    if values.ndim > 1:
-        found = f"{math.prod(values.shape[1:])}"
-    elif values.dtype.kind in "US" or (values.dtype.kind == "O" and isinstance(values[0], str)):
-        found = "texts"
-    else:
-        found = "lists" if values.dtype.kind == "O" else f"values of type {values.dtype}"
-    raise ParameterError(f"expected attribute {shown(name)} to hold one number for each point, found {found}")
+    kind = f"{math.prod(values.shape[1:])}" if values.ndim > 1 else f"values of type {values.dtype}"
+    raise ParameterError(f"expected attribute {shown(name)} to hold one number for each point, found {kind}")
 
 
 def as_floats(values: NDArray[Any]) -> NDArray[np.float64]:
@@ -46,4 +39,5 @@ def as_floats(values: NDArray[Any]) -> NDArray[np.float64]:
 
 def bounded(values: NDArray[Any]) -> NDArray[np.float64]:
     """Return values as numbers of type float64 whose differences do not overflow; NaN stays."""
-    return np.clip(as_floats(values), -LARGEST, LARGEST)
+    largest = np.finfo(np.float64).max / 4.0
+    return np.clip(as_floats(values), -largest, largest)

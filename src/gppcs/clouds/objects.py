@@ -28,16 +28,16 @@ PYVISTA: Vectors = {"RGBA": RGBA, "RGB": COLOUR, "Normals": NORMALS}
 VERTEX_ATTRIBUTES = "vertex_attributes"  # trimesh's name for them at meshes; its point clouds hold them as metadata
 
 
-def cloud_of_object(given: Any) -> PointCloud | None:
+def cloud_of_object(value: Any) -> PointCloud | None:
     """Make a cloud of an object of another library, or of a structured array."""
-    for base in type(given).__mro__:
+    for base in type(value).__mro__:
         maker = MAKERS.get((base.__module__.partition(".")[0], base.__name__))
         if maker is not None:
-            return maker(given)
+            return maker(value)
     return None
 
 
-def _of_structured(table: Any) -> PointCloud | None:
+def _from_structured(table: Any) -> PointCloud | None:
     if table.dtype.names is None:
         return None
     if table.ndim != 1:
@@ -45,7 +45,7 @@ def _of_structured(table: Any) -> PointCloud | None:
     return cloud_of_columns({name: np.asarray(table[name]) for name in table.dtype.names})
 
 
-def _of_pandas(table: Any) -> PointCloud:
+def _from_pandas(table: Any) -> PointCloud:
     if not table.columns.is_unique:
         repeated = table.columns[table.columns.duplicated()][0]
         raise InputError(f"expected columns of different names, found {repeated!r} twice; rename one")
@@ -66,14 +66,12 @@ def _column(series: Any, name: Any) -> Column:
     return values
 
 
-def _require_numbers(values: Column, what: str) -> None:
+def _require_numbers(values: Column, name: str) -> None:
     if values.dtype.kind in "OUST":
-        is_text = values.dtype.kind != "O" or any(isinstance(value, str) for value in values.flat)
-        found = "text" if is_text else "Python objects"
-        raise InputError(f"expected numbers in {what}, found {found}; drop it, or turn it into numbers")
+        raise InputError(f"expected numbers in {name}, found text or objects; drop it, or turn it into numbers")
 
 
-def _of_open3d(cloud: Any) -> PointCloud:
+def _from_open3d(cloud: Any) -> PointCloud:
     if hasattr(cloud, "point"):  # a point cloud of `open3d.t`, which holds tensors
         arrays = {name: _flat(tensor.cpu().numpy()) for name, tensor in cloud.point.items()}
         return _cloud(arrays.pop("positions", np.empty((0, 3))), arrays, OPEN3D)
@@ -87,56 +85,55 @@ def _flat(values: Column) -> Column:
     return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
 
-def _of_pyvista(data: Any) -> PointCloud:
-    arrays = {name: np.asarray(data.point_data[name]) for name in data.point_data}
-    return _cloud(np.asarray(data.points), arrays, PYVISTA)
+def _from_pyvista(data: Any) -> PointCloud:
+    return _cloud(data.points, {name: data.point_data[name] for name in data.point_data}, PYVISTA)
 
 
-def _of_trimesh_cloud(cloud: Any) -> PointCloud:
+def _from_trimesh_cloud(cloud: Any) -> PointCloud:
     arrays = dict(cloud.metadata.get(VERTEX_ATTRIBUTES, {}))
     if len(cloud.colors):
         arrays |= zip(RGBA, cloud.colors.T, strict=True)
-    return _cloud(np.asarray(cloud.vertices), arrays)
+    return _cloud(cloud.vertices, arrays)
 
 
-def _of_trimesh(mesh: Any) -> PointCloud:
+def _from_trimesh(mesh: Any) -> PointCloud:
     arrays = dict(mesh.vertex_attributes)
     if mesh.visual.kind == "vertex":
         arrays |= zip(RGBA, mesh.visual.vertex_colors.T, strict=True)
     if "vertex_normals" in mesh._cache:  # the property itself would compute them
         arrays |= zip(NORMALS, mesh.vertex_normals.T, strict=True)
-    return _cloud(np.asarray(mesh.vertices), arrays)
+    return _cloud(mesh.vertices, arrays)
 
 
-def _of_laspy(data: Any) -> PointCloud:
+def _from_laspy(data: Any) -> PointCloud:
     names = [name for name in data.point_format.dimension_names if name not in ("X", "Y", "Z")]
-    return _cloud(np.column_stack([data.x, data.y, data.z]), {name: np.asarray(data[name]) for name in names})
+    return _cloud(np.column_stack([data.x, data.y, data.z]), {name: data[name] for name in names})
 
 
 MAKERS: Mapping[tuple[str, str], Callable[[Any], PointCloud | None]] = {  # by package and class
-    ("numpy", "ndarray"): _of_structured,
-    ("open3d", "PointCloud"): _of_open3d,
-    ("pyvista", "DataSet"): _of_pyvista,
-    ("trimesh", "PointCloud"): _of_trimesh_cloud,
-    ("trimesh", "Trimesh"): _of_trimesh,
-    ("pandas", "DataFrame"): _of_pandas,
-    ("laspy", "LasData"): _of_laspy,
+    ("numpy", "ndarray"): _from_structured,
+    ("open3d", "PointCloud"): _from_open3d,
+    ("pyvista", "DataSet"): _from_pyvista,
+    ("trimesh", "PointCloud"): _from_trimesh_cloud,
+    ("trimesh", "Trimesh"): _from_trimesh,
+    ("pandas", "DataFrame"): _from_pandas,
+    ("laspy", "LasData"): _from_laspy,
 }
 
 
-def _cloud(points: Column, arrays: Mapping[str, Any], vectors: Vectors | None = None) -> PointCloud:
+def _cloud(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = None) -> PointCloud:
     """Return a cloud of an object's points and arrays; each column of a vector becomes an attribute."""
     attributes: dict[str, Column] = {}
-    for name, given in arrays.items():
-        values = np.asarray(given)
+    for name, array in arrays.items():
+        values = np.asarray(array)
         _require_numbers(values, f"array {name!r}")
         parts = (vectors or {}).get(name, ())
         if parts and values.ndim == 2 and values.shape[1] == len(parts) and not set(parts) & {*arrays, *attributes}:
             attributes |= zip(parts, np.ascontiguousarray(values.T), strict=True)
         else:
             attributes[name] = values
-    kept = points.dtype if points.dtype.kind == "f" else np.dtype(np.float64)
-    return PointCloud(points, attributes, kept)
+    points = np.asarray(points)
+    return PointCloud(points, attributes, points.dtype if points.dtype.kind == "f" else np.dtype(np.float64))
 
 
 def open3d_of(cloud: PointCloud) -> Any:
@@ -165,30 +162,31 @@ def pyvista_of(cloud: PointCloud) -> Any:
 
 def trimesh_of(cloud: PointCloud) -> Any:
     """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it."""
-    import trimesh
-
+    trimesh = require("trimesh", "an object of trimesh needs trimesh")
     arrays = {name: values.copy() for name, values in cloud.attributes.items()}
     parts = RGBA if "alpha" in arrays else COLOUR
-    columns = [arrays.get(part) for part in parts]
     colours = None
-    if all(column is not None and column.dtype == np.uint8 and column.ndim == 1 for column in columns):
+    if all(part in arrays and arrays[part].dtype == np.uint8 and arrays[part].ndim == 1 for part in parts):
         colours = np.column_stack([arrays.pop(part) for part in parts])
-    made: Any = trimesh.PointCloud
-    return made(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
+    return trimesh.PointCloud(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
 
 
 def pandas_of(cloud: PointCloud) -> Any:
     """Make a table of pandas, as `PointCloud.to_pandas` describes it."""
     import pandas
 
-    columns = dict(zip("xyz", _as_kept(cloud).T, strict=True))
+    with np.errstate(invalid="ignore"):
+        points = cloud.points.astype(cloud.coordinate_dtype.newbyteorder("="))
+    if points.dtype.kind != "f" and not (points == cloud.points).all():
+        points = cloud.points
+    columns = dict(zip("xyz", points.T, strict=True))
     for attribute, values in cloud.attributes.items():
         names = [attribute] if values.ndim == 1 else [f"{attribute}_{i}" for i in range(_matrix(values).shape[1])]
         for name, column in zip(names, _matrix(values).T, strict=True):
             if name in columns:
                 raise InputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
-            columns[name] = np.asarray(column, column.dtype.newbyteorder("="))  # pandas copies it
-    return pandas.DataFrame(columns)
+            columns[name] = np.asarray(column, column.dtype.newbyteorder("="))
+    return pandas.DataFrame(columns, copy=True)
 
 
 def _matrix(values: Column) -> Column:
@@ -198,16 +196,7 @@ def _matrix(values: Column) -> Column:
 
 def _single_or_double(cloud: PointCloud) -> Column:
     """Return a copy of the points, (N, 3), in float32 if the cloud's source has them so, otherwise in float64."""
-    single = cloud.coordinate_dtype == np.float32
-    return cloud.points.astype(np.float32 if single else np.float64)
-
-
-def _as_kept(cloud: PointCloud) -> Column:
-    """Return a copy of the points, (N, 3), in the type of their source; float64 if that cannot hold them."""
-    kept = cloud.coordinate_dtype.newbyteorder("=")
-    with np.errstate(invalid="ignore"):
-        points = cloud.points.astype(kept)
-    return points if kept.kind == "f" or (points == cloud.points).all() else cloud.points.copy()
+    return cloud.points.astype(np.float32 if cloud.coordinate_dtype == np.float32 else np.float64)
 
 
 def _native(cloud: PointCloud, library: str, kinds: str) -> dict[str, Column]:
@@ -222,10 +211,10 @@ def _native(cloud: PointCloud, library: str, kinds: str) -> dict[str, Column]:
 
 def _joined(attributes: Mapping[str, Column], vectors: Vectors) -> dict[str, Column]:
     """Return the attributes, of which those that are columns of a library's vectors become these vectors."""
-    left = dict(attributes)
+    arrays = dict(attributes)
     for name, parts in vectors.items():
-        columns = [left[part] for part in parts if part in left and left[part].ndim == 1]
-        if len(columns) == len(parts) and len({column.dtype for column in columns}) == 1 and name not in left:
-            left = {key: values for key, values in left.items() if key not in parts}
-            left[name] = np.column_stack(columns)
-    return left
+        columns = [arrays[part] for part in parts if part in arrays and arrays[part].ndim == 1]
+        if len(columns) == len(parts) and len({column.dtype for column in columns}) == 1 and name not in arrays:
+            arrays = {key: values for key, values in arrays.items() if key not in parts}
+            arrays[name] = np.column_stack(columns)
+    return arrays

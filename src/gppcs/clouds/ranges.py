@@ -19,24 +19,24 @@ from gppcs.errors import InputError, ParameterError, number, shown
 
 COLOURS = "rgb"  # stands for the attributes red, green and blue
 CLASSES = ("classification", "label", "class")  # their numbers are names
-HEAVIEST = 1000  # weight of an attribute; larger ones change little, and far larger ones overflow
-MOST_CLASSES = 16  # of an attribute; the rarest of more are one class
-RANGE = 0.02, 0.98  # shares of the points below the ends of a range, so that a few outliers do not make it
-BEYOND = 0.5  # values farther than this beyond the ends of the range count as this far
+MAX_WEIGHT = 1000  # of an attribute; larger ones change little, and far larger ones overflow
+MAX_CLASSES = 16  # of an attribute; the rarest of more are one class
 
 
 def weights_of_detail(detail: Any) -> dict[str, float]:
     """Check the argument `detail` of `gppcs.simplify`: a name, or weights of names; those of weight 0 are left out."""
     if detail is None:
         return {}
-    given = {detail: 1.0} if isinstance(detail, str) else detail
-    expected = f"expected detail to be the name of an attribute, or a mapping of names to weights from 0 to {HEAVIEST}"
-    if not isinstance(given, Mapping):
+    weights = {detail: 1.0} if isinstance(detail, str) else detail
+    expected = (
+        f"expected detail to be the name of an attribute, or a mapping of names to weights from 0 to {MAX_WEIGHT}"
+    )
+    if not isinstance(weights, Mapping):
         raise ParameterError(f"{expected}, found {shown(detail)}")
-    for name, weight in given.items():
-        if not isinstance(name, str) or not 0.0 <= number(weight) <= HEAVIEST:
+    for name, weight in weights.items():
+        if not isinstance(name, str) or not 0.0 <= number(weight) <= MAX_WEIGHT:
             raise ParameterError(f"{expected}, found {shown(name)} with {shown(weight)}")
-    return {name: float(weight) for name, weight in given.items() if weight > 0}
+    return {name: float(weight) for name, weight in weights.items() if weight > 0}
 
 
 def names_of_detail(detail: Any) -> list[str]:
@@ -54,18 +54,18 @@ class AttributeRange:
     """How values become numbers in which 1 is their range: OKLab for colours, points 1 apart for classes."""
 
     name: str
-    # Of numbers: the low end and the length of the range, 0 if all are equal. Of colours, the span is their full scale.
-    low: float = 0.0
+    # Of numbers: the start and the length of the range, 0 if all are equal. Of colours, the span is their full scale.
+    start: float = 0.0
     span: float = 0.0
     # The values that have a point of their own, the most frequent first, if they are classes.
     classes: tuple[Any, ...] = ()
 
     @classmethod
-    def of(cls, cloud: PointCloud, name: str) -> AttributeRange:
+    def from_cloud(cls, cloud: PointCloud, name: str) -> AttributeRange:
         """Measure the range of an attribute of a cloud."""
         _check(cloud, name)
         if name == COLOURS:
-            return cls(name, span=full_scale(np.stack([cloud.attributes[each] for each in COLOUR])))
+            return cls(name, span=full_scale(np.stack([cloud.attributes[part] for part in COLOUR])))
         values = cloud.attributes[name]
         texts = values.dtype.kind in "US" or (values.dtype.kind == "O" and isinstance(values[0], str))
         if values.ndim > 1 or not (texts or values.dtype.kind in "biuf"):
@@ -76,13 +76,13 @@ class AttributeRange:
 
     @classmethod
     def _of_classes(cls, name: str, values: NDArray[Any], texts: bool) -> AttributeRange:
-        found, counts = np.unique(values, return_counts=True)
-        if texts and len(found) > MOST_CLASSES:
+        classes, counts = np.unique(values, return_counts=True)
+        if texts and len(classes) > MAX_CLASSES:
             raise InputError(
-                f"expected at most {MOST_CLASSES} different texts in attribute {shown(name)} to count as classes, "
-                f"found {len(found):,}; name another attribute"
+                f"expected at most {MAX_CLASSES} different texts in attribute {shown(name)} to count as classes, "
+                f"found {len(classes):,}; name another attribute"
             )
-        return cls(name, classes=tuple(found[np.argsort(-counts, kind="stable")][:MOST_CLASSES].tolist()))
+        return cls(name, classes=tuple(classes[np.argsort(-counts, kind="stable")][:MAX_CLASSES].tolist()))
 
     @classmethod
     def _of_numbers(cls, name: str, values: NDArray[np.float64]) -> AttributeRange:
@@ -93,48 +93,48 @@ class AttributeRange:
                 "that are NaN or infinite; name another attribute"
             )
         finite = bounded(finite)
-        low, high = np.quantile(finite, RANGE)
-        if not high > low:  # such as marks on few points
-            low, high = finite.min(), finite.max()
-        if high == low:
-            warnings.warn(f"attribute {name!r} is {low:g} everywhere: it has no detail", stacklevel=2)
-        return cls(name, float(low), float(high - low))
+        start, end = np.quantile(finite, (0.02, 0.98))  # so that a few outliers do not make the range
+        if not end > start:  # such as marks on few points
+            start, end = finite.min(), finite.max()
+        if end == start:
+            warnings.warn(f"attribute {name!r} is {start:g} everywhere: it has no detail", stacklevel=2)
+        return cls(name, float(start), float(end - start))
 
     @np.errstate(over="ignore")  # what becomes infinite is far beyond the range
     def values(self, cloud: PointCloud) -> NDArray[np.float32]:
         """Return the attribute of a cloud in ranges, (N, k); values that are not finite count as the middle."""
         _check(cloud, self.name)
         if self.name == COLOURS:
-            colours = np.stack([cloud.attributes[each] for each in COLOUR], axis=1)
+            colours = np.stack([cloud.attributes[part] for part in COLOUR], axis=1)
             return oklab(np.clip(np.nan_to_num(colours.astype(np.float32)) / np.float32(self.span), 0.0, 1.0))
         values = cloud.attributes[self.name]
         if self.classes:
-            known = np.array(self.classes, dtype=values.dtype)
-            return (values[:, np.newaxis] == known).astype(np.float32) / np.float32(math.sqrt(2.0))
-        shares = (bounded(values) - self.low) / (self.span or 1.0)
-        return np.clip(np.nan_to_num(shares, nan=0.5), -BEYOND, 1.0 + BEYOND).astype(np.float32)[:, np.newaxis]
+            classes = np.array(self.classes, dtype=values.dtype)
+            return (values[:, np.newaxis] == classes).astype(np.float32) / np.float32(math.sqrt(2.0))
+        fractions = np.nan_to_num((bounded(values) - self.start) / (self.span or 1.0), nan=0.5)
+        return np.clip(fractions, -0.5, 1.5).astype(np.float32)[:, np.newaxis]  # outliers count as at most so far
 
 
 @dataclass(frozen=True)
 class Details:
     """The attributes that count as detail, with their ranges and weights."""
 
-    known: tuple[tuple[AttributeRange, float], ...]  # Without attributes that are constant
+    weighted: tuple[tuple[AttributeRange, float], ...]  # Without attributes that are constant
 
     @classmethod
-    def of(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Details:
+    def from_cloud(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Details:
         """Measure the ranges of attributes, whose weights are given, of a cloud or a sample of it."""
-        ranges = ((AttributeRange.of(cloud, name), weight) for name, weight in detail.items())
-        return cls(tuple((known, weight) for known, weight in ranges if known.span or len(known.classes) > 1))
+        ranges = ((AttributeRange.from_cloud(cloud, name), weight) for name, weight in detail.items())
+        return cls(tuple((item, weight) for item, weight in ranges if item.span or len(item.classes) > 1))
 
     @property
     def width(self) -> int:
         """Number k of the columns of `values`."""
-        return sum(len(known.classes) or (3 if known.name == COLOURS else 1) for known, _ in self.known)
+        return sum(len(item.classes) or (3 if item.name == COLOURS else 1) for item, _ in self.weighted)
 
     def values(self, cloud: PointCloud) -> NDArray[np.float32] | None:
         """Return the attributes of a cloud in their ranges times their weights, (N, k); None if all are constant."""
-        columns = [np.float32(weight) * known.values(cloud) for known, weight in self.known]
+        columns = [np.float32(weight) * item.values(cloud) for item, weight in self.weighted]
         return np.concatenate(columns, axis=1) if columns else None
 
 

@@ -21,7 +21,7 @@ class Summary:
     ----------
     points : int
         The number of points, N.
-    low, high : tuple of three float
+    minimum, maximum : tuple of three float
         Corners of the bounding box; NaN if no point is finite.
     diagonal : float
         Length of the diagonal of the bounding box; infinite if a float cannot hold it, NaN if no point is finite.
@@ -41,7 +41,7 @@ class Summary:
     unit : str or None
         The unit of the coordinates, such as "m" or "us-ft", if the coordinate reference system tells it.
     ranges : mapping of str to (number, number) or None
-        The least and the greatest value of each attribute by name, without NaN and infinity; None if there is no such
+        The minimum and maximum of each attribute by name, without NaN and infinity; None if there is no such
         value, or the attribute is no number. An attribute with several numbers per point has one range for all.
 
     Examples
@@ -52,8 +52,8 @@ class Summary:
     """
 
     points: int
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    minimum: tuple[float, float, float]
+    maximum: tuple[float, float, float]
     diagonal: float
     spacing: float
     repeats: int
@@ -93,25 +93,27 @@ def info(cloud: CloudLike) -> Summary:
     from gppcs.spatial.kdtree import KdTree, nearest_distances
 
     cloud = PointCloud.from_object(cloud)
-    bad = cloud.non_finite()
-    points = np.delete(cloud.points, bad, axis=0) if len(bad) else cloud.points
-    low = points.min(axis=0) if len(points) else np.full(3, np.nan)
-    high = points.max(axis=0) if len(points) else np.full(3, np.nan)
+    points = cloud.points[cloud.finite_rows()]
     first = first_occurrences(points)
     # In units of a power of two, which round nothing, no difference and no square of one overflows.
     exponent = math.frexp(np.abs(points).max(initial=0.0))[1] + 1
     distinct = np.ldexp(points[first], -exponent)
+    diagonal = spacing = math.nan
     if len(distinct):
         distinct -= distinct.min(axis=0)
-    spacing = float(np.median(nearest_distances(KdTree.build(distinct), 1))) if len(distinct) > 1 else math.nan
+        diagonal = _scaled(float(np.linalg.norm(distinct.max(axis=0))), exponent)
+    if len(distinct) > 1:
+        spacing = _scaled(float(np.median(nearest_distances(KdTree.build(distinct), 1))), exponent)
+    corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
+    minimum, maximum = map(tuple, corners.tolist())
     return Summary(
         points=len(cloud),
-        low=tuple(low.tolist()),
-        high=tuple(high.tolist()),
-        diagonal=_scaled(float(np.linalg.norm(distinct.max(axis=0))), exponent) if len(distinct) else math.nan,
-        spacing=_scaled(spacing, exponent),
+        minimum=minimum,
+        maximum=maximum,
+        diagonal=diagonal,
+        spacing=spacing,
         repeats=int((~first).sum()),
-        non_finite=len(bad),
+        non_finite=len(cloud) - len(points),
         coordinate_type=str(cloud.coordinate_dtype),
         attributes={
             name: " x ".join([str(values.dtype), *map(str, values.shape[1:])])
@@ -124,7 +126,7 @@ def info(cloud: CloudLike) -> Summary:
 
 
 def _range(values: NDArray[np.generic]) -> tuple[float, float] | None:
-    """Return the least and the greatest of the finite values of an attribute; whole numbers stay whole."""
+    """Return the minimum and maximum of the finite values of an attribute; whole numbers stay whole."""
     if not (np.issubdtype(values.dtype, np.number) or values.dtype == bool) or np.iscomplexobj(values):
         return None
     finite = values[np.isfinite(values)]

@@ -24,7 +24,7 @@ class AttributeErrors(NamedTuple):
 
 def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, AttributeErrors]:
     """Return the errors of some attributes. Both clouds have finite coordinates."""
-    ranges = [AttributeRange.of(original, name) for name in names]
+    ranges = [AttributeRange.from_cloud(original, name) for name in names]
     points, frame = normalised(simplified.points)
     first = first_occurrences(points)
     kept = simplified.take(np.flatnonzero(first))

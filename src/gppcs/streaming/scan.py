@@ -173,7 +173,7 @@ def sorted_by_boxes(
     sample = sample[first_occurrences(sample)][:SAMPLED]
     boxes = boxes_for(sample, overview.stored)
     cloud = PointCloud(overview.sample, overview.sample_columns)
-    details = Details.of(cloud, options.details) if options.details else None
+    details = Details.from_cloud(cloud, options.details) if options.details else None
     record = _sorted_type(overview.weights, details, options)
     counts, runs = np.zeros(len(boxes), dtype=np.int64), []
     groups = _grouped(overview.chunks)

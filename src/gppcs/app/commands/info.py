@@ -51,7 +51,9 @@ def _print(file: Path, cloud: PointCloud, faces: int, as_json: bool) -> None:
         for name, value in record.items()
         if value is not None and name not in ("file", "attributes", "ranges")
     }
-    rows |= {name: "  ".join(f"{value:.9g}" for value in rows[name]) for name in ("low", "high")}  # may be far away
+    rows |= {
+        name: "  ".join(f"{value:.9g}" for value in rows[name]) for name in ("minimum", "maximum")
+    }  # may be far away
     rows |= {"unit": summary.unit or "the file does not say it"}
     for name, kind in summary.attributes.items():
         kind = re.sub(r"^[<>]U\d+", "text", kind)
