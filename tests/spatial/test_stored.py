@@ -53,4 +53,4 @@ def test_rows_are_left_out(tmp_path):
 
 
 def test_the_first_of_other_rows_are_told(tmp_path):
-    assert stored_in(tmp_path, [10, 2_000]).others(np.array([0, 2, 2_999]), 4).tolist() == [1, 3, 4, 5]
+    assert stored_in(tmp_path, [10, 2_000]).besides(np.array([0, 2, 2_999]), 4).tolist() == [1, 3, 4, 5]

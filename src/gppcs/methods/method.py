@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gppcs.spatial.boxes import Each
+    from gppcs.spatial.boxes import MapParts
     from gppcs.spatial.stored import StoredPoints
 
 RANKING = "The first k kept points are a simplification to k points, for any k."
@@ -89,7 +89,7 @@ class Task:
     timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
     indices: NDArray[np.int64] | None = None
-    map_parts: Each = map
+    map_parts: MapParts = map
 
 
 @dataclass(frozen=True, eq=False)

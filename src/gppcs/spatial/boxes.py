@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of parts.
+MapParts = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of parts.
 
 
 class Part(NamedTuple):
@@ -116,7 +116,7 @@ def chosen_by_classes(
     boxes: Boxes,
     parts: Sequence[Part],
     halo: float,
-    each: Each,
+    map_parts: MapParts,
     choose: Callable[[NDArray[np.bool_], tuple[Part, NDArray[Any]]], NDArray[Any]],
     chosen: NDArray[Any],
 ) -> NDArray[Any]:
@@ -128,7 +128,7 @@ def chosen_by_classes(
     settled = np.zeros(len(boxes), dtype=np.bool_)
     for members in classes(parts, halo):
         tasks = [(part, part.near(chosen, halo)) for part in members]
-        chosen = np.concatenate([chosen, *each(partial(choose, settled), tasks)])
+        chosen = np.concatenate([chosen, *map_parts(partial(choose, settled), tasks)])
         settled = settled.copy()
         for part in members:
             settled[part.first : part.last] = True

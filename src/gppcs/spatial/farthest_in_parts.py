@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
-from gppcs.spatial.boxes import Each, Part, chosen_by_classes
+from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.stored import RECORD, StoredPoints
 
@@ -24,7 +24,7 @@ NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanis
 
 
 def farthest_in_parts(
-    stored: StoredPoints, n_points: int, timer: Timer, each: Each, minimum: float = 0.0
+    stored: StoredPoints, n_points: int, timer: Timer, map_parts: MapParts, minimum: float = 0.0
 ) -> NDArray[np.int64]:
     """Choose M points, at least some distance apart, and return their indices; fewer if no other is far enough."""
     sample = stored.sample
@@ -37,7 +37,7 @@ def farthest_in_parts(
             before = len(chosen)
             halo = 3.0 * distance if math.isfinite(distance) else 0.0
             chosen = chosen_by_classes(
-                stored.boxes, parts, halo, each, partial(_choose, stored, distance, halo), chosen
+                stored.boxes, parts, halo, map_parts, partial(_choose, stored, distance, halo), chosen
             )
             on_progress(max(0, min(len(chosen), n_points) - before))
             # At the last distance, rounds go on: what a part chose in its halo, and did not keep, leaves gaps.

@@ -17,7 +17,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.spatial.boxes import Boxes, Each, Part
+from gppcs.spatial.boxes import Boxes, MapParts, Part
 from gppcs.spatial.cells import first_occurrences
 
 BOX = 1 << 15  # Points of a box, unless there are more boxes than the sample can tell apart.
@@ -91,7 +91,7 @@ class StoredPoints:
         first = first_occurrences(near.points)
         return near if first.all() else near.take(np.flatnonzero(first))
 
-    def others(self, indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    def besides(self, indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         """Return the first indices besides some, (count,), for clouds with fewer different points than are wanted."""
         rest = np.empty(0, dtype=np.int64)
         for run in self.runs:
@@ -149,11 +149,11 @@ def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> t
     return Run(name, first, last), counts
 
 
-def without(stored: StoredPoints, indices: NDArray[np.int64], each: Each) -> StoredPoints:
+def without(stored: StoredPoints, indices: NDArray[np.int64], map_parts: MapParts) -> StoredPoints:
     """Return the stored points without some, (n,) ascending."""
     if not len(indices):
         return stored
-    runs, counts = zip(*each(partial(_run_without, stored, indices), stored.runs), strict=True)
+    runs, counts = zip(*map_parts(partial(_run_without, stored, indices), stored.runs), strict=True)
     return replace(stored, runs=runs, counts=np.array(counts).sum(axis=0))
 
 

@@ -17,7 +17,7 @@ from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Task
-from gppcs.spatial.boxes import Each
+from gppcs.spatial.boxes import MapParts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import Frame
 from gppcs.spatial.stored import StoredPoints, without
@@ -29,7 +29,7 @@ Indices = NDArray[np.int64]
 
 
 def choose_beyond_memory(
-    files: CloudFiles, options: Options, plan: Plan, folder: Path, map_parts: Each, timer: Timer
+    files: CloudFiles, options: Options, plan: Plan, folder: Path, map_parts: MapParts, timer: Timer
 ) -> tuple[Selection, PointCloud, Indices | None, int]:
     """Choose points of files, with temporary files in a folder.
 
@@ -60,7 +60,7 @@ def _chosen(
     outliers: Indices | None,
     options: Options,
     frame: Frame,
-    map_parts: Each,
+    map_parts: MapParts,
     timer: Timer,
 ) -> Selection:
     """Let the method choose; indices are those in the cloud."""
@@ -89,7 +89,7 @@ def _chosen(
 
     def rank(n: int) -> Selection:
         if n >= len(stored):
-            return Selection(stored.others(np.empty(0, dtype=np.int64), n), ranked=False)
+            return Selection(stored.besides(np.empty(0, dtype=np.int64), n), ranked=False)
         return options.algorithm(replace(task, n_points=n))
 
     count = options.amount.known_count(overview.count - overview.n_bad - (0 if outliers is None else len(outliers)))
@@ -99,4 +99,4 @@ def _chosen(
         return rank(count)
     groups = [np.concatenate(parts) for parts in zip(*overview.groups, strict=True)]
     constraints = Constraints(keep, labels=labels, groups=groups)
-    return choose_number(count, options, constraints, keep[~is_first], rank, stored.others)
+    return choose_number(count, options, constraints, keep[~is_first], rank, stored.besides)

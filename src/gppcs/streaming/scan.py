@@ -24,7 +24,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import JointColumns
-from gppcs.spatial.boxes import Boxes, Each
+from gppcs.spatial.boxes import Boxes, MapParts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame, bounds
@@ -95,7 +95,7 @@ class Overview:
 
 
 def read_all(
-    sources: Sequence[CloudFiles], folder: Path, about: int, options: Options, map_parts: Each, timer: Timer
+    sources: Sequence[CloudFiles], folder: Path, about: int, options: Options, map_parts: MapParts, timer: Timer
 ) -> Overview:
     """Read all points of files, or of parts of files, once in chunks, and store the usable ones in a folder."""
     overview, fraction = Overview(), min(1.0, SPARE * SAMPLED / max(1, about))
@@ -165,7 +165,7 @@ def _raw_type(is_weighted: bool, n_columns: int) -> np.dtype[Any]:
 
 
 def sorted_by_boxes(
-    overview: Overview, folder: Path, frame: Frame, options: Options, map_parts: Each, timer: Timer
+    overview: Overview, folder: Path, frame: Frame, options: Options, map_parts: MapParts, timer: Timer
 ) -> StoredPoints:
     """Sort the stored points by boxes, in the coordinates of a frame."""
     order = np.argsort(overview.hashes, kind="stable")
@@ -256,7 +256,7 @@ def _sort(
 
 
 def take(
-    sources: Sequence[CloudFiles], overview: Overview, indices: Indices, map_parts: Each, timer: Timer
+    sources: Sequence[CloudFiles], overview: Overview, indices: Indices, map_parts: MapParts, timer: Timer
 ) -> PointCloud:
     """Read the points at some indices, (n,), with all their attributes, in this order."""
     order = np.argsort(indices)

@@ -12,11 +12,11 @@ from typing import Any
 from gppcs.engine.extras import require_distributed
 from gppcs.engine.threads import set_threads, work_alone
 from gppcs.errors import GppcsError
-from gppcs.spatial.boxes import Each
+from gppcs.spatial.boxes import MapParts
 
 
 @contextmanager
-def map_over_parts(workers: int | str | Executor | None, threads: int) -> Iterator[Each]:
+def map_over_parts(workers: int | str | Executor | None, threads: int) -> Iterator[MapParts]:
     """Yield a function like `map` that works on several parts at once: in so many threads, or by workers."""
     if workers is None:
         with ThreadPoolExecutor(threads, initializer=work_alone) as pool:

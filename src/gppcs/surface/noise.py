@@ -82,10 +82,10 @@ def across(layers: Callable[[int], Layer], largest: int) -> tuple[int, Layer]:
     return neighbours, layer
 
 
-def projections(tree: KdTree, places: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
+def projections(tree: KdTree, queries: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
     """Project the points of one tree onto the quadrics fitted to points of another around them, (3, m) in its order."""
-    fitted = fit_quadrics(tree, places, neighbours)
-    return places.points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals, fitted
+    fitted = fit_quadrics(tree, queries, neighbours)
+    return queries.points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals, fitted
 
 
 def feet_of(tree: KdTree, points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:

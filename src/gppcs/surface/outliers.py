@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.spatial.boxes import Each, Part
+from gppcs.spatial.boxes import MapParts, Part
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.queries import has_others, medians, others_within
@@ -129,11 +129,13 @@ def _lie_at(points: NDArray[np.float64], distinct: NDArray[np.float64]) -> NDArr
     return at_one
 
 
-def outliers_in_parts(stored: StoredPoints, each: Each, on_progress: Callable[[int], None]) -> NDArray[np.int64]:
+def outliers_in_parts(
+    stored: StoredPoints, map_parts: MapParts, on_progress: Callable[[int], None]
+) -> NDArray[np.int64]:
     """Find the indices of the outliers of stored points, ascending: those of `find_outliers`, part by part."""
     parts = stored.parts(PART)
     outliers = [np.empty(0, dtype=np.int64)]
-    for part, of_part in zip(parts, each(partial(_outliers_of_part, stored), parts), strict=True):
+    for part, of_part in zip(parts, map_parts(partial(_outliers_of_part, stored), parts), strict=True):
         outliers.append(of_part)
         on_progress(int(stored.counts[part.first : part.last].sum()))
     return np.sort(np.concatenate(outliers))

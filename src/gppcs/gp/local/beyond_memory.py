@@ -49,7 +49,7 @@ from gppcs.gp.local.settings import (
     NOISY_CELL_POINTS,
     SAMPLED_PER_POINT,
 )
-from gppcs.spatial.boxes import Each, Part, chosen_by_classes
+from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.samples import is_drawn
@@ -120,7 +120,7 @@ def choose_stored(
     criterion: Criterion,
     density: float,
     timer: Timer,
-    each: Each,
+    map_parts: MapParts,
     fixed: NDArray[np.int64],
     fixed_points: NDArray[np.float64],
 ) -> Ranking:
@@ -134,22 +134,22 @@ def choose_stored(
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points
     with timer("survey"):
-        stage = _surveyed(stored, n_points, criterion, density, parts, each)  # step 1
+        stage = _surveyed(stored, n_points, criterion, density, parts, map_parts)  # step 1
     with timer("candidates", len(stored)) as on_progress:
-        stage = _with_candidates(stage, parts, each, on_progress, chosen)  # step 2
+        stage = _with_candidates(stage, parts, map_parts, on_progress, chosen)  # step 2
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * density)):  # 1.5 cells on slopes
-            nested.append(_coarser(nested[-1], each))
-    chosen = _in_memory(nested.pop(), each, timer, fixed)  # Eqs. (2) to (9)
+            nested.append(_coarser(nested[-1], map_parts))
+    chosen = _in_memory(nested.pop(), map_parts, timer, fixed)  # Eqs. (2) to (9)
     while nested:
-        chosen = _in_parts(nested.pop(), each, timer, chosen)
+        chosen = _in_parts(nested.pop(), map_parts, timer, chosen)
     with timer("placement", len(stored)) as on_progress:
-        indices = _placed(replace(stage, stored=stored), parts, each, on_progress, chosen, fixed)  # Eq. (10)
+        indices = _placed(replace(stage, stored=stored), parts, map_parts, on_progress, chosen, fixed)  # Eq. (10)
     return Ranking(indices, chosen["score"], chosen["deviation"], stage.noise.in_spacings)
 
 
 def _surveyed(
-    stored: StoredPoints, n_points: int, criterion: Criterion, density: float, parts: list[Part], each: Each
+    stored: StoredPoints, n_points: int, criterion: Criterion, density: float, parts: list[Part], map_parts: MapParts
 ) -> StoredStage:
     """Return the last stage, still without candidates: area and noise are measured, the latter in some parts."""
     tree = KdTree.build(stored.sample)
@@ -162,11 +162,11 @@ def _surveyed(
     if (within := int(np.pi * stage.sampled * len(stored) / n_points)) >= FEWEST:
         fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(within, NEIGHBOURS), min(within, 2 * NEIGHBOURS)})
         measure = partial(_distances, stage, fits, -(-SAMPLES // len(few)))
-        distances = np.concatenate(list(each(measure, few)), axis=2)
+        distances = np.concatenate(list(map_parts(measure, few)), axis=2)
         layers = {k: Layer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
         stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
     if "detail" in (stored.kind.names or ()):
-        measured = np.concatenate(list(each(partial(_residuals, stage), few)))
+        measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
         detail = DetailNoise.from_residuals(measured[:, 0], measured[:, 1:]) if len(measured) else None
         stage = replace(stage, detail=detail)
     return stage
@@ -211,7 +211,7 @@ def _residuals(stage: StoredStage, part: Part) -> NDArray[np.float64]:
 
 
 def _with_candidates(
-    stage: StoredStage, parts: list[Part], each: Each, on_progress: Callable[[int], None], fixed: NDArray[Any]
+    stage: StoredStage, parts: list[Part], map_parts: MapParts, on_progress: Callable[[int], None], fixed: NDArray[Any]
 ) -> StoredStage:
     """Return the last stage with its candidates in place of all points, and with an area that fits their number.
 
@@ -226,7 +226,7 @@ def _with_candidates(
         counts, isolated = np.zeros(len(stage.stored.boxes), dtype=np.int64), np.zeros(len(ISOLATION), dtype=np.int64)
         runs = []
         for (part, _), (run, of_part, of_isolated) in zip(
-            tasks, each(partial(_store_candidates, stage, kind), tasks), strict=True
+            tasks, map_parts(partial(_store_candidates, stage, kind), tasks), strict=True
         ):
             runs.append(run)
             counts += of_part
@@ -317,10 +317,10 @@ def _near(stage: StoredStage, width: float, part: Part) -> Neighbourhood:
     return near.take(np.flatnonzero(near.records["gap"] <= stage.largest_gap))
 
 
-def _coarser(stage: StoredStage, each: Each) -> StoredStage:
+def _coarser(stage: StoredStage, map_parts: MapParts) -> StoredStage:
     """Return the stage with half as many points. Its candidates are among those of the finer stage, or all of these."""
     coarser = replace(stage, target=-(-stage.target // 2))
-    runs, counts = zip(*each(partial(_thin, coarser), stage.stored.parts(PART)), strict=True)
+    runs, counts = zip(*map_parts(partial(_thin, coarser), stage.stored.parts(PART)), strict=True)
     thin = replace(stage.stored, runs=runs, counts=np.sum(counts, axis=0))
     if len(thin) < MIN_CANDIDATES * coarser.target:
         return replace(coarser, thinned=False)
@@ -336,10 +336,12 @@ def _thin(stage: StoredStage, part: Part) -> tuple[Run, NDArray[np.int64]]:
     return write_run(stage.stored.folder, name, stage.stored.boxes, near.records[kept & near.inside])
 
 
-def _in_memory(stage: StoredStage, each: Each, timer: Timer, fixed: NDArray[np.int64]) -> NDArray[Any]:
+def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: NDArray[np.int64]) -> NDArray[Any]:
     """Choose the points of the first stages in memory."""
     with timer("candidates"):
-        records = np.concatenate([near.records for near in each(partial(_near, stage, 0.0), stage.stored.parts(PART))])
+        records = np.concatenate(
+            [near.records for near in map_parts(partial(_near, stage, 0.0), stage.stored.parts(PART))]
+        )
         order = np.argsort(records["row"])
         # The fixed points come first, in their order.
         first = order[np.searchsorted(records["row"][order], fixed)]
@@ -379,20 +381,20 @@ def _chosen(records: NDArray[Any], scores: NDArray[np.float64], deviations: NDAr
     return chosen
 
 
-def _in_parts(stage: StoredStage, each: Each, timer: Timer, chosen: NDArray[Any]) -> NDArray[Any]:
+def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDArray[Any]) -> NDArray[Any]:
     """Choose the points of a further stage part by part, behind those that are chosen."""
     before, parts = len(chosen), stage.stored.parts(PART)
     with timer("features", len(stage.stored)) as on_progress:
         variation = []
-        for part, of_part in zip(parts, each(partial(_measure, stage), parts), strict=True):
+        for part, of_part in zip(parts, map_parts(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
             on_progress(_count(stage.stored, part))
-        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, each)
+        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, map_parts)
     with timer("greedy selection", stage.target - before) as on_progress:
         threshold = float(chosen["score"][-1]) if before else 1.0
         while (count := len(chosen)) < stage.target:
             choose = partial(_choose, stage, threshold)
-            chosen = chosen_by_classes(stage.stored.boxes, parts, stage.halo, each, choose, chosen)
+            chosen = chosen_by_classes(stage.stored.boxes, parts, stage.halo, map_parts, choose, chosen)
             on_progress(min(len(chosen), stage.target) - count)
             if threshold == 0.0:
                 break
@@ -423,11 +425,11 @@ def _measure(stage: StoredStage, part: Part) -> NDArray[np.float64]:
     return variation[:, :: max(1, variation.shape[1] // SAMPLES)]
 
 
-def _scaled(stage: StoredStage, variation: NDArray[np.float64], parts: list[Part], each: Each) -> StoredStage:
+def _scaled(stage: StoredStage, variation: NDArray[np.float64], parts: list[Part], map_parts: MapParts) -> StoredStage:
     """Return the stage with the scale of the field."""
     scale = FieldScale.from_variation(variation[0], stage.criterion, variation[1])
     raw = replace(stage, scale=scale)
-    squares = np.concatenate(list(each(partial(_densities, raw), _evenly(parts))))
+    squares = np.concatenate(list(map_parts(partial(_densities, raw), _evenly(parts))))
     return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
 
 
@@ -472,7 +474,7 @@ def _choose(
 def _placed(
     stage: StoredStage,
     parts: Sequence[Part],
-    each: Each,
+    map_parts: MapParts,
     on_progress: Callable[[int], None],
     chosen: NDArray[Any],
     fixed: NDArray[np.int64],
@@ -481,13 +483,13 @@ def _placed(
     indices = chosen["row"].copy()
     order = np.argsort(indices)
     tasks = [(part, part.near(chosen, 0.5 * stage.halo)) for part in parts]
-    for (part, _), (old, new) in zip(tasks, each(partial(_place, stage, fixed), tasks), strict=True):
+    for (part, _), (old, new) in zip(tasks, map_parts(partial(_exchange, stage, fixed), tasks), strict=True):
         indices[order[np.searchsorted(chosen["row"][order], old)]] = new
         on_progress(_count(stage.stored, part))
     return indices
 
 
-def _place(
+def _exchange(
     stage: StoredStage, fixed: NDArray[np.int64], task: tuple[Part, NDArray[Any]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the chosen points of a part that are exchanged, and those for which they are."""

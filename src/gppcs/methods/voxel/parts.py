@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.timer import Timer
 from gppcs.methods.voxel.grid import COLUMNS, cell_edge, check_columns, in_cells, representatives, worth
-from gppcs.spatial.boxes import Each, Part
+from gppcs.spatial.boxes import MapParts, Part
 from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.stored import StoredPoints
 
@@ -27,7 +27,7 @@ class Representatives(NamedTuple):
 
 
 def representatives_in_parts(
-    stored: StoredPoints, keep: str, edge: float | None, n_points: int, timer: Timer, each: Each
+    stored: StoredPoints, keep: str, edge: float | None, n_points: int, timer: Timer, each: MapParts
 ) -> Representatives:
     """Return the points that stand for their cells, by default where at least M cells are occupied, and few more."""
     parts, size = stored.parts(PART), float(stored.sample.max())
