@@ -1,6 +1,5 @@
 """PCD files of every encoding, type and version, packed colours, and damage."""
 
-import re
 import struct
 
 import numpy as np
@@ -9,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from formats import load, losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, write
-from gppcs.io.pcd import PcdHeader, _decompressed
+from gppcs.io.pcd import _decompressed
 
 TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]
 ENCODINGS = ["ascii", "binary", "binary_compressed"]
@@ -139,87 +137,49 @@ def test_compressed_data_is_expanded_or_refused(data, size, expected):
 @pytest.mark.parametrize("dtype", ["<f4", "<u4", "<i4"])
 @pytest.mark.parametrize("name", ["rgb", "rgba"])
 @pytest.mark.parametrize("encoding", ENCODINGS[1:])
-@pytest.mark.parametrize("fourth", [0, 255, None])
-def test_packed_colours_come_apart_and_together_again(pcd, tmp_path, name, dtype, encoding, fourth):
-    words = np.random.default_rng(0).integers(0, 2**32, 50, dtype=np.uint32)
-    words[:4] = [0x7F800001, 0xFFC12345, 0x7FFFFFFF, 0x00000001]  # as floats: NaN with a payload, and denormal
-    if fourth is not None:
-        words = words & 0xFFFFFF | fourth << 24
+def test_packed_colours_come_apart_and_together_again(pcd, tmp_path, name, dtype, encoding):
+    packed = np.random.default_rng(0).integers(0, 2**32, 50, dtype=np.uint32)
+    packed[:4] = [0x7F800001, 0xFFC12345, 0x7FFFFFFF, 0x00000001]  # as floats: NaN with a payload, and denormal
     table = np.zeros(50, [*XYZ.descr, ("a", "u1"), (name, dtype), ("b", "u1")])
-    table[name] = words.view(dtype)
+    table[name] = packed.view(dtype)
     cloud = read(pcd(content(table, encoding)))
-    channels = ["red", "green", "blue", *(["alpha"] if name == "rgba" or fourth is None else [])]
+    channels = ["red", "green", "blue", "alpha"][: len(name)]
     assert list(cloud.attributes) == ["a", *channels, "b"]
     for channel, shift in zip(channels, (16, 8, 0, 24), strict=False):
         assert cloud.attributes[channel].dtype == np.uint8
-        assert np.array_equal(cloud.attributes[channel], words >> shift & 255)
-    rows = np.array([3, 1, 1, 49])
-    write(tmp_path / "some.pcd", cloud.take(rows))
-    written = (tmp_path / "some.pcd").read_bytes()
-    assert f"FIELDS x y z a {name} b\nSIZE 4 4 4 1 4 1\nTYPE F F F U {dtype[1].upper()} U\n".encode() in written
-    assert written.endswith(b"DATA binary\n" + table[rows].tobytes())
+        assert np.array_equal(cloud.attributes[channel], packed >> shift & 255)
+    for ascii in (False, True):  # noqa: A001
+        write(tmp_path / "again.pcd", cloud, ascii=ascii, force=True)
+        assert read(tmp_path / "again.pcd") == cloud
 
 
-def test_colours_of_other_formats_are_packed_as_other_programs_expect(tmp_path):
+def test_colours_are_packed_as_other_programs_expect(tmp_path):
     colours = {
         name: np.array([value], np.uint8) for name, value in zip(["red", "green", "blue"], (1, 2, 3), strict=True)
     }
     write(tmp_path / "rgb.pcd", PointCloud([[0, 0, 0]], colours))
     assert b"FIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F F\n" in (tmp_path / "rgb.pcd").read_bytes()
     assert (tmp_path / "rgb.pcd").read_bytes().endswith(bytes([3, 2, 1, 0]))
+    write(tmp_path / "text.pcd", PointCloud([[0, 0, 0]], colours), ascii=True)
+    assert (tmp_path / "text.pcd").read_text().endswith(f"DATA ascii\n0.0 0.0 0.0 {0x010203}\n")
     write(tmp_path / "rgba.pcd", PointCloud([[0, 0, 0]], {**colours, "alpha": np.array([0], np.uint8)}))
     assert b"FIELDS x y z rgba\nSIZE 8 8 8 4\nTYPE F F F U\n" in (tmp_path / "rgba.pcd").read_bytes()
-    assert read(tmp_path / "rgba.pcd").attributes == {**colours, "alpha": np.array([0], np.uint8)}
     with pytest.raises(OutputError, match="'rgb' twice"):
         write(tmp_path / "twice.pcd", PointCloud([[0, 0, 0]], {**colours, "rgb": np.zeros(1)}))
     assert not (tmp_path / "twice.pcd").exists()
 
 
-def test_colours_that_are_fields_of_their_own_stay_so(pcd, tmp_path):
+def test_colours_that_are_fields_of_their_own_stay_so(pcd):
     table = np.zeros(3, [*XYZ.descr, ("blue", "u1"), ("green", "u1"), ("red", "u1")])
-    source = pcd(content(table, "binary"))
-    write(tmp_path / "again.pcd", read(source))
-    assert (tmp_path / "again.pcd").read_bytes() == source.read_bytes()
+    assert list(read(pcd(content(table, "binary"))).attributes) == ["blue", "green", "red"]
     table = np.zeros(3, [*XYZ.descr, ("rgb", "<u4"), ("rgba", "<u4")])
     assert list(read(pcd(content(table, "binary"))).attributes) == ["rgb", "rgba"]
-
-
-def test_packed_colours_in_text_are_written_as_whole_numbers(pcd, tmp_path):
-    table = np.zeros(2, [*XYZ.descr, ("rgb", "<f4")])
-    table["rgb"] = np.array([0x00102030, 0x00FFFEFD], np.uint32).view(np.float32)
-    cloud = read(pcd(content(table, "ascii")))
-    assert cloud.attributes["red"].tolist() == [0x10, 0xFF]
-    write(tmp_path / "again.pcd", cloud)
-    text = (tmp_path / "again.pcd").read_text()
-    assert "TYPE F F F U\n" in text
-    assert text.endswith(f"DATA ascii\n0.0 0.0 0.0 {0x102030}\n0.0 0.0 0.0 {0xFFFEFD}\n")
-    assert read(tmp_path / "again.pcd").attributes["blue"].tolist() == [0x30, 0xFD]
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS[:2])
-def test_viewpoint_and_comments_are_kept(pcd, tmp_path, encoding):
-    data = content(np.zeros(2, XYZ), encoding, ["# made by hand", "#so"], VIEWPOINT="1.5 -2 1e-300 0.1 0 0 nan")
-    cloud = read(pcd(data))
-    assert cloud.header.viewpoint[:6] == (1.5, -2, 1e-300, 0.1, 0, 0)
-    assert losses("cloud.pcd", cloud) == []
-    assert losses("cloud.ply", cloud) == ["the viewpoint", "2 comments"]
-    write(tmp_path / "again.pcd", cloud)
-    assert re.findall(rb"# made by hand\n#so\nVERSION|VIEWPOINT .*", (tmp_path / "again.pcd").read_bytes()) == [
-        b"# made by hand\n#so\nVERSION",
-        b"VIEWPOINT 1.5 -2 1e-300 0.1 0 0 nan",
-    ]
-    assert read(tmp_path / "again.pcd").header.comments == cloud.header.comments
 
 
 def test_grids_become_rows_and_keep_invalid_points(pcd):
     table = np.zeros(6, XYZ)
     table["x"][4] = np.nan
-    path = pcd(content(table, "binary", WIDTH=3, HEIGHT=2))
-    cloud = read(path)
-    assert cloud.non_finite().tolist() == [4]
-    assert load(path)[-1] == ["the grid of 3 columns and 2 rows"]
-    assert losses("cloud.ply", cloud) == []
-    assert load(pcd(content(table, "binary")))[-1] == []
+    assert read(pcd(content(table, "binary", WIDTH=3, HEIGHT=2))).non_finite().tolist() == [4]
 
 
 @pytest.mark.parametrize(
@@ -241,32 +201,29 @@ def test_older_headers(pcd, changes, end):
     lines = sorted(data.splitlines(), key=lambda line: line.startswith((b"DATA", b"0", b"3")))
     cloud = read(pcd(end.join(sorted(lines[:-2], key=lambda line: line.startswith(b"DATA")) + lines[-2:]) + end))
     assert cloud.points.tolist() == [[0, 1, 2], [3, 4, 5]]
-    assert cloud.header == PcdHeader(is_text=True)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"VERSION": "0.8"}, "version 0.5, 0.6 or 0.7, found '0.8'"),
-        ({"FIELDS": "x y"}, "line SIZE with 2 values in the PCD header, found '4 4 4'"),
-        ({"FIELDS": "x y x"}, "different names, found 'x' twice"),
+        ({"FIELDS": "x y"}, "as many values in the lines FIELDS, SIZE, TYPE and COUNT"),
+        ({"FIELDS": None}, "as many values in the lines FIELDS, SIZE, TYPE and COUNT"),
+        ({"FIELDS": "x y x"}, "different FIELDS.*found 'x F 4 1'"),
         ({"FIELDS": "a b c"}, "x, y and z for each point, found 'a', 'b', 'c'"),
-        ({"FIELDS": "_ _ _"}, "x, y and z for each point, found nothing"),
-        ({"FIELDS": None}, "line FIELDS with values in the PCD header, found none"),
-        ({"SIZE": "4 4 2"}, "found 'F 2' for 'z'"),
-        ({"TYPE": "F F S"}, "found 'S 4' for 'z'"),
-        ({"COUNT": "1 1 0"}, "COUNT to be 1 or more, found '0' for 'z'"),
-        ({"COUNT": "1 1 -1"}, "COUNT to be 1 or more, found '-1' for 'z'"),
+        ({"FIELDS": "_ _ _"}, "x, y and z for each point"),
+        ({"SIZE": "4 4 2"}, "found 'z F 2 1'"),
+        ({"TYPE": "F F S"}, "found 'z S 4 1'"),
+        ({"COUNT": "1 1 0"}, "COUNT from 1 on, found 'z F 4 0'"),
+        ({"COUNT": "1 1 -1"}, "COUNT from 1 on, found 'z F 4 -1'"),
         ({"COUNT": "1 1 2", "WIDTH": 1, "POINTS": 1}, r"one z for each point, found shape \(1, 2\)"),
         ({"COUNT": "1 1 1000000000"}, r"less than 2\^31 bytes for each point"),
-        ({"WIDTH": "many"}, "whole number as WIDTH, found 'many'"),
-        ({"WIDTH": 3}, "POINTS to be WIDTH times HEIGHT, found 2, 3 and 1"),
-        ({"WIDTH": None, "POINTS": None}, "line WIDTH or POINTS"),
+        ({"WIDTH": "many"}, "WIDTH and HEIGHT as whole numbers.*found 'many', '1', '2'"),
+        ({"WIDTH": 3}, "POINTS as their product, found '3', '1', '2'"),
+        ({"WIDTH": None, "POINTS": None}, "WIDTH and HEIGHT as whole numbers"),
         ({"WIDTH": 10**18 - 1, "POINTS": 10**18 - 1}, "ends in point 3 of"),
-        ({"VIEWPOINT": "0 0 0"}, "VIEWPOINT with 7 values"),
-        ({"VIEWPOINT": "0 0 0 1 0 0 no"}, "7 numbers as VIEWPOINT"),
-        ({"DATA": "zip"}, "DATA to be one of ascii, binary, binary_compressed, found 'zip'"),
-        ({"DATA": None}, "line 11: expected a PCD header"),
+        ({"WIDTH": 10**18 - 1, "HEIGHT": 10**18 - 1, "POINTS": None}, "ends in point 3 of"),
+        ({"DATA": "zip"}, "DATA to be ascii, binary or binary_compressed, found 'zip'"),
+        ({"DATA": None}, "expected a PCD header"),
         ({"EXTRA": "1"}, "expected"),
     ],
 )
@@ -299,9 +256,9 @@ def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):
 @pytest.mark.parametrize(
     ("sizes", "message"),
     [
-        ((10, 24), "10 bytes of compressed points, found 9|damaged"),
-        ((9, 25), "expected 24 bytes of points, found 25"),
-        ((2**32 - 1, 24), "expected 4294967295 bytes of compressed points, found"),
+        ((10, 24), "expected 24 bytes of points"),
+        ((9, 25), "expected 24 bytes of points .* found 25"),
+        ((2**32 - 1, 24), "found 24 in 4294967295 announced"),
         ((5, 24), "damaged data"),
     ],
 )
