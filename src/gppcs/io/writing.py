@@ -42,8 +42,7 @@ def write(
         Whether to leave out values that the format cannot hold: attributes, and the precision of coordinates. What a
         file says of the whole cloud, such as comments, is left out where the format has no place for it.
     ascii : bool, optional
-        Whether to write PLY and PCD as text, or else as binary data. By default, a cloud that was read from PCD as text
-        is written as such again; all others are binary.
+        Whether to write PLY and PCD as text. By default, they are binary.
     levels_by : str, optional
         Which points are on the coarse levels of a COPC file: "order", the default, takes the first ones of the cloud,
         such as those that `simplify` has chosen first; "random" takes random ones.
