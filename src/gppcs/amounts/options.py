@@ -288,17 +288,8 @@ def require(method: Method, feature: Feature) -> None:
     """Check that a method has a feature."""
     if feature in method.supports:
         return
-    verbs = {
-        Feature.SPACING: "takes a spacing",
-        Feature.KEEP: "keeps given points",
-        Feature.WEIGHT: "weighs points",
-        Feature.DETAIL: "looks at attributes",
-        Feature.RANKING: "ranks its points",
-        Feature.DENOISE: "can denoise its points",
-        Feature.SCORES: "scores its points",
-    }
     alternatives = " or ".join(repr(name) for name, other in METHODS.items() if feature in other.supports)
-    raise ParameterError(f"expected a method that {verbs[feature]}, found {method.name!r}; use {alternatives}")
+    raise ParameterError(f"expected a method that supports {feature}, found {method.name!r}; use {alternatives}")
 
 
 def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:

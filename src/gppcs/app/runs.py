@@ -61,7 +61,7 @@ class RunReport:
 def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], str, dict[str, str]]:
     """Plan the work on one cloud; return a record, a line and the rows of a table that describe it."""
     with _opened(job, output) as files:
-        plan = _plan(job, files)
+        plan = make_plan(files, job.options, job.mark and "mark")
     record = {**_names(output), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
@@ -79,7 +79,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, str, dic
     """Simplify one cloud and write it; return a report, a line and the rows of a table that describe the run."""
     source = output.sources[0]
     with _opened(job, output) as files:
-        plan = _plan(job, files)
+        plan = make_plan(files, job.options, job.mark and "mark")
         preview = files.preview
         _note_other_unit(source, preview, job.options.unit)
         _check_storable(job, output, preview)
@@ -115,10 +115,6 @@ def _opened(job: Job, output: Output) -> CloudFiles:
             source.stat()  # a missing input is reported before its name is taken for that of the output
     output.check(job.force)
     return CloudFiles(output.sources, job.options.format, query=job.options.query)
-
-
-def _plan(job: Job, files: CloudFiles) -> Plan:
-    return make_plan(files, job.options, None if job.mark is None else "mark")
 
 
 def _simplified(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.constraints import Constraints, WeightRange
+from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import EXCLUDED
 from gppcs.clouds.cloud import PointCloud
@@ -129,7 +130,7 @@ def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options
         labels[finite] = 0 if constraints.labels is None else constraints.labels
         overview.labels = [labels]
     if options.group is not None:
-        overview.groups = [[_scattered(values, finite, len(cloud)) for values in constraints.groups]]
+        overview.groups = [group_columns(cloud, options.group)]
     usable = constraints.usable(len(finite))
     points = cloud.points[finite[usable]]
     if not len(points):
@@ -149,13 +150,6 @@ def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options
     overview.hashes, overview.sample = hashes[sampled], points[sampled]
     overview.sample_columns = {name: values[usable[sampled]] for name, values in constraints.columns.items()}
     return overview
-
-
-def _scattered(values: NDArray[Any], indices: Indices, n: int) -> NDArray[Any]:
-    """Return n values, of which those at some indices are given."""
-    scattered = np.zeros(n, values.dtype)
-    scattered[indices] = values
-    return scattered
 
 
 def _raw_type(is_weighted: bool, n_columns: int) -> np.dtype[Any]:

@@ -10,7 +10,7 @@ from gppcs.amounts.options import Options
 from gppcs.app import options
 from gppcs.app.levels import sizes_of
 from gppcs.app.options import HELP, from_field, option
-from gppcs.app.outputs import Output, outputs_of
+from gppcs.app.outputs import outputs_of
 from gppcs.app.panels import ATTRIBUTES, CHOICE, LARGE, METHOD, SIZE
 from gppcs.app.printing import emit, for_each, say, say_aside, started
 from gppcs.errors import ParameterError, shown
@@ -18,15 +18,12 @@ from gppcs.methods import DEFAULT, METHODS, Feature
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
-    "gppcs simplify scan.ply -o small.ply --points 5000 --method fps\n\n"
     "gppcs simplify scan.ply -o small.ply --tolerance 0.02%\n\n"
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.05 --denoise\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.1 --detail rgb\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
-    "gppcs simplify a.ply b.ply -o folder/ --ratio 10% --json\n\n"
     "gppcs simplify tile1.laz tile2.laz -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
     "[bold]Output of --json[/bold]\n\n"
@@ -128,7 +125,7 @@ def simplify(
     from gppcs.amounts.options import method_of, require
     from gppcs.app.runs import Job, plan_job, run_job
     from gppcs.engine.timer import Timer
-    from gppcs.io import check_distinct
+    from gppcs.io import check_distinct, is_standard
 
     timer = started(quiet, threads)
     arguments |= {
@@ -159,31 +156,15 @@ def simplify(
     def work(source: Path) -> None:
         result = outputs[source]
         record, line, rows = plan_job(job, result) if dry_run else run_job(job, result, Timer(timer.on_progress))
-        _print(result, record, line, rows, dry_run, len(outputs) > 1, quiet, as_json)
+        if is_standard(result.targets[-1]) and not dry_run:  # where only the cloud goes
+            if not quiet:
+                say_aside(f"{result.title}: {line}")
+        elif len(outputs) > 1 and not (quiet or as_json):
+            say(f"{result.title}: {line}")
+        else:
+            emit(record, as_json, quiet, result.title, rows)
 
     for_each(outputs, work)
-
-
-def _print(
-    output: Output,
-    record: Any,
-    line: str,
-    rows: Mapping[str, str],
-    dry_run: bool,
-    is_one_of_several: bool,
-    quiet: bool,
-    as_json: bool,
-) -> None:
-    """Print what a run has done: beside a cloud on standard output, as one line of several, or in full."""
-    from gppcs.io import is_standard
-
-    if is_standard(output.targets[-1]) and not dry_run:
-        if not quiet:
-            say_aside(f"{output.title}: {line}")
-    elif is_one_of_several and not (quiet or as_json):
-        say(f"{output.title}: {line}")
-    else:
-        emit(record, as_json, quiet, output.title, rows)
 
 
 def _check_together(arguments: Mapping[str, Any], has_levels: bool, index: bool, mark: str | None) -> None:
