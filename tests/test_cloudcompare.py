@@ -7,7 +7,6 @@ import importlib
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import entry_points
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -116,12 +115,6 @@ def test_numbers_and_shares(plugin, amount, count):
     assert len(plugin.simplified(cloud, amount, "fps", "0.5").field) == count
 
 
-def test_the_page_shows_the_name_of_the_copy(plugin):
-    page = (Path(__file__).parents[1] / "docs" / "where-you-work.md").read_text(encoding="utf-8")
-    copy = plugin.simplified(Cloud(gppcs.sample("bracket", n_points=2_000).points, np.arange(2_000)), "5%", "gp", "0.5")
-    assert f"```text\n{copy.name}\n```" in page
-
-
 def test_what_is_wrong_is_told_and_other_clouds_are_simplified(plugin, told):
     plugin.simplify_selected()
     points = gppcs.sample("bracket", n_points=50).points
@@ -137,11 +130,3 @@ def test_what_is_wrong_is_told_and_other_clouds_are_simplified(plugin, told):
     assert "NaN" in told[1]
     assert "memory" in told[3]
     assert [copy.name for copy in plugin.pycc.added] == ["good (40 points, gp)"]
-
-
-def test_nothing_happens_if_the_dialog_is_closed(plugin, told, monkeypatch):
-    monkeypatch.setattr(plugin, "_ask", lambda defaults: None)
-    plugin.pycc.selected.append(Cloud(np.zeros((50, 3)), np.arange(50)))
-    plugin.simplify_selected()
-    assert not plugin.pycc.added
-    assert not told

@@ -35,11 +35,6 @@ def test_the_checks_of_scikit_learn_pass(estimator, check):
     check(estimator)
 
 
-@parametrize_with_checks([Simplifier(n_points="1M")])
-def test_all_checks_pass_where_all_points_are_kept(estimator, check):
-    check(estimator)
-
-
 @pytest.fixture
 def table(bracket):
     """Points with two more columns."""

@@ -151,14 +151,6 @@ def test_the_page_shows_what_is_printed(qgis):
 
 
 @pytest.mark.slow
-def test_progress_is_shown_and_notes_are_warnings(qgis):
-    shown = qgis.run(QGIS, "run", "gppcs:thin_point_cloud", "--", "INPUT=scan.laz", "OUTPUT=all.laz", "SIZE=1M")
-    assert "reading\n" in shown
-    _, log = algorithm(qgis, "thin_point_cloud", INPUT="scan.laz", OUTPUT="all.laz", SIZE="1M")
-    assert "fewer than the 1,000,000 asked for" in log["warning"][0]
-
-
-@pytest.mark.slow
 def test_errors_are_those_of_gppcs(qgis):
     missing = [QGIS, "run", "gppcs:thin_point_cloud", "--", "INPUT=missing.laz", "OUTPUT=none.laz"]
     assert "missing.laz: No such file or directory" in qgis.run(*missing, code=1)

@@ -198,7 +198,7 @@ def test_a_result_does_not_hold_the_original():
 
 def test_what_is_no_ranking_has_no_prefixes():
     cloud = gppcs.sample("bracket", n_points=3000)
-    with pytest.raises(gppcs.ParameterError, match="a method that ranks its points, found 'voxel'; use 'gp' or "):
+    with pytest.raises(gppcs.ParameterError, match="a method that supports ranking, found 'voxel'; use 'gp' or "):
         gppcs.simplify(cloud, n_points=50, method="voxel").prefix(10)
     points = cloud.points[:200]
     for cloud_or_points, options in (

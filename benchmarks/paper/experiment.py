@@ -19,8 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
-from gppcs.amounts.options import method_of
-from gppcs.clouds.quantities import Amount
+from gppcs.amounts.options import Options, method_of
 from gppcs.evaluation.comparison import Entry, those_that_fit
 from gppcs.evaluation.report import Rebuilt
 from gppcs.methods.pc_simp.graph_filter import NeighbourGraph
@@ -138,7 +137,7 @@ def path_of(name: str) -> Path:
 def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[Entry]]:
     """Return the entries of each method whose memory suffices, one for each condition."""
     largest = max(conditions, key=lambda condition: len(condition.cloud))
-    fitting = those_that_fit(methods.values(), len(largest.cloud), Amount(largest.ratio, None))
+    fitting = those_that_fit(methods.values(), len(largest.cloud), Options(ratio=largest.ratio))
     methods = {label: method for label, method in methods.items() if method in fitting}
     entries = []
     for condition in conditions:

@@ -55,9 +55,9 @@ def _show(line, feedback):
     """Show a line of gppcs as progress or as a message."""
     progress = re.fullmatch(r"progress: (.*?)(?: (\d+) %)?", line)
     if progress:
-        stage, share = progress.groups()
-        feedback.setProgress(int(share or 0))
-        if share is None:
+        stage, percent = progress.groups()
+        feedback.setProgress(int(percent or 0))
+        if percent is None:
             feedback.setProgressText(stage)
     elif line.startswith("gppcs: note:"):
         feedback.pushWarning(line)

@@ -36,11 +36,11 @@ def simplify_selected() -> None:
     if not clouds:
         _tell("Select one or more point clouds first.")
         return
-    asked = _ask({AMOUNT: "5%", METHOD: DEFAULT.name, WEIGHT: "0.5"})
-    if asked is None:
+    answers = _ask({AMOUNT: "5%", METHOD: DEFAULT.name, WEIGHT: "0.5"})
+    if answers is None:
         return
     for cloud in clouds:
-        made = pycc.RunInThread(_outcome, cloud, asked[AMOUNT], asked[METHOD], asked[WEIGHT])
+        made = pycc.RunInThread(_outcome, cloud, answers[AMOUNT], answers[METHOD], answers[WEIGHT])
         if isinstance(made, Exception):
             _tell(f"{cloud.getName()}: {made}")
         else:
@@ -48,19 +48,21 @@ def simplify_selected() -> None:
     program.updateUI()
 
 
-def _outcome(*asked: Any) -> Any:
+def _outcome(*arguments: Any) -> Any:
     """Return what `simplified` does, or its error, of which `RunInThread` would lose the text."""
     try:
-        return simplified(*asked)
+        return simplified(*arguments)
     except Exception as error:
         return error
 
 
 def simplified(cloud: Any, amount: str, method: str, feature_weight: str) -> Any:
     """Return a copy of a cloud, and of all it carries, with an amount of points such as "1.5M", "5%" or "0.05"."""
-    share, number = (amount, None) if "%" in amount or amount.startswith(("0", ".")) else (None, amount)
+    is_ratio = "%" in amount or amount.startswith(("0", "."))
+    ratio, n_points = (amount, None) if is_ratio else (None, amount)
     settings = {"feature_weight": feature_weight} if method == "gp" else {}
-    result = gppcs.simplify(cloud.points(), ratio=share, n_points=number, method=method_of(method, settings=settings))
+    chosen = method_of(method, settings=settings)
+    result = gppcs.simplify(cloud.points(), ratio=ratio, n_points=n_points, method=chosen)
     kept = cccorelib.ReferenceCloud(cloud)
     for row in result.indices.tolist():
         kept.addPointIndex(row)

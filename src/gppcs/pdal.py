@@ -14,7 +14,7 @@ import gppcs
 NAMES = {"scan_channel": "scanner_channel", "infrared": "nir"}  # as LAS files name dimensions, where PDAL does not
 
 
-def simplify(ins: Mapping[str, NDArray[Any]], outs: MutableMapping[str, NDArray[Any]], **asked: Any) -> bool:
+def simplify(ins: Mapping[str, NDArray[Any]], outs: MutableMapping[str, NDArray[Any]], **options: Any) -> bool:
     """Mark the points of a view of PDAL that are kept. All dimensions stay as they are.
 
     Parameters
@@ -23,7 +23,7 @@ def simplify(ins: Mapping[str, NDArray[Any]], outs: MutableMapping[str, NDArray[
         The dimensions, with at least X, Y and Z.
     outs : mapping
         Gets "Mask", (N,) of type bool, by which PDAL drops points. A view without points gets one of no rows.
-    **asked
+    **options
         As for `gppcs.simplify`, such as `ratio=0.1`, but neither normals nor scores: PDAL takes no other dimensions
         beside a mask. Attributes have the names that LAS files give them, such as "gps_time", or "rgb" for the colours.
 
@@ -50,12 +50,12 @@ def simplify(ins: Mapping[str, NDArray[Any]], outs: MutableMapping[str, NDArray[
     """
     points = np.column_stack([ins[axis] for axis in "XYZ"])
     mask = outs["Mask"] = np.zeros(len(points), dtype=np.bool_)
-    if asked.get("normals") or asked.get("scores"):
+    if options.get("normals") or options.get("scores"):
         raise gppcs.ParameterError("expected neither normals nor scores: PDAL takes no other dimensions beside a mask")
     if not len(points):
         return True
     attributes = {attribute_called(name): values for name, values in ins.items() if name not in ("X", "Y", "Z")}
-    result = gppcs.simplify(gppcs.PointCloud(points, attributes), **asked)
+    result = gppcs.simplify(gppcs.PointCloud(points, attributes), **options)
     if not np.array_equal(result.cloud.points, points[result.indices]):
         raise gppcs.ParameterError(
             f"expected a method that leaves points where they are, as PDAL keeps or drops points; found {result.method}"

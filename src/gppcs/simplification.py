@@ -19,7 +19,7 @@ from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError
-from gppcs.io.cloud_files import CloudFiles, open_clouds
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
 from gppcs.streaming.beyond_memory import choose_beyond_memory
@@ -102,14 +102,10 @@ class Result(ComparedByValue):
         count = count_of("n_points", n_points)
         if count > len(self.indices):
             raise ParameterError(f"expected at most {len(self.indices):,} points, as the result has, found {count:,}")
-        self._require_ranking()
-        return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
-
-    def _require_ranking(self) -> None:
-        """Raise an error if the first points are no simplification."""
         require(self.method, Feature.RANKING)
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
+        return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
 
 
 def simplify(
@@ -207,27 +203,18 @@ def simplify(
     """
     options = Options(**{name: value for name, value in locals().items() if name not in ("cloud", "timer")})
     timer = timer_of(timer)
-    paths = _paths(cloud)
-    if paths is None:
+    paths = [cloud] if isinstance(cloud, str | os.PathLike) else cloud
+    if not isinstance(paths, list | tuple) or not paths or not all(isinstance(p, str | os.PathLike) for p in paths):
         options.check_in_memory()
         with timer("preparation"):
             in_memory = PointCloud.from_object(cast(CloudLike, cloud))
         return simplify_cloud(in_memory, options, timer)
-    which = (options.inside, options.only, options.resolution)
-    with open_clouds(paths, options.format, options.columns, *which, options.assume_same_crs) as files:
+    with options.open(cast(Sequence[str], paths)) as files:
         return simplify_files(files, options, make_plan(files, options), timer)
 
 
 if simplify.__doc__:  # which `python -OO` removes
     simplify.__doc__ = simplify.__doc__.replace("    OPTIONS\n", described_options())
-
-
-def _paths(cloud: Any) -> list[str | os.PathLike[str]] | None:
-    """Return the paths that stand for a cloud, if they do."""
-    if isinstance(cloud, str | os.PathLike):
-        return [cloud]
-    is_list = isinstance(cloud, list | tuple) and len(cloud) > 0
-    return list(cloud) if is_list and all(isinstance(path, str | os.PathLike) for path in cloud) else None
 
 
 def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer) -> Result:
@@ -242,10 +229,8 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         scratch_folder(options.scratch_parent, plan.disk) as folder,
         map_over_parts(options.workers, plan.threads) as map_parts,
     ):
-        selection, kept, outliers, n = choose_beyond_memory(files, options, plan, folder, map_parts, timer)
-    if options.scores:
-        kept = _with_scores(kept, selection)
-    return _result(selection, kept, options.algorithm, timer, outliers, n)
+        choice = choose_beyond_memory(files, options, plan, folder, map_parts, timer)
+    return _result(*choice, options, timer)
 
 
 def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
@@ -285,11 +270,9 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     if options.normals:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
-    if options.scores:
-        kept = _with_scores(kept, selection)
     if indices is not None:
         selection = replace(selection, indices=indices[selection.indices])
-    return _result(selection, kept, options.algorithm, timer, outliers, len(points))
+    return _result(selection, kept, outliers, len(points), options, timer)
 
 
 def _finite_indices(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
@@ -359,14 +342,16 @@ def _check_scores(cloud: PointCloud) -> None:
 def _result(
     selection: Selection,
     kept: PointCloud,
-    method: Method,
-    timer: Timer,
     outliers: NDArray[np.int64] | None,
     n: int,
+    options: Options,
+    timer: Timer,
 ) -> Result:
     """Return the result of a choice among n points."""
-    is_ranked = Feature.RANKING in method.supports and selection.ranked
-    diagnostics = dict(selection.diagnostics)
+    if options.scores:
+        kept = _with_scores(kept, selection)
+    method, diagnostics = options.algorithm, dict(selection.diagnostics)
     if outliers is not None:
         diagnostics["outliers"] = float(len(outliers))
+    is_ranked = Feature.RANKING in method.supports and selection.ranked
     return Result(selection.indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)

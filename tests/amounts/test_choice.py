@@ -33,12 +33,6 @@ def test_fps_keeps_points_that_are_as_far_apart_as_asked_and_leaves_no_larger_ga
     assert covering(kept) < 4.0
 
 
-def test_sample_elimination_keeps_points_that_are_as_far_apart_as_asked():
-    kept = gppcs.simplify(CLOUD, spacing=4.0, method="sample-elimination").cloud.points
-    assert gaps(kept).min() >= 4.0
-    assert covering(kept) < 9.0
-
-
 def test_voxel_keeps_one_point_for_each_cell_of_the_size_asked_for():
     result = gppcs.simplify(CLOUD, spacing=4.0, method="voxel")
     cells = np.floor((CLOUD.points - CLOUD.points.min(axis=0)) / 4.0)
@@ -78,20 +72,6 @@ def test_the_others_go_where_points_to_keep_are_not():
     others = gppcs.simplify(BALL, n_points=400, keep=keep).indices[200:]
     assert np.median(cKDTree(BALL.points[keep]).query(BALL.points[others])[0]) > 4.0
     assert UPPER[others].mean() < 0.3
-
-
-def test_points_to_keep_cost_little():
-    """A tenth of the points at random, as on the shared clouds in benchmarks/ask.py."""
-    keep = np.random.default_rng(0).permutation(len(BALL))[:100]
-    with_them, without = (gppcs.simplify(BALL, n_points=1000, **more).cloud for more in ({"keep": keep}, {}))
-    assert gppcs.evaluate(BALL, with_them).surface_mean < 1.03 * gppcs.evaluate(BALL, without).surface_mean
-
-
-def test_repeats_to_keep_are_kept():
-    points = np.concatenate([CLOUD.points, CLOUD.points[:5]])
-    result = gppcs.simplify(points, n_points=50, keep=[0, 1, 4000, 4001], scores=True)
-    assert set(result.indices[:4].tolist()) == {0, 1, 4000, 4001}
-    assert len(np.unique(result.indices)) == 50
 
 
 def test_points_to_keep_by_a_condition_and_without_invalid_ones():
@@ -137,27 +117,6 @@ def test_repeats_have_weights_too():
         gppcs.simplify(twice, n_points=201, weight=weights)
 
 
-def test_a_weight_may_be_an_attribute():
-    cloud = gppcs.PointCloud(BALL.points, {"worth": np.where(UPPER, 4, 1).astype(np.uint8)})
-    by_name = gppcs.simplify(cloud, n_points=200, weight="worth").indices
-    assert (by_name == gppcs.simplify(BALL, n_points=200, weight=cloud.attributes["worth"]).indices).all()
-
-
-@pytest.mark.parametrize(
-    ("values", "found"),
-    [
-        (np.full(len(BALL.points), "much"), "texts"),
-        (np.full(len(BALL.points), "much", dtype=object), "texts"),
-        (BALL.points, "3"),
-        (np.zeros(len(BALL.points), dtype="datetime64[s]"), r"values of type datetime64\[s\]"),
-    ],
-)
-def test_an_attribute_that_is_no_weight_is_told(values, found):
-    cloud = gppcs.PointCloud(BALL.points, {"worth": values})
-    with pytest.raises(gppcs.ParameterError, match=f"'worth' to hold one number for each point, found {found}$"):
-        gppcs.simplify(cloud, n_points=5, weight="worth")
-
-
 def test_the_number_is_exact_with_repeats_too():
     twice = np.concatenate([CLOUD.points[:50]] * 2)
     for count in (30, 60, 100):
@@ -176,13 +135,6 @@ def test_extreme_lengths(length, factor):
             assert len(np.unique(kept)) == len(kept) >= 1
             if length == "1e-300%":
                 assert len(kept) > 280
-
-
-def test_the_input_is_not_changed():
-    before, weights = CLOUD.points.copy(), np.ones(4000)
-    gppcs.simplify(CLOUD, n_points=50, keep=np.arange(5), weight=weights, max_gap=30.0)
-    assert (before == CLOUD.points).all()
-    assert (weights == 1.0).all()
 
 
 def test_the_number_of_threads_makes_no_difference(on_threads):

@@ -43,17 +43,6 @@ def test_noise_counts_for_nothing():
         assert (kept(noisy, detail="noise").indices == kept().indices).all()
 
 
-def test_a_constant_attribute_is_told_and_counts_for_nothing():
-    grey = gppcs.PointCloud(PLACES, {"grey": np.full(len(PLACES), 7)})
-    with pytest.warns(UserWarning, match="attribute 'grey' is 7 everywhere: it has no detail"):
-        assert (kept(grey, detail="grey").indices == kept().indices).all()
-
-
-def test_unit_and_type_of_a_number_do_not_matter():
-    scaled = gppcs.PointCloud(PLACES, {"intensity": WALL.attributes["intensity"] * 8.0 - 1024.0})
-    assert (kept(scaled, detail="intensity").indices == kept(detail="intensity").indices).all()
-
-
 @pytest.mark.parametrize(("factor", "kind"), [(257, np.uint16), (1 / 255, np.float64)])
 def test_colours_of_any_scale_are_the_same(factor, kind):
     colours = np.where(DISC[:, None], [250, 30, 30], [30, 30, 255])
@@ -123,11 +112,3 @@ def test_a_range_that_a_float_cannot_hold_is_one():
     cloud = gppcs.PointCloud(PLACES, {"a": np.where(DISC, -1.7e308, 1.7e308)})
     assert (kept(cloud, detail="a").indices == kept(detail="intensity").indices).all()
     assert gppcs.evaluate(cloud, cloud, detail="a").detail["a"].error_mean == 0.0
-
-
-@pytest.mark.filterwarnings("error")
-def test_what_marks_missing_values_counts_as_an_outlier():
-    values = np.r_[np.linspace(0.0, 1e-3, 1000), 1.797e308, -1.797e308]
-    cloud = gppcs.PointCloud(np.zeros((1002, 3)), {"a": values, **dict.fromkeys(("red", "green", "blue"), values)})
-    assert AttributeRange.from_cloud(cloud, "a").values(cloud)[1000:, 0].tolist() == [1.5, -0.5]
-    assert np.isfinite(AttributeRange.from_cloud(cloud, "rgb").values(cloud)).all()

@@ -40,13 +40,6 @@ def test_a_group_of_each_point_changes_nothing():
     np.testing.assert_array_equal(gppcs.simplify(numbered, n_points=200, group="id").indices, plain.indices)
 
 
-def test_groups_of_points_to_keep_come_first():
-    cloud = pulses()
-    times = cloud.attributes["gps_time"]
-    result = gppcs.simplify(cloud, n_points=300, group="gps_time", keep=[17, 40])
-    assert set(np.unique(times[result.indices[:8]])) >= {times[17], times[40]}
-
-
 def test_at_least_one_group_is_kept_and_at_most_all():
     cloud = gppcs.PointCloud(np.random.default_rng(0).random((90, 3)), {"tree": np.repeat(["oak", "elm", "ash"], 30)})
     assert len(gppcs.simplify(cloud, n_points=2, group="tree").cloud) == 30

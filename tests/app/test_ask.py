@@ -9,7 +9,6 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 import gppcs
 from command_line import FAST, rows_of
@@ -28,13 +27,6 @@ def test_a_tolerance_that_the_points_do_not_resolve_is_told(gppcs_command, scan)
     for tolerance, told in (("0.01%", True), ("9%", False)):
         _, _, err = gppcs_command("simplify", "scan.ply", "-o", "out.ply", "--force", "--tolerance", tolerance, *FAST)
         assert ("of the points; it is below what their spacing and noise resolve" in err) == told
-
-
-def test_the_largest_gap_is_told(printed, scan):
-    rows = rows_of(printed("simplify", "scan.ply", "-o", "out.ply", "--max-gap", "9", *FAST))
-    ((told,),) = filter(None, (re.findall(r"^largest gap (\S+) \(asked: 9\)$", row) for row in rows))
-    reached = cKDTree(gppcs.read("out.ply").points).query(scan.points)[0].max()
-    assert float(told) == pytest.approx(reached, rel=1e-3)
 
 
 def las_in(wkt, keys=()):
@@ -56,13 +48,6 @@ def test_a_unit_that_is_not_that_of_the_file_is_told(gppcs_command, folder):
         assert ("note: a.las: its coordinate system says that the unit is m; --unit mm is used" in err) == told
 
 
-def test_a_file_with_only_the_code_of_its_system_takes_a_unit(printed, refused, folder):
-    las_in(b"", (3072, 0, 1, 25832))
-    words = ["simplify", "a.las", "-o", "out.las", "--max-gap", "500cm", "-q", *FAST]
-    refused(words, "does not say in which unit its coordinates are", "give unit")
-    assert printed(*words, "--unit", "m") == ""
-
-
 SPECTRAL = ("--method", "gp-spectral", "--set", "k_add=5", "--set", "nu=inf", "--set", "seed=3")
 
 
@@ -75,6 +60,8 @@ def test_options_do_what_the_library_does(printed, scan):
         (["--points", 50, "--quota", "z > 60: 30%"], {"n_points": 50, "quota": {"z > 60": "30%"}}),
         (["--ratio", "20%", "--group", "red"], {"ratio": 0.2, "group": "red"}),
         (["--points", 40, "--scores"], {"n_points": 40, "scores": True}),
+        (["--points", 40, "--normals"], {"n_points": 40, "normals": True}),
+        (["--points", 40, "--drop-outliers", "--invalid", "drop"], {"n_points": 40, "drop_outliers": True}),
         ([*SPECTRAL, "--points", 30], {"n_points": 30, "method": gppcs.SpectralGP(k_add=5, nu=math.inf, seed=3)}),
     ):
         printed("simplify", "scan.ply", "-o", "out.ply", "--force", *options)
@@ -143,10 +130,3 @@ def test_detail_that_counts_for_nothing_is_told(gppcs_command):
         code, _, err = gppcs_command(*words)
         assert (code, err.count("\n")) == (0, 1)
         assert err.startswith(f"gppcs: note: {told}")
-
-
-def test_groups_that_are_kept_are_counted(printed, scan):
-    groups = len(np.unique(scan.attributes["red"]))
-    told = rows_of(printed("simplify", "scan.ply", "-o", "out.ply", "--ratio", "20%", "--group", "red"))
-    kept = len(np.unique(gppcs.read("out.ply").attributes["red"]))
-    assert any(str(kept) in row and str(groups) in row for row in told if row.startswith("groups")), told

@@ -40,16 +40,6 @@ def test_more_points_than_there_are_is_told(gppcs_command, printed, scan):
     printed(*SIMPLIFY, 400, "--force")
 
 
-@pytest.mark.parametrize("flag", ["-q", "--quiet"])
-def test_quiet_prints_errors_and_notes_only(gppcs_command, printed, record, refused, scan, flag):
-    command = (*SIMPLIFY, 9, flag)
-    assert record(*command)["points_out"] == 9
-    refused(command, "overwrite it with force")
-    assert printed(*SIMPLIFY, 8, flag, "--force") == ""
-    assert len(gppcs.read("out.ply")) == 8
-    assert gppcs_command("simplify", "scan.ply", "-o", "big.ply", "--points", 500, flag)[2].count("note") == 1
-
-
 def test_a_virtual_point_cloud_stands_for_its_files(printed, refused, folder):
     features = []
     for i in range(3):

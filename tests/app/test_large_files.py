@@ -98,23 +98,6 @@ def test_a_folder_for_temporary_files_is_the_users_own_and_goes(printed, parts, 
     assert not list((folder / "scratch").iterdir())
 
 
-@pytest.mark.parametrize(
-    ("options", "parts_of_message"),
-    [
-        (["--points", 2, "--weight", "rad"], ["the cloud has no attribute 'rad'", "did you mean 'red'"]),
-        (["--points", 2, "--keep", "rad > 1"], ["no attribute 'rad'", "did you mean 'red'"]),
-        (["--max-gap", "2m"], ["does not say in which unit", "give unit"]),
-    ],
-)
-def test_what_the_first_points_tell_is_told_before_all_else(
-    refused, scan, large, monkeypatch, options, parts_of_message
-):
-    """Also where there is too little memory for the work."""
-    monkeypatch.setattr("gppcs.app.runs.simplify_files", None)
-    for memory in ("1MB", "1GB"):
-        refused(("simplify", "scan.ply", "-o", "out.ply", "--memory", memory, *options), *parts_of_message)
-
-
 def test_files_with_different_coordinate_systems(refused, two_systems, large):
     merged = ("simplify", "a.las", "b.las", "-o", "out.las", "--points", 2, "-q")
     told = ("expected one coordinate system", "found UTM 32N and ETRS89", "assume_same_crs")
@@ -144,9 +127,3 @@ def test_the_plan_tells_the_memory_that_is_used(record, tmp_path, count, limit):
     assert not planned["in_memory"]
     assert used["peak_memory"] <= planned["memory_limit"]
     assert planned["memory"] == pytest.approx(used["peak_memory"], rel=0.25)
-
-
-def test_the_plan_counts_the_points_that_are_held(record, parts, large):
-    command = ("simplify", "scan.ply", "-o", "out.ply", "--dry-run", *LARGE, "--points")
-    few, many = (record(*command, count)["memory"] for count in (1, 300))
-    assert many - few >= 299 * 2 * 24

@@ -68,10 +68,6 @@ def test_the_suffix_of_a_compressed_file_is_that_of_both(folder):
     assert targets(["b.csv.gz"], "{parent}/{stem}.ply") == ["b.ply"]
 
 
-def test_results_may_go_beside_their_inputs(folder):
-    assert targets(["x/a.ply", "y/a.ply"], "{parent}/small.ply") == ["x/small.ply", "y/small.ply"]
-
-
 UNKNOWN = ("{steam}", "{}", "{0}", "{stem.real}", "{stem[0]}", "{stem!r}", "{stem:>99999999}", "{stem:{name}}")
 FIELDS = re.escape("expected the fields {stem}, {name}, {suffix}, {parent}, found ")
 BRACES = r"found single braces; write \{\{ and \}\} for braces in a name"
@@ -110,15 +106,3 @@ def test_a_file_is_no_folder(folder):
     [made] = outputs_of([Path("b.ply")], "a.ply/deeper/")
     with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
         made.check(force=False)
-
-
-@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
-def test_outputs_are_text_or_binary_as_wanted(printed, scan, folder, suffix):
-    def is_text(name):
-        head = (folder / name).read_bytes()[:500]
-        assert (b"ascii" in head) != (b"binary" in head)
-        return b"ascii" in head
-
-    printed("sample", "fan", "-o", f"a{suffix}", "--points", 50, "--ascii")
-    printed("convert", f"a{suffix}", f"b{suffix}", "--binary")
-    assert [is_text(f"{name}{suffix}") for name in "ab"] == [True, False]

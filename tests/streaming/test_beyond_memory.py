@@ -2,9 +2,6 @@
 
 import errno
 import shutil
-import socket
-import subprocess
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from multiprocessing import get_context
@@ -15,9 +12,6 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.amounts.accuracy import surface_of
-from gppcs.amounts.options import Options
-from gppcs.io.cloud_files import CloudFiles
-from gppcs.streaming.plan import make_plan
 from gppcs.streaming.workers import map_over_parts
 
 MEMORY = "1GB"
@@ -141,27 +135,6 @@ def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
     assert errors[1] < 0.75 * errors[0]
 
 
-def test_classes_are_borders(tmp_path):
-    """The middle of a flat face between two classes gets points, and their names do not matter."""
-    points = np.random.default_rng(0).random((20_000, 3)) * [1, 1, 0]
-    found = []
-    for low, high in ((2, 6), (9, 5)):
-        classes = np.where(points[:, 0] < 0.5, low, high).astype(np.uint8)
-        path = written(tmp_path, gppcs.PointCloud(points, {"classification": classes}))
-        found.append(gppcs.simplify(path, n_points=500, detail="classification", memory=MEMORY).indices)
-    np.testing.assert_array_equal(*found)
-    assert (np.abs(points[found[0], 0] - 0.5) < 0.05).mean() > 0.2
-
-
-def test_noise_of_an_attribute_draws_no_points(tmp_path):
-    points = gppcs.sample("bracket", 20_000).points
-    path = written(tmp_path, gppcs.PointCloud(points, {"noise": np.random.default_rng(0).random(20_000)}))
-    plain = gppcs.simplify(path, n_points=2_000, memory=MEMORY)
-    with pytest.warns(UserWarning, match="the detail is only noise at this number of points"):
-        noisy = gppcs.simplify(path, n_points=2_000, detail="noise", memory=MEMORY)
-    np.testing.assert_array_equal(noisy.indices, plain.indices)
-
-
 def classed(tmp_path, outliers=0.0):
     """Write 20,000 points of classes 1, 2 and, few, 6, in pulses of up to 4 points, some of them not finite."""
     cloud = gppcs.sample("terrain", 20_000, outliers=outliers)
@@ -182,15 +155,6 @@ def test_quotas_are_exact(tmp_path, method, outliers):
     found = gppcs.simplify(path, n_points=2_000, quota=quota, memory=MEMORY, **asked).cloud
     assert np.bincount(found.attributes["kind"]).tolist() == [0, 1_200, 200, 0, 0, 0, 600]
     assert np.isfinite(found.points).all()
-
-
-def test_a_quota_of_all_of_a_class(tmp_path):
-    path = classed(tmp_path)
-    cloud = gppcs.read(path)
-    there = int((cloud.take(cloud.finite_rows()).attributes["kind"] == 2).sum())
-    asked = {"n_points": 12_000, "quota": {"kind == 2": there}, "invalid": "drop"}
-    found = gppcs.simplify(path, memory=MEMORY, **asked).cloud
-    assert ((found.attributes["kind"] == 2).sum(), len(found)) == (there, 12_000)
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.02])
@@ -325,39 +289,6 @@ def test_a_lost_worker_is_told():
         list(map_parts(_end_at_once, [1]))
 
 
-@pytest.mark.slow
-def test_a_lost_scheduler_is_told(tmp_path, monkeypatch):
-    """It is killed while parts are worked on."""
-    pytest.importorskip("distributed")
-
-    def started(*words):
-        command = [sys.executable, "-m", f"distributed.cli.dask_{words[0]}", *words[1:]]
-        return subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    path = written(tmp_path, gppcs.sample("bracket", 20_000))
-    address = f"tcp://127.0.0.1:{port}"
-    scheduler = started("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-    worker = started("worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny")
-
-    def killed(*given, **named):
-        scheduler.kill()
-        return store(*given, **named)
-
-    from gppcs.streaming import beyond_memory as module
-
-    store = module.sorted_by_boxes
-    monkeypatch.setattr(module, "sorted_by_boxes", killed)
-    try:
-        with pytest.raises(gppcs.GppcsError, match="the workers were lost"):
-            gppcs.simplify(path, n_points=700, memory=MEMORY, workers=address)
-    finally:
-        worker.kill()
-        scheduler.kill()
-
-
 @pytest.mark.parametrize(
     "reason", [OSError(errno.ENOSPC, "No space left"), OSError("324838 requested and 195831 written")]
 )
@@ -371,12 +302,3 @@ def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
     with pytest.raises(gppcs.errors.OutputError, match="of disk space for temporary files, found that it is full"):
         gppcs.simplify(path, n_points=700, memory=MEMORY, scratch=tmp_path)
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_the_plan_counts_what_the_search_for_outliers_takes(tmp_path, monkeypatch):
-    """Places, a tree, two numbers for each point, and the neighbours of a batch."""
-    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 0)
-    with CloudFiles([written(tmp_path, gppcs.sample("bracket", 9_000))]) as files:
-        options = [Options(n_points=9, drop_outliers=drop, memory="10GB") for drop in (False, True)]
-        without, searching = (make_plan(files, each).memory for each in options)
-    assert searching - without >= 100 * 9_000

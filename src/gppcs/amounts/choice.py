@@ -32,9 +32,9 @@ Indices = NDArray[np.int64]
 
 def choose(points: Points, options: Options, constraints: Constraints, scale: Scale, timer: Timer) -> Selection:
     """Let the method choose as many of the points, (N, 3), as the options mean."""
-    amount, method = options.amount, options.algorithm
-    count = amount.known_count(len(points))
-    if count is not None and count >= len(points) and not options.constrains_points and amount.max_gap is None:
+    method, max_gap = options.algorithm, options.lengths.get("max_gap")
+    count = options.count(len(points))
+    if count is not None and count >= len(points) and not options.constrains_points and max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
     with timer("repeats"):
         indices, repeats = _distinct(points, constraints)
@@ -62,19 +62,19 @@ def choose(points: Points, options: Options, constraints: Constraints, scale: Sc
             lambda chosen, n: np.setdiff1d(usable, chosen)[:n],
         )
     else:
-        if amount.tolerance is not None:
+        if options.max_error is not None:
             is_ranking = Feature.RANKING in method.supports
             minimum = max(task.fixed, 1)
-            selection = fewest_points(task.points, amount.tolerance, scale, rank, is_ranking, minimum, timer)
-        elif amount.spacing is not None:
-            selection = rank(len(task.points), spacing=scale.inside(amount.spacing))
+            selection = fewest_points(task.points, options.max_error, scale, rank, is_ranking, minimum, timer)
+        elif options.spacing is not None:
+            selection = rank(len(task.points), spacing=scale.inside(options.lengths["spacing"]))
         else:
-            assert amount.max_gap is not None
-            selection = rank(_number_of_discs(task.points, scale.inside(amount.max_gap), task.fixed))
+            assert max_gap is not None
+            selection = rank(_number_of_discs(task.points, scale.inside(max_gap), task.fixed))
         selection = with_repeats(in_cloud(selection), repeats, task.fixed)
-    if amount.max_gap is None:
+    if max_gap is None:
         return selection
-    return _without_gaps(points, usable, selection, amount.max_gap, scale, timer)
+    return _without_gaps(points, usable, selection, max_gap, scale, timer)
 
 
 def choose_number(
@@ -83,12 +83,12 @@ def choose_number(
     constraints: Constraints,
     repeats: Indices,
     rank: Callable[[int], Selection],
-    others: Callable[[Indices, int], Indices],
+    unchosen: Callable[[Indices, int], Indices],
 ) -> Selection:
     """Choose a number of points: by quotas, in whole groups, or the first of a ranking.
 
     `rank` chooses a number of distinct positions, those to keep first; `repeats` are indices to keep at the positions
-    of others. `others` returns a number of indices besides those that are chosen, where there are too few positions.
+    of others. `unchosen` returns a number of indices besides those that are chosen, where there are too few positions.
     """
     fixed = len(constraints.keep) - len(repeats)
     if options.group is not None:
@@ -96,10 +96,10 @@ def choose_number(
     if options.quotas:
         assert constraints.labels is not None
         selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
-        return with_others(with_repeats(selection, repeats, fixed), fill)
+        return extended(with_repeats(selection, repeats, fixed), fill)
     selection = with_repeats(rank(count - len(repeats)), repeats, fixed)
     missing = count - len(selection.indices)
-    return with_others(selection, others(selection.indices, missing)) if missing > 0 else selection
+    return extended(selection, unchosen(selection.indices, missing)) if missing > 0 else selection
 
 
 def check_count(count: int, n_keep: int, n_usable: int) -> None:
@@ -126,7 +126,7 @@ def with_repeats(selection: Selection, repeats: Indices, fixed: int) -> Selectio
     )
 
 
-def with_others(selection: Selection, indices: Indices) -> Selection:
+def extended(selection: Selection, indices: Indices) -> Selection:
     """Return a selection with further points at its end, which the method did not choose."""
     return replace(
         selection,
@@ -195,5 +195,5 @@ def _without_gaps(
         added, gap = fill_gaps(points[usable], kept, scale.inside(max_gap))
     diagnostics = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(gap)}
     moved = None if selection.points is None else np.concatenate([kept, points[usable[added]]])
-    extended = with_others(selection, usable[added])
-    return replace(extended, diagnostics={**selection.diagnostics, **diagnostics}, points=moved)
+    longer = extended(selection, usable[added])
+    return replace(longer, diagnostics={**selection.diagnostics, **diagnostics}, points=moved)

@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike
 
 from gppcs.amounts.quotas import Quota, quotas_of
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Amount, bytes_of, metres_of
+from gppcs.clouds.quantities import Length, Tolerance, bytes_of, count_of, metres_of, ratio_of
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
 from gppcs.methods.parameters import parameters_of, with_settings
 
 if TYPE_CHECKING:
-    from gppcs.io.query import Query
+    from gppcs.io.cloud_files import CloudFiles
 
 
 def _option(default: Any, text: str, for_files: bool = False) -> Any:
@@ -153,13 +153,18 @@ class Options:
             flag(name, getattr(self, name))
         if self.group is not None and not isinstance(self.group, str):
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(self.group)}")
+        self._check_size()
         self._check_features()
         self._check_denoised()
         if self.unit is not None:
             metres_of(self.unit, None)
         if isinstance(self.keep, str):
             Expression.from_text(self.keep)
-        _ = self.memory_limit, self.query, self.scratch_parent
+        _ = self.memory_limit, self.scratch_parent
+        if self.inside is not None or self.only is not None or self.resolution is not None:
+            from gppcs.io.query import Query
+
+            Query.from_options(self.inside, self.only, self.resolution)
         _check_workers(self.workers)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -167,9 +172,28 @@ class Options:
         return {**vars(self), "workers": None}
 
     @cached_property
-    def amount(self) -> Amount:
-        """What decides how many points are kept."""
-        return Amount.from_values(self.ratio, self.n_points, self.tolerance, self.spacing, self.max_gap)
+    def size(self) -> float | int | None:
+        """The fraction of the points to keep (float) or their number (int), if one of them is asked for."""
+        if self.ratio is not None:
+            return ratio_of("ratio", self.ratio)
+        return None if self.n_points is None else count_of("n_points", self.n_points)
+
+    def count(self, n: int) -> int | None:
+        """Return M for a cloud of N = n points, if that tells it."""
+        if isinstance(self.size, float):
+            return max(1, round(self.size * n))
+        return None if self.size is None else min(self.size, n)
+
+    @cached_property
+    def max_error(self) -> Tolerance | None:
+        """The error that is allowed, if there is one."""
+        return None if self.tolerance is None else Tolerance.from_value(self.tolerance)
+
+    @cached_property
+    def lengths(self) -> Mapping[str, Length]:
+        """The spacing and the largest gap that are asked for."""
+        names = ("spacing", "max_gap")
+        return {name: Length.from_value(name, getattr(self, name)) for name in names if getattr(self, name) is not None}
 
     @cached_property
     def algorithm(self) -> Method:
@@ -195,14 +219,12 @@ class Options:
         """How many points meet conditions."""
         return () if self.quota is None else quotas_of(self.quota)
 
-    @cached_property
-    def query(self) -> Query | None:
-        """Which points of the files are read; None for all."""
-        if self.inside is None and self.resolution is None and self.only is None:
-            return None
-        from gppcs.io.query import Query
+    def open(self, paths: Sequence[str | os.PathLike[str]]) -> CloudFiles:
+        """Return files as one cloud, of which is read what the options ask for."""
+        from gppcs.io.cloud_files import open_clouds
 
-        return Query.from_options(self.inside, self.only, self.resolution)
+        which = (self.inside, self.only, self.resolution)
+        return open_clouds(paths, self.format, self.columns, *which, self.assume_same_crs)
 
     @cached_property
     def memory_limit(self) -> int | None:
@@ -224,8 +246,8 @@ class Options:
     def needs_memory(self) -> str | None:
         """The option for which all points have to be in memory, if any."""
         reasons = {
-            "tolerance": self.amount.tolerance is not None,
-            "max_gap": self.amount.max_gap is not None,
+            "tolerance": self.tolerance is not None,
+            "max_gap": self.max_gap is not None,
             "denoise": self.denoises,
             "normals": self.normals,
             "keep": self.keep is not None and not isinstance(self.keep, str),
@@ -239,11 +261,18 @@ class Options:
             if option.metadata["for_files"] and getattr(self, option.name) != option.default:
                 raise ParameterError(f"expected {option.name} with a cloud in files, found one in memory")
 
+    def _check_size(self) -> None:
+        """Check that one option decides how many points are kept, beside `max_gap`, and that lengths are some."""
+        names = [name for name in ("ratio", "n_points", "tolerance", "spacing") if getattr(self, name) is not None]
+        if len(names) > 1 or not (names or self.max_gap is not None):
+            actual = " and ".join(names) or "none"
+            raise ParameterError(f"expected one of ratio, n_points, tolerance, spacing and max_gap, found {actual}")
+        _ = self.size, self.max_error, self.lengths
+
     def _check_features(self) -> None:
         """Check that the method can do what is asked for, and that the options go together."""
-        amount = self.amount
         features = {
-            Feature.SPACING: amount.spacing is not None,
+            Feature.SPACING: self.spacing is not None,
             Feature.KEEP: self.keep is not None,
             Feature.WEIGHT: self.weight is not None,
             Feature.DETAIL: bool(self.details),
@@ -253,12 +282,12 @@ class Options:
         for feature, is_needed in features.items():
             if is_needed:
                 require(self.algorithm, feature)
-        if amount.spacing is not None and (self.keep is not None or self.weight is not None):
+        if self.spacing is not None and (self.keep is not None or self.weight is not None):
             raise ParameterError(
                 "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a "
                 "spacing"
             )
-        if features[Feature.RANKING] and (amount.known_count(1) is None or amount.max_gap is not None):
+        if features[Feature.RANKING] and (self.size is None or self.max_gap is not None):
             raise ParameterError(
                 "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or "
                 "largest gap"

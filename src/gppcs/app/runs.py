@@ -114,7 +114,7 @@ def _opened(job: Job, output: Output) -> CloudFiles:
         if not io.is_standard(source):
             source.stat()  # a missing input is reported before its name is taken for that of the output
     output.check(job.force)
-    return CloudFiles(output.sources, job.options.format, query=job.options.query)
+    return job.options.open(output.sources)
 
 
 def _simplified(
@@ -207,19 +207,18 @@ def _rows(report: RunReport, result: Result, options: Options, unit: str | None)
     if report.readings > 1:
         rows["points on disk"] = f"files read {report.readings} times"
     rows["method"] = str(result.method)
-    amount = options.amount
-    asked_for = {} if amount.max_gap is None else {"largest_gap": amount.max_gap}
-    if amount.tolerance is not None:
-        measure = amount.tolerance.measure
-        asked_for["largest_error" if measure is None else f"surface_{measure}"] = amount.tolerance.length
+    limits = {"largest_gap": options.max_gap}
+    if options.max_error is not None:
+        measure = options.max_error.measure
+        limits["largest_error" if measure is None else f"surface_{measure}"] = options.max_error.length.text
     for name, value in report.diagnostics.items():
         if name == "noise_in_spacings" and value:
             rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({_effect(value, options)})"
         elif value:
             is_length = name.startswith(("surface_", "largest_", "moved_"))
             text = f"{text_of(value)} {unit}" if unit and is_length else text_of(value)
-            request = f"  (asked: {asked_for[name].text})" if name in asked_for else ""
-            rows[name.replace("_", " ")] = text + request
+            limit = f"  (asked: {limits[name]})" if limits.get(name) else ""
+            rows[name.replace("_", " ")] = text + limit
     rows["time"] = time_in_words(report.seconds)
     return rows
 
@@ -235,12 +234,12 @@ def _effect(noise: float, options: Options) -> str:
 
 def _note_size(source: Path, result: Result, options: Options) -> None:
     """Print notes on results that are not what somebody may have expected."""
-    kept, amount = len(result.indices), options.amount
-    if amount.n_points is not None and kept < amount.n_points and options.group is None:
+    kept = len(result.indices)
+    if isinstance(options.size, int) and kept < options.size and options.group is None:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
-        fewer = f"fewer than the {amount.n_points:,} asked for"
+        fewer = f"fewer than the {options.size:,} asked for"
         print_error(f"note: {source}: all of its {kept:,} points{usable} were kept, {fewer}")
-    if amount.tolerance is not None and kept > 0.5 * result.points_in:
+    if options.tolerance is not None and kept > 0.5 * result.points_in:
         fraction = f"{kept / result.points_in:.0%} of the points"
         print_error(
             f"note: {source}: this tolerance takes {fraction}; it is below what their spacing and noise resolve"

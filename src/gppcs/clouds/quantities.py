@@ -144,51 +144,6 @@ class Tolerance:
         return cls(Length.from_value("tolerance", length), measure)
 
 
-@dataclass(frozen=True)
-class Amount:
-    """What decides how many points are kept: one of the first four, or `max_gap`, or both."""
-
-    ratio: float | None
-    n_points: int | None
-    tolerance: Tolerance | None = None
-    spacing: Length | None = None
-    max_gap: Length | None = None
-
-    @classmethod
-    def from_values(
-        cls,
-        ratio: float | str | None,
-        n_points: int | str | None,
-        tolerance: float | str | None = None,
-        spacing: float | str | None = None,
-        max_gap: float | str | None = None,
-    ) -> Amount:
-        """Check the arguments of `gppcs.simplify` with these names."""
-        values = {"ratio": ratio, "n_points": n_points, "tolerance": tolerance, "spacing": spacing}
-        names = [name for name, value in values.items() if value is not None]
-        if len(names) > 1 or not (names or max_gap is not None):
-            found = " and ".join(names) or "none"
-            raise ParameterError(f"expected one of ratio, n_points, tolerance, spacing and max_gap, found {found}")
-        return cls(
-            None if ratio is None else ratio_of("ratio", ratio),
-            None if n_points is None else count_of("n_points", n_points),
-            None if tolerance is None else Tolerance.from_value(tolerance),
-            None if spacing is None else Length.from_value("spacing", spacing),
-            None if max_gap is None else Length.from_value("max_gap", max_gap),
-        )
-
-    @property
-    def lengths(self) -> tuple[Length | None, ...]:
-        """All lengths among them."""
-        return (self.tolerance.length if self.tolerance else None, self.spacing, self.max_gap)
-
-    def known_count(self, n: int) -> int | None:
-        """Return M if the number N of points already determines it."""
-        if self.ratio is not None:
-            return max(1, round(self.ratio * n))
-        return None if self.n_points is None else min(self.n_points, n)
-
-
 class Scale(NamedTuple):
     """How lengths that somebody asks for become lengths in the coordinates of a method."""
 

@@ -10,7 +10,6 @@ from typing import Literal
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Amount
 from gppcs.clouds.ranges import weights_of_detail
 from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import COMPILATION, Timer, timer_of
@@ -95,7 +94,7 @@ def compare(
         require_mesh(mesh)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     if methods is None:
-        chosen = those_that_fit(chosen, len(original), Amount.from_values(ratio, n_points))
+        chosen = those_that_fit(chosen, len(original), Options(ratio=ratio, n_points=n_points))
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
@@ -112,9 +111,9 @@ def compare(
     return entries
 
 
-def those_that_fit(methods: Iterable[Method], n: int, amount: Amount) -> list[Method]:
+def those_that_fit(methods: Iterable[Method], n: int, options: Options) -> list[Method]:
     """Return the methods that can choose so many of n points in the memory that is free."""
-    free, kept = available_memory(), amount.known_count(n) or n
+    free, kept = available_memory(), options.count(n) or n
     return [method for method in methods if free is None or method.memory(n, kept) <= free]
 
 

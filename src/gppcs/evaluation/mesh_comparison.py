@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Amount, count_of
+from gppcs.clouds.quantities import count_of
 from gppcs.engine.extras import require_all, require_pymeshlab
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
@@ -99,7 +100,7 @@ def compare_meshes(
     chosen, timer = checked_pipelines(pipelines, ratio, n_points), timer_of(timer)
     original = simplify(cloud, ratio=1, invalid=invalid).cloud  # without dropped points
     require_original(original, mesh)
-    count = Amount.from_values(ratio, n_points).known_count(len(original))
+    count = Options(ratio=ratio, n_points=n_points).count(len(original))
     assert count is not None
     if count < FEWEST_VERTICES:
         raise ParameterError(
@@ -122,9 +123,9 @@ def checked_pipelines(
     for name in chosen:
         if not (isinstance(name, str) and name in PIPELINES):
             raise ParameterError(f"there is no pipeline {shown(name)}{nearest_name(name, PIPELINES)}")
-    amount = Amount.from_values(ratio, n_points)
-    if amount.n_points is not None:
-        count_of("n_points", amount.n_points, FEWEST_VERTICES)
+    size = Options(ratio=ratio, n_points=n_points).size
+    if isinstance(size, int):
+        count_of("n_points", size, FEWEST_VERTICES)
     require_all(require_pymeshlab, *(partial(require_pipeline, name) for name in chosen))
     return chosen
 

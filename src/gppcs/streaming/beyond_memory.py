@@ -81,10 +81,10 @@ def _chosen(
         indices=keep[is_first],
         map_parts=map_parts,
     )
-    if options.amount.spacing is not None:
+    if options.spacing is not None:
         diagonal = float(np.linalg.norm(frame.local(overview.upper[None])))
         scale = Scale(diagonal, metres_of(options.unit, overview.columns.header), frame.exponent)
-        spacing = scale.inside(options.amount.spacing)
+        spacing = scale.inside(options.lengths["spacing"])
         return options.algorithm(replace(task, spacing=spacing))
 
     def rank(n: int) -> Selection:
@@ -92,7 +92,7 @@ def _chosen(
             return Selection(stored.besides(np.empty(0, dtype=np.int64), n), ranked=False)
         return options.algorithm(replace(task, n_points=n))
 
-    count = options.amount.known_count(overview.count - overview.n_bad - (0 if outliers is None else len(outliers)))
+    count = options.count(overview.count - overview.n_bad - (0 if outliers is None else len(outliers)))
     assert count is not None
     check_count(count, len(keep), len(stored))
     if count >= len(stored) and not options.quotas and options.group is None:

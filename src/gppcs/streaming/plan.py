@@ -49,7 +49,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if files.query and not n:
         raise files.query.nothing_found()
     _check_preview(preview, options)
-    n_kept = options.amount.known_count(n) or max(1, round(0.1 * n))  # a guess, where only the work tells
+    n_kept = options.count(n) or max(1, round(0.1 * n))  # a guess, where only the work tells
     counted_by_reading = files.query is not None
     outliers = 130 * n if options.drop_outliers else 0
     row = _bytes_of_row(preview)
@@ -99,9 +99,10 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
         named = replace(options, keep=keep, weight=weight)  # without arrays, which describe all points
         Constraints.from_cloud(preview, preview.finite_rows(), named)
     metres = metres_of(options.unit, preview.header)
-    for length in options.amount.lengths:
-        if length is not None:
-            length.in_cloud(1.0, metres)
+    for length in options.lengths.values():
+        length.in_cloud(1.0, metres)
+    if options.max_error:
+        options.max_error.length.in_cloud(1.0, metres)
 
 
 def _bytes_of_row(cloud: PointCloud) -> int:

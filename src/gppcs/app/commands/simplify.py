@@ -142,7 +142,7 @@ def simplify(
     job = Job(Options(**arguments), sizes, index, mark, force, lossy)
     if sizes:
         require(job.options.algorithm, Feature.RANKING)
-    if dry_run and job.options.amount.known_count(1) is None:
+    if dry_run and job.options.size is None:
         raise ParameterError(
             "expected ratio or n_points with --dry-run, as the number of points is known only after the work"
         )
