@@ -151,7 +151,7 @@ def test_depths_of_the_room_are_multiples_of_a_step_and_their_noise_grows_with_d
     cloud = gppcs.sample("room", 20_000)
     axis = unit(room.LOOKS_AT - room.CAMERA)
     depth = (cloud.points - room.CAMERA) @ axis
-    disparity = 1.0 / (room.STEP * depth)
+    disparity = 1.0 / (2.85e-3 * depth)
     np.testing.assert_allclose(disparity, np.round(disparity), atol=0.01)
     floor = cloud.attributes["classification"] == 2
     error = np.abs(cloud.points[:, 2])

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.objects import COLOUR
 from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
@@ -27,17 +30,8 @@ SCANS: dict[str, Scan] = {
 }  # fmt: skip
 SCENES: dict[str, Scene] = {"room": ROOM, "street": STREET, "terrain": TERRAIN}
 
-BATCH = 32_768  # points drawn at once: few enough for their derivatives to stay in the CPU cache
-MOST_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
-MOST_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
-OUTLIER_BOX = 1.5  # edge lengths of the box of outliers, relative to those of the scan's bounding box
-OUTLIER = {  # attributes of outliers: no surface, grey, and noise by the LAS specification
-    **dict.fromkeys(("nx", "ny", "nz", "curvature"), 0),
-    **dict.fromkeys(("red", "green", "blue"), 128),
-    "classification": 7,
-    **dict.fromkeys(("intensity", "marking"), 0),
-    "outlier": 1,
-}
+MAX_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
+MAX_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 
 
 def sample(
@@ -63,10 +57,10 @@ def sample(
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float
-        Standard deviation of the Gaussian noise on each coordinate, as a share of the bounding box's diagonal. It is
+        Standard deviation of the Gaussian noise on each coordinate, as a fraction of the bounding box's diagonal. It is
         added to the noise of a scene's sensor.
     outliers : float
-        Share of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
+        Fraction of the points that are outliers, from 0 to below 1. Outliers are uniform in the bounding box, enlarged
         1.5 times about its centre. Their number is rounded.
     uneven : float
         Loss of density along x, from 0 to 0.999, of an object: at the highest x, the density is 1 - `uneven` times that
@@ -101,29 +95,33 @@ def sample(
     """
     scan = _checked(name, n_points, noise, outliers, uneven, seed)
     rng = np.random.default_rng(seed)
-    own: dict[str, NDArray[np.generic]]
+    attributes: dict[str, NDArray[Any]]
     if isinstance(scan, Scene):
         points, normals, colours, classification = scan.scan(n_points, rng)
-        own = {"classification": classification}
-        low, high = (bound.astype(np.float64) for bound in (points.min(axis=0), points.max(axis=0)))
+        attributes = {"classification": classification}
+        lower, upper = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     else:
         points, normals, curvature, colours = _on_surface(scan, n_points, uneven, rng)
-        own = {"curvature": curvature}
-        low, high = np.array(scan.box)
-    known = dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
-    attributes = {**known, **own, **dict(zip(("red", "green", "blue"), colours.T, strict=True))}
+        attributes = {"curvature": curvature}
+        lower, upper = np.array(scan.box)
+    attributes = {
+        **dict(zip(NORMALS, normals.T, strict=True)),
+        **attributes,
+        **dict(zip(COLOUR, colours.T, strict=True)),
+    }
     if isinstance(scan, Scan) and scan.paint:
         attributes |= scan.paint(points.astype(np.float64), rng)
     if noise > 0.0:
-        sigma = noise * float(np.linalg.norm(high - low))
+        sigma = noise * float(np.linalg.norm(upper - lower))
         points += (sigma * rng.standard_normal(points.shape)).astype(np.float32)
     if outliers > 0.0:
         stray = rng.permutation(n_points)[: round(outliers * n_points)]
-        reach = OUTLIER_BOX * (high - low) / 2.0
-        points[stray] = (low + high) / 2.0 + rng.uniform(-reach, reach, (len(stray), 3))
+        half = 1.5 * (upper - lower) / 2.0
+        points[stray] = (lower + upper) / 2.0 + rng.uniform(-half, half, (len(stray), 3))
         attributes["outlier"] = np.zeros(n_points, np.uint8)
         for attribute, values in attributes.items():
-            values[stray] = OUTLIER[attribute]
+            # Without a surface, grey, and of the class of noise in the LAS specification.
+            values[stray] = {**dict.fromkeys(COLOUR, 128), "classification": 7, "outlier": 1}.get(attribute, 0)
     return PointCloud(points.astype(np.float64), attributes, np.dtype(np.float32))
 
 
@@ -132,14 +130,19 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
     samples: dict[str, Scan | Scene] = {**SCANS, **SCENES}
     if not isinstance(name, str) or name not in samples:
         raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, samples)}")
-    count, parts = whole_number("the number of points", n_points, 1), "give a share, such as 0.05 for 5 %"
+    count, parts = whole_number("the number of points", n_points, 1), "give a fraction, such as 0.05 for 5 %"
     whole_number("the seed", seed, 0)
     for value, holds, expected, advice in (
-        (n_points, count <= MOST_POINTS, f"at most {MOST_POINTS:,} points", "no computer holds more"),
-        (noise, 0.0 <= number(noise) < np.inf, "noise as a share of the diagonal, 0 or more", "0.005 is a noisy scan"),
+        (n_points, count <= MAX_POINTS, f"at most {MAX_POINTS:,} points", "no computer holds more"),
+        (
+            noise,
+            0.0 <= number(noise) < np.inf,
+            "noise as a fraction of the diagonal, 0 or more",
+            "0.005 is a noisy scan",
+        ),
         (outliers, 0.0 <= number(outliers) < 1.0, "outliers from 0 to below 1", parts),
         (uneven, 0.0 <= number(uneven) < 1.0, "uneven from 0 to below 1", parts),
-        (uneven, number(uneven) <= MOST_UNEVEN, f"uneven of at most {MOST_UNEVEN}", "beyond, hardly a point is left"),
+        (uneven, number(uneven) <= MAX_UNEVEN, f"uneven of at most {MAX_UNEVEN}", "beyond, hardly a point is left"),
         (uneven, number(uneven) == 0.0 or name in SCANS, f"uneven of 0 for the scene {name}", "its sensor decides"),
     ):
         if not holds:
@@ -157,26 +160,27 @@ def _on_surface(
     weights = np.array([patch.weight for patch in scan.patches])
     filled = 0
     while filled < n_points:
-        proposed = rng.multinomial(min(BATCH, 64 + 4 * (n_points - filled)), weights / weights.sum())
+        # At most so many at once that their derivatives stay in the CPU cache.
+        proposed = rng.multinomial(min(32_768, 64 + 4 * (n_points - filled)), weights / weights.sum())
         by_patch = [patch.draw(count, rng) for patch, count in zip(scan.patches, proposed, strict=True)]
         drawn = SurfacePoints(*map(np.concatenate, zip(*by_patch, strict=True)))
         order = rng.permutation(len(drawn.points))
         order = order[rng.uniform(0.0, 1.0, len(order)) < _density(scan, drawn.points[order, 0], uneven)]
         order = order[: n_points - filled]
-        rows = slice(filled, filled + len(order))
-        points[rows], normals[rows], curvature[rows] = (values[order] for values in drawn[:3])
-        base = np.repeat([patch.colour for patch in scan.patches], [len(some.points) for some in by_patch], axis=0)
+        new = slice(filled, filled + len(order))
+        points[new], normals[new], curvature[new] = (values[order] for values in drawn[:3])
+        base = np.repeat([patch.colour for patch in scan.patches], [len(part.points) for part in by_patch], axis=0)
         # Hollows are darker and ridges brighter, like the patina of a used object.
-        lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature[rows])
-        colours[rows] = np.clip(base[order] * lightness[:, None], 0.0, 255.0)
+        lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature[new])
+        colours[new] = np.clip(base[order] * lightness[:, None], 0.0, 255.0)
         filled += len(order)
     return points, normals, curvature, colours
 
 
 def _density(scan: Scan, x: NDArray[np.float64], uneven: float) -> NDArray[np.float64]:
     """Return the density at x, (n,), relative to the highest, for a scanner at the low end of x."""
-    low, high = scan.box[0][0], scan.box[1][0]
+    lower, upper = scan.box[0][0], scan.box[1][0]
     # This distance of the scanner makes the density at the far end 1 - uneven.
     growth = 1.0 / np.sqrt(1.0 - uneven) - 1.0
-    density: NDArray[np.float64] = (1.0 + growth * (x - low) / (high - low)) ** -2.0
+    density: NDArray[np.float64] = (1.0 + growth * (x - lower) / (upper - lower)) ** -2.0
     return density

@@ -13,7 +13,7 @@ from gppcs.scans.patch import Patch, Scan, flat, turned
 PLATE_X, PLATE_Y, PLATE_Z = 50.0, 30.0, 10.0  # half width, half depth, height
 CORNER = 10.0  # radius of the two front corners
 HOLES = ((-40.0, -20.0), (40.0, -20.0), (-40.0, 18.0), (40.0, 18.0))  # centres of the holes
-HOLE, SINK, SINK_DEPTH = 4.0, 8.0, 4.0  # countersunk holes: lower radius, radius at the top, depth of the cone
+HOLE, SINK = 4.0, 8.0  # countersunk holes: lower radius, radius at the top
 WALL_X, WALL_FRONT, WALL_BACK = 30.0, 18.0, 30.0  # half width, y of the front face, y of the back face
 EYE = 40.0  # height of the common centre of bore, boss and round top
 BOSS, BOSS_FRONT, BORE = 21.0, 8.0, 13.0  # radius of the boss, y of its front face, radius of the bore
@@ -61,7 +61,7 @@ def _wall_side(y: Values, z: Values) -> NDArray[np.bool_]:
 
 
 def _hole(centre: tuple[float, float]) -> tuple[Patch, Patch]:
-    throat = PLATE_Z - SINK_DEPTH
+    throat = PLATE_Z - 4.0  # where the cone ends
     return (
         turned(2, centre, (HOLE, 0.0), (HOLE, throat), MACHINED),
         turned(2, centre, (HOLE, throat), (SINK, PLATE_Z), MACHINED),

@@ -63,12 +63,12 @@ def _nearest_blade(angle: Values) -> Values:
     return angle - np.round(angle / BLADE_STEP) * BLADE_STEP
 
 
-def _hub_free(share: Values, angle: Values) -> NDArray[np.bool_]:
-    return _between_blades(HUB_HALF - 2.0 * HUB_HALF * share, angle)
+def _hub_free(fraction: Values, angle: Values) -> NDArray[np.bool_]:
+    return _between_blades(HUB_HALF - 2.0 * HUB_HALF * fraction, angle)
 
 
-def _duct_free(share: Values, angle: Values) -> NDArray[np.bool_]:
-    return _between_blades(2.0 * DUCT_HALF * share - DUCT_HALF, angle - SWEEP)
+def _duct_free(fraction: Values, angle: Values) -> NDArray[np.bool_]:
+    return _between_blades(2.0 * DUCT_HALF * fraction - DUCT_HALF, angle - SWEEP)
 
 
 def _between_blades(z: Values, swept_back: Values) -> NDArray[np.bool_]:

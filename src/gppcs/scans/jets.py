@@ -90,22 +90,22 @@ class Jet:
         cosine = np.cos(self.value)
         return self._chain(cosine, -np.sin(self.value), -cosine)
 
-    def clipped(self, low: float, high: float) -> Jet:
-        """Return f clipped to [low, high]; where it is clipped, its derivatives are zero."""
-        parts = np.where((self.value > low) & (self.value < high), self.parts, 0.0)
-        parts[0] = np.clip(self.value, low, high)
+    def clipped(self, lower: float, upper: float) -> Jet:
+        """Return f clipped to [lower, upper]; where it is clipped, its derivatives are zero."""
+        parts = np.where((self.value > lower) & (self.value < upper), self.parts, 0.0)
+        parts[0] = np.clip(self.value, lower, upper)
         return Jet(parts)
 
     def where_higher(self, other: Jet) -> Jet:
         """Return the greater of two functions at each place; they meet in a sharp edge."""
         return Jet(np.where(self.value > other.value, self.parts, other.parts))
 
-    def at(self, places: NDArray[np.bool_]) -> Jet:
-        """Return the jet at some of its places, (N,)."""
-        return Jet(self.parts[:, places])
+    def at(self, mask: NDArray[np.bool_]) -> Jet:
+        """Return the jet where a mask, (N,), is true."""
+        return Jet(self.parts[:, mask])
 
-    def raised_at(self, places: NDArray[np.bool_], amount: Jet) -> Jet:
-        """Return f with an amount added at some of its places, (N,)."""
+    def raised_at(self, mask: NDArray[np.bool_], amount: Jet) -> Jet:
+        """Return f with an amount added where a mask, (N,), is true."""
         parts = self.parts.copy()
-        parts[:, places] += amount.parts
+        parts[:, mask] += amount.parts
         return Jet(parts)

@@ -9,7 +9,6 @@ from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan
 
 RADIUS = 50.0  # of the medallion
-BRONZE = (198, 146, 78)  # red, green, blue
 
 INSCRIPTION = "FEWER.POINTS.SAME.SHAPE."
 LETTER_RADIUS = 36.0  # of the circle through the middles of the letters
@@ -92,8 +91,8 @@ def _star(r: Jet, angle: Jet) -> Jet:
     # Between a tip (fold 0) and a notch (fold π/5), the outline is a straight line n · p = c.
     notch_x, notch_y = notch * np.cos(fifth / 2.0), notch * np.sin(fifth / 2.0)
     nx, ny = notch_y, tip - notch_x
-    share = r * (fold.cos() * nx + fold.sin() * ny) * (1.0 / (nx * tip))
-    return (1.0 - share) * peak
+    fraction = r * (fold.cos() * nx + fold.sin() * ny) * (1.0 / (nx * tip))
+    return (1.0 - fraction) * peak
 
 
 def _height(s: Jet, angle: Jet) -> Jet:
@@ -117,6 +116,6 @@ def _surface(s: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
 
 MEDALLION = Scan(
     "a bronze medallion of 100 mm: letters, pearls, a rope and a cut star on a smooth dome (one side only)",
-    (Patch(_surface, (0.0, RADIUS**2), (-np.pi, np.pi), 1.25, BRONZE),),
+    (Patch(_surface, (0.0, RADIUS**2), (-np.pi, np.pi), 1.25, (198, 146, 78)),),
     ((-RADIUS, -RADIUS, 0.65), (RADIUS, RADIUS, 10.5)),
 )

@@ -12,10 +12,8 @@ from gppcs.scans.jets import Jet, Values
 from gppcs.scans.patch import Attributes, Patch, Scan
 from gppcs.scans.statue import STATUE
 
-PLASTER, ASPHALT = (205, 190, 160), (70, 70, 72)
 WIDE, HIGH, RELIEF = 4000.0, 3000.0, 4.0  # the wall, and its unevenness
 LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the road, and its slope to both sides
-BARE, MARKED, SPECKLE = 60.0, 180.0, 3.0  # intensity of asphalt and of its markings, and the noise of the sensor
 
 
 def _coloured(colours: Values) -> Attributes:
@@ -36,8 +34,8 @@ def _dressed(points: Values, rng: np.random.Generator) -> Attributes:
     """Paint the statue: a robe with a pattern, a belt, a hem with a zigzag, skin and hair."""
     height, angle = points[:, 2] / 100.0, np.arctan2(points[:, 1], points[:, 0])
     zigzag = 0.13 + 0.16 * np.abs((3.0 * angle / np.pi) % 1.0 - 0.5)
-    turns, rows = (angle / np.pi * 4.0) % 1.0 - 0.5, (height * 7.0) % 1.0 - 0.5
-    from_dot = np.hypot(turns * 0.8, rows)
+    turns, heights = (angle / np.pi * 4.0) % 1.0 - 0.5, (height * 7.0) % 1.0 - 0.5
+    from_dot = np.hypot(turns * 0.8, heights)
     robe = (height > 0.29) & (height < 0.47)
     return _coloured(_laid_over(
         len(points), (150, 40, 40),
@@ -82,7 +80,7 @@ def _marked(points: Values, rng: np.random.Generator) -> Attributes:
     lines = (np.abs(np.abs(y) - 3.5) < 0.08) | ((np.abs(y) < 0.08) & (x % 4.0 < 2.0))
     crossing = (np.abs(x - 14.0) < 1.5) & (y % 1.0 < 0.5)
     marking = (lines & (np.abs(x - 14.0) > 2.0)) | crossing
-    intensity = np.where(marking, MARKED, BARE) + rng.normal(0.0, SPECKLE, len(points))
+    intensity = np.where(marking, 180.0, 60.0) + rng.normal(0.0, 3.0, len(points))
     return {"intensity": intensity.round().astype(np.uint16), "marking": marking.astype(np.uint8)}
 
 
@@ -99,13 +97,13 @@ PAINTED = dataclasses.replace(
 )
 FRESCO = Scan(
     "a wall of 4 m with a fresco: all detail is colour",
-    (Patch(_uneven, (0.0, WIDE), (0.0, HIGH), 1.001, PLASTER),),
+    (Patch(_uneven, (0.0, WIDE), (0.0, HIGH), 1.001, (205, 190, 160)),),
     ((0.0, -RELIEF, 0.0), (WIDE, RELIEF, HIGH)),
     _fresco,
 )
 ROAD = Scan(
     "a road of 20 m with markings that only the intensity shows",
-    (Patch(_cambered, (0.0, LONG), (-ACROSS / 2.0, ACROSS / 2.0), 1.001, ASPHALT),),
+    (Patch(_cambered, (0.0, LONG), (-ACROSS / 2.0, ACROSS / 2.0), 1.001, (70, 70, 72)),),
     ((0.0, -ACROSS / 2.0, -CAMBER * ACROSS / 4.0 - 40.0), (LONG, ACROSS / 2.0, 40.0)),
     _marked,
 )

@@ -12,12 +12,11 @@ from gppcs.scans.patch import Patch, Scan, flat
 HEIGHT = 100.0
 FRONT = -np.pi / 2.0  # angle of the face, which looks along -y
 MARBLE = (222, 216, 204)
-STRETCH = 3050.0  # upper bound of the area element: the greatest on a fine grid, and a little more
 LEFT, RIGHT, FACE, BACK = -24.6, 24.6, -25.0, 24.0  # bounds along x and y
 
 
 def _hump(t: Jet, middle: float, width: float) -> Jet:
-    """Return a bump of height 1 around a height, as a share of the whole."""
+    """Return a bump of height 1 around a height, as a fraction of the whole."""
     return (-((t - middle) * (1.0 / width)).squared()).exp()
 
 
@@ -27,7 +26,7 @@ def _towards(angle: Jet, direction: float, width: float) -> Jet:
 
 
 def _radius_squared(t: Jet, angle: Jet) -> Jet:
-    """Return the square of the radius at a share of the height; at the top it falls to 0 with a finite slope."""
+    """Return the square of the radius at a fraction of the height; at the top it falls to 0 with a finite slope."""
     body = _hump(t, 0.0, 0.42) * 15.0 + _hump(t, 0.67, 0.11) * 6.5 - _hump(t, 0.815, 0.035) * 4.5 + 8.5
     shoulders = _hump(t, 0.66, 0.12) * (angle * 2.0).cos() * 2.6
     folds = _hump(t, 0.0, 0.5) * ((angle * 13.0 + t * 5.0).cos() + (angle * 7.0 - t * 9.0).sin() * 0.7)
@@ -59,7 +58,8 @@ def _in_base(x: Values, y: Values) -> NDArray[np.bool_]:
 STATUE = Scan(
     "a marble statue of 100 mm: a robed figure with folds, crossed arms and a face (closed)",
     (
-        Patch(_surface, (0.0, 1.0), (-np.pi, np.pi), STRETCH, MARBLE, -1),
+        # The bound of the area element is its maximum on a fine grid, and a little more.
+        Patch(_surface, (0.0, 1.0), (-np.pi, np.pi), 3050.0, MARBLE, -1),
         flat(2, 0.0, (LEFT, RIGHT), (FACE, BACK), -1, MARBLE, _in_base),
     ),
     ((LEFT, FACE, 0.0), (RIGHT, BACK, HEIGHT)),

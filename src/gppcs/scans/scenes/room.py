@@ -5,16 +5,10 @@ import numpy as np
 from gppcs.scans.scenes.scene import Rays, Scene
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, box, cylinder, joined, polygon, sphere
 
-WIDTH, DEPTH, HEIGHT = 4.2, 3.6, 2.5  # of the room, along x, y and z
 CAMERA = np.array([3.7, 0.35, 1.55])
 LOOKS_AT = np.array([1.2, 2.6, 0.75])
-HALF_ANGLES = np.radians([34.0, 27.0])  # of the field of view: horizontal, vertical
-# Khoshelham and Elberink (2012), Accuracy and resolution of Kinect depth data, section 3: depth z is measured in steps
-# of about 2.85e-3 z² (in metres), with a standard deviation of half a step.
-STEP = 2.85e-3
 
 PLASTER = Look((226, 220, 206), 6)
-FLOOR = Look((150, 112, 78), 2)
 WOOD = Look((186, 142, 92), 64)
 DARK = Look((66, 70, 80), 64)
 CLOTH = Look((74, 104, 148), 64)
@@ -24,12 +18,12 @@ PAPER = Look((222, 206, 150), 64)
 
 def _walls() -> list[Surface]:
     """Return floor and four walls; a doorway is a niche in the wall at the back."""
-    x, y, z = WIDTH, DEPTH, HEIGHT
+    x, y, z = 4.2, 3.6, 2.5
     door: list[Place] = [(2.6, y, 0.0), (3.5, y, 0.0), (3.5, y, 2.05), (2.6, y, 2.05)]
     niche = [(px, y + 0.12, pz) for px, _, pz in door]
     left, _, right, top = joined(door, niche)
     return [
-        polygon([(0, 0, 0), (x, 0, 0), (x, y + 0.12, 0), (0, y + 0.12, 0)], FLOOR),
+        polygon([(0, 0, 0), (x, 0, 0), (x, y + 0.12, 0), (0, y + 0.12, 0)], Look((150, 112, 78), 2)),
         polygon([(0, 0, 0), (0, y, 0), (0, y, z), (0, 0, z)], PLASTER),
         polygon([(x, 0, 0), (x, y, 0), (x, y, z), (x, 0, z)], PLASTER),
         polygon([(0, 0, 0), (x, 0, 0), (x, 0, z), (0, 0, z)], PLASTER),
@@ -99,13 +93,13 @@ def _rest() -> list[Surface]:
 
 def _rays(count: int) -> Rays:
     """Return one ray for each pixel, row by row."""
-    tangents = np.tan(HALF_ANGLES)
-    rows = max(1, round(np.sqrt(count * tangents[1] / tangents[0])))
-    columns = -(-count // rows)
+    tangents = np.tan(np.radians([34.0, 27.0]))  # of half the field of view, horizontal and vertical
+    lines = max(1, round(np.sqrt(count * tangents[1] / tangents[0])))
+    columns = -(-count // lines)
     forward = (LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    v, u = np.meshgrid(*(1.0 - (2.0 * np.arange(n) + 1.0) / n for n in (rows, columns)), indexing="ij")
+    v, u = np.meshgrid(*(1.0 - (2.0 * np.arange(n) + 1.0) / n for n in (lines, columns)), indexing="ij")
     directions = (
         forward - tangents[0] * u.reshape(-1, 1) * right + tangents[1] * v.reshape(-1, 1) * np.cross(right, forward)
     )
@@ -116,9 +110,11 @@ def _rays(count: int) -> Rays:
 def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
     """Return distances along the rays whose depths, along the camera's axis, are noisy and quantised."""
     cosines = rays.directions @ ((LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA))
-    # The step is the same in 1 / z, the disparity.
-    disparity = 1.0 / (STEP * distances * cosines) + 0.5 * rng.standard_normal(len(distances))
-    measured: Values = 1.0 / (STEP * np.round(disparity) * cosines)
+    # Khoshelham and Elberink (2012), Accuracy and resolution of Kinect depth data, section 3: depth z is measured in
+    # steps of about 2.85e-3 z² (in metres), with a standard deviation of half a step. In 1 / z, the steps are equal.
+    step = 2.85e-3
+    disparity = 1.0 / (step * distances * cosines) + 0.5 * rng.standard_normal(len(distances))
+    measured: Values = 1.0 / (step * np.round(disparity) * cosines)
     return measured
 
 

@@ -11,11 +11,6 @@ from numpy.typing import NDArray
 
 from gppcs.scans.scenes.surfaces import Surface, Values
 
-TRIAL = 4096  # rays that tell what share of them meets something
-RESERVE = 1.02  # rays, as a multiple of those needed
-BUNDLE = 1024  # rays at most that are followed at once
-LIGHT = np.array([0.36, 0.48, 0.8])  # direction to the sun, a unit vector
-SHADE = 0.45  # lightness of a face that looks away from the light, for its colour
 NO_SURFACE = -1
 
 
@@ -46,10 +41,10 @@ class Scene:
 
     def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
         """Measure the scene."""
-        share = np.mean(self.follow(self.rays(TRIAL), rng)[1] != NO_SURFACE)
-        count, hits = n_points / share, 0
+        fraction = np.mean(self.follow(self.rays(4096), rng)[1] != NO_SURFACE)
+        count, hits = n_points / fraction, 0
         while hits < n_points:
-            count = RESERVE * count + 1.0
+            count = 1.02 * count + 1.0  # a few rays to spare
             rays = self.rays(int(count))
             distances, met = self.follow(rays, rng)
             hits = int(np.count_nonzero(met != NO_SURFACE))
@@ -64,29 +59,30 @@ class Scene:
         radii = np.array([surface.radius for surface in self.surfaces])
         waiting = [(np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
-            rows, numbers = waiting.pop()
-            bundle = Rays(rays.origins[rows], rays.directions[rows])
+            indices, numbers = waiting.pop()
+            bundle = Rays(rays.origins[indices], rays.directions[indices])
             numbers = numbers[_may_meet(bundle, centres[numbers], radii[numbers])]
-            if len(rows) > BUNDLE and len(numbers):
-                waiting += [(rows[half], numbers) for half in _halves(bundle, centres[numbers])]
+            if len(indices) > 1024 and len(numbers):
+                waiting += [(indices[half], numbers) for half in _halves(bundle, centres[numbers])]
                 continue
             for number in numbers:
-                found = self.surfaces[number].meet(*bundle, rng)
-                nearer = found < distances[rows]
-                distances[rows[nearer]], met[rows[nearer]] = found[nearer], number
+                to_surface = self.surfaces[number].meet(*bundle, rng)
+                nearer = to_surface < distances[indices]
+                distances[indices[nearer]], met[indices[nearer]] = to_surface[nearer], number
         return distances, met
 
     def _seen(self, rays: Rays, distances: Values, met: NDArray[np.int64], rng: np.random.Generator) -> Measured:
-        """Return what the sensor tells of the places that its rays meet."""
+        """Return what the sensor measures of the points that its rays meet."""
         true = rays.origins + distances[:, None] * rays.directions
         normals = np.empty_like(true)
         for number in np.unique(met):
-            rows = met == number
-            normals[rows] = self.surfaces[number].normals(true[rows])
+            mask = met == number
+            normals[mask] = self.surfaces[number].normals(true[mask])
         normals *= np.where(np.einsum("ni,ni->n", normals, rays.directions) > 0.0, -1.0, 1.0)[:, None]
         looks = [surface.look for surface in self.surfaces]
         colours = np.array([look.colour for look in looks])[met]
-        lightness = SHADE + (1.0 - SHADE) * (1.0 + normals @ LIGHT) / 2.0
+        to_sun = np.array([0.36, 0.48, 0.8])
+        lightness = 0.45 + 0.55 * (1.0 + normals @ to_sun) / 2.0  # faces that look away are darker
         measured = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
         return Measured(
             measured.astype(np.float32),
@@ -113,10 +109,10 @@ def _may_meet(bundle: Rays, centres: Values, radii: Values) -> NDArray[np.bool_]
 
 
 def _halves(bundle: Rays, centres: Values) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows of two halves of a bundle of rays, whose origins and directions are as like as possible."""
-    reach = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
-    places = np.hstack([bundle.directions, bundle.origins / max(reach, 1e-9)])
-    order = np.argsort(places[:, np.argmax(np.ptp(places, axis=0))], kind="stable")
+    """Return the indices of two halves of a bundle of rays, whose origins and directions are as like as possible."""
+    radius = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
+    coordinates = np.hstack([bundle.directions, bundle.origins / max(radius, 1e-9)])
+    order = np.argsort(coordinates[:, np.argmax(np.ptp(coordinates, axis=0))], kind="stable")
     return order[: len(order) // 2], order[len(order) // 2 :]
 
 

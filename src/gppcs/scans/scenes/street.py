@@ -7,39 +7,30 @@ import numpy as np
 from gppcs.scans.scenes.scene import Rays, Scene, with_noise
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, foliage, joined, polygon, sphere
 
-LENGTH = 60.0  # of the street, along x
 KERB, FACADE = 3.5, 6.5  # distances of the kerbs and the façades from the middle
 KERB_HEIGHT = 0.12
-SENSOR_HEIGHT, LANE = 1.9, -1.6
 DRIVE = (-12.0, 12.0)  # along x
-TURNS = 16
 LASERS = np.radians(np.linspace(-25.0, 35.0, 32))  # elevations
-RANGE, RANGE_NOISE = 100.0, 0.02
-WIRE = 0.02  # radius; thicker than a wire, as is the beam of a laser
 
-ASPHALT = Look((92, 92, 96), 11)
 PAVING = Look((160, 156, 148), 2)
 GLASS = Look((92, 118, 138), 6)
 WOOD = Look((110, 84, 60), 64)
-LEAVES = Look((92, 138, 62), 5)
-BARK = Look((96, 78, 62), 5)
 STEEL = Look((120, 124, 128), 15)
-CABLE = Look((40, 40, 44), 14)
 RUBBER = Look((40, 40, 42), 64)
 WALLS = (Look((206, 178, 140), 6), Look((186, 112, 88), 6), Look((214, 206, 190), 6), Look((168, 176, 160), 6))
 
 
 def _ground() -> list[Surface]:
     """Return the road, both pavements and their kerbs."""
-    end, high = LENGTH / 2.0, KERB_HEIGHT
+    end, top = 30.0, KERB_HEIGHT
 
     def strip(first: tuple[float, float], second: tuple[float, float], look: Look) -> Surface:
         return polygon([(-end, *first), (end, *first), (end, *second), (-end, *second)], look)
 
     return [
-        strip((-KERB, 0.0), (KERB, 0.0), ASPHALT),
-        *(strip((side * KERB, high), (side * FACADE, high), PAVING) for side in (-1.0, 1.0)),
-        *(strip((side * KERB, 0.0), (side * KERB, high), PAVING) for side in (-1.0, 1.0)),
+        strip((-KERB, 0.0), (KERB, 0.0), Look((92, 92, 96), 11)),
+        *(strip((side * KERB, top), (side * FACADE, top), PAVING) for side in (-1.0, 1.0)),
+        *(strip((side * KERB, 0.0), (side * KERB, top), PAVING) for side in (-1.0, 1.0)),
     ]
 
 
@@ -50,19 +41,22 @@ def _house(x: float, width: float, side: float, depth: float, height: float, loo
     holes: list[list[Place]] = []
     for floor in range(int(height // 3.0)):
         for column in range(columns):
-            centre, low = x + (column + 0.5) * width / columns, KERB_HEIGHT + 0.9 + 3.0 * floor
+            centre, sill = x + (column + 0.5) * width / columns, KERB_HEIGHT + 0.9 + 3.0 * floor
             door = floor == 0 and column == columns // 2
-            hole = _upright(centre - 0.55, centre + 0.55, y, *((KERB_HEIGHT, 2.3) if door else (low, low + 1.5)))
+            hole = _upright(centre - 0.55, centre + 0.55, y, *((KERB_HEIGHT, 2.3) if door else (sill, sill + 1.5)))
             pane = [(px, y + side * 0.18, pz) for px, _, pz in hole]
             holes.append(hole)
-            niches += [polygon(pane, WOOD if door else GLASS), *(polygon(each, look) for each in joined(hole, pane))]
+            niches += [
+                polygon(pane, WOOD if door else GLASS),
+                *(polygon(corners, look) for corners in joined(hole, pane)),
+            ]
     front = _upright(x, x + width, y, 0.0, height)
     back = [(px, side * 11.0, pz) for px, _, pz in front]
     return [polygon(front, look, holes), *(polygon(joined(front, back)[i], look) for i in (0, 2)), *niches]
 
 
-def _upright(left: float, right: float, y: float, low: float, high: float) -> list[Place]:
-    return [(left, y, low), (right, y, low), (right, y, high), (left, y, high)]
+def _upright(left: float, right: float, y: float, bottom: float, top: float) -> list[Place]:
+    return [(left, y, bottom), (right, y, bottom), (right, y, top), (left, y, top)]
 
 
 def _houses() -> list[Surface]:
@@ -81,10 +75,10 @@ def _houses() -> list[Surface]:
 
 def _tree(x: float, y: float, height: float) -> list[Surface]:
     crown = [
-        foliage((x + dx, y + dy, height + dz), radius, LEAVES, 0.7)
+        foliage((x + dx, y + dy, height + dz), radius, Look((92, 138, 62), 5), 0.7)
         for dx, dy, dz, radius in ((0, 0, 0, 1.3), (0.7, 0.3, 0.5, 0.9), (-0.6, -0.4, 0.7, 1.0), (0.1, 0.2, 1.3, 0.9))
     ]
-    return [cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, BARK), *crown]
+    return [cylinder((x, y, KERB_HEIGHT), (x, y, height), 0.14, Look((96, 78, 62), 5)), *crown]
 
 
 def _car(x: float, y: float, paint: tuple[int, int, int]) -> list[Surface]:
@@ -99,15 +93,16 @@ def _car(x: float, y: float, paint: tuple[int, int, int]) -> list[Surface]:
 
 def _cables() -> list[Surface]:
     """Return poles on one pavement, and two hanging wires from each to the next."""
-    places = np.linspace(-24.0, 24.0, 5)
+    poles = np.linspace(-24.0, 24.0, 5)
     y, top, sag = 4.1, 7.2, 0.6
-    surfaces: list[Surface] = [cylinder((x, y, KERB_HEIGHT), (x, y, 7.6), 0.1, STEEL) for x in places]
+    surfaces: list[Surface] = [cylinder((x, y, KERB_HEIGHT), (x, y, 7.6), 0.1, STEEL) for x in poles]
     for height in (top, top - 0.5):
-        for start, end in pairwise(places):
+        for start, end in pairwise(poles):
             x = np.linspace(start, end, 13)
             z = height - 4.0 * sag * (x - start) * (end - x) / (end - start) ** 2
             nodes = list(zip(x, np.full(13, y), z, strict=True))
-            surfaces += [cylinder(a, b, WIRE, CABLE) for a, b in pairwise(nodes)]
+            # Thicker than a wire, as is the beam of a laser.
+            surfaces += [cylinder(a, b, 0.02, Look((40, 40, 44), 14)) for a, b in pairwise(nodes)]
     return surfaces
 
 
@@ -137,17 +132,17 @@ def _cars() -> list[Surface]:
 
 
 def _trees() -> list[Surface]:
-    places = ((-20.0, -5.0, 3.6), (-8.0, -5.0, 4.1), (13.0, -5.2, 3.8), (-12.0, 5.2, 3.9), (17.0, 5.2, 4.3))
-    return [part for place in places for part in _tree(*place)]
+    trees = ((-20.0, -5.0, 3.6), (-8.0, -5.0, 4.1), (13.0, -5.2, 3.8), (-12.0, 5.2, 3.9), (17.0, 5.2, 4.3))
+    return [part for tree in trees for part in _tree(*tree)]
 
 
 def _rays(count: int) -> Rays:
     """Return the rays of all lasers while the car drives, in the order of time."""
     steps = -(-count // len(LASERS))
-    share = np.repeat((np.arange(steps) + 0.5) / steps, len(LASERS))
-    azimuth, elevation = 2.0 * np.pi * TURNS * share, np.tile(LASERS, steps)
-    x = DRIVE[0] + (DRIVE[1] - DRIVE[0]) * share
-    origins = np.stack([x, np.full_like(x, LANE), np.full_like(x, SENSOR_HEIGHT)], axis=1)
+    fraction = np.repeat((np.arange(steps) + 0.5) / steps, len(LASERS))
+    azimuth, elevation = 2.0 * np.pi * 16 * fraction, np.tile(LASERS, steps)
+    x = DRIVE[0] + (DRIVE[1] - DRIVE[0]) * fraction
+    origins = np.stack([x, np.full_like(x, -1.6), np.full_like(x, 1.9)], axis=1)
     around = np.stack([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
     return Rays(origins, np.stack([*around, np.sin(elevation)], axis=1))
 
@@ -156,5 +151,5 @@ STREET = Scene(
     "a street of 60 m from a moving LiDAR: façades, trees, poles, wires and cars; density falls with distance",
     (*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()),
     _rays,
-    with_noise(RANGE_NOISE),
+    with_noise(0.02),
 )

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 Values = NDArray[np.float64]
 Place = tuple[float, float, float]
-NEWTON_STEPS = 12
 
 
 class Look(NamedTuple):
@@ -35,7 +34,7 @@ def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place
     ring = np.array(corners, np.float64)
     normal = np.cross(ring[1] - ring[0], ring[2] - ring[0])
     normal = normal / np.linalg.norm(normal)
-    outline, *gaps = (_half_spaces(np.array(each, np.float64), normal) for each in (corners, *holes))
+    outline, *gaps = (_half_spaces(np.array(outer, np.float64), normal) for outer in (corners, *holes))
 
     def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -66,14 +65,14 @@ def cylinder(start: Place, end: Place, radius: float, look: Look) -> Surface:
 
     def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         offset = origins - start
-        across, aside = _across(directions, axis), _across(offset, axis)
-        roots = _roots(_dot(across, across), _dot(across, aside), _dot(aside, aside) - radius**2)
+        across, beside = _across(directions, axis), _across(offset, axis)
+        roots = _roots(_dot(across, across), _dot(across, beside), _dot(beside, beside) - radius**2)
         heights = [(offset @ axis) + root * (directions @ axis) for root in roots]
         within = [(height >= 0.0) & (height <= length) for height in heights]
         return _first_ahead(*(np.where(ok, root, np.nan) for ok, root in zip(within, roots, strict=True)))
 
-    centre, reach = np.add(start, end) / 2.0, float(np.hypot(length / 2.0, radius))
-    return Surface(look, centre, reach, meet, lambda points: _unit(_across(points - start, axis)))
+    centre, extent = np.add(start, end) / 2.0, float(np.hypot(length / 2.0, radius))
+    return Surface(look, centre, extent, meet, lambda points: _unit(_across(points - start, axis)))
 
 
 def sphere(centre: Place, radius: float, look: Look) -> Surface:
@@ -85,12 +84,12 @@ def sphere(centre: Place, radius: float, look: Look) -> Surface:
     return Surface(look, np.array(centre), radius, meet, lambda points: _unit(points - centre))
 
 
-def foliage(centre: Place, radius: float, look: Look, mean_way: float) -> Surface:
-    """Return leaves in a ball, without normals: a ray meets one after a random way (Beer and Lambert)."""
+def foliage(centre: Place, radius: float, look: Look, mean_path: float) -> Surface:
+    """Return leaves in a ball, without normals: a ray meets one after a random path (Beer and Lambert)."""
 
     def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         enter, leave = _ends(centre, radius, origins, directions)
-        met = np.maximum(enter, 0.0) + rng.exponential(mean_way, len(origins))
+        met = np.maximum(enter, 0.0) + rng.exponential(mean_path, len(origins))
         return np.where(met < leave, met, np.inf)
 
     return Surface(look, np.array(centre), radius, meet, lambda points: np.zeros(points.shape))
@@ -113,11 +112,11 @@ def relief(
     def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = (np.mean(heights) - origins[:, 2]) / directions[:, 2]
-            for _ in range(NEWTON_STEPS):
+            for _ in range(12):  # Newton steps
                 x, y, z = (origins + distances[:, None] * directions).T
-                level, along_x, along_y = height(x, y)
+                ground, along_x, along_y = height(x, y)
                 fall = directions[:, 2] - along_x * directions[:, 0] - along_y * directions[:, 1]
-                distances = distances - (z - level) / fall
+                distances = distances - (z - ground) / fall
             x, y, _ = (origins + distances[:, None] * directions).T
         within = np.maximum(np.abs(x), np.abs(y)) <= half
         return np.where(within, _first_ahead(distances), np.inf)
@@ -126,9 +125,9 @@ def relief(
         _, along_x, along_y = height(points[:, 0], points[:, 1])
         return _unit(np.stack([-along_x, -along_y, np.ones(len(points))], axis=1))
 
-    low, high = heights
-    radius = float(np.linalg.norm((half, half, (high - low) / 2.0)))
-    return Surface(look, np.array([0.0, 0.0, (low + high) / 2.0]), radius, meet, normals)
+    lower, upper = heights
+    radius = float(np.linalg.norm((half, half, (upper - lower) / 2.0)))
+    return Surface(look, np.array([0.0, 0.0, (lower + upper) / 2.0]), radius, meet, normals)
 
 
 def box(
@@ -146,8 +145,8 @@ def box(
         half = [(x * size[0] / 2.0, y * size[1] / 2.0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         return [(float(centre[0] + c * x - s * y), float(centre[1] + s * x + c * y), z) for x, y in half]
 
-    low, high = ring(size, heights[0]), ring(top or size, heights[1])
-    return [polygon(corners, look) for corners in (low, high, *joined(low, high))]
+    bottom, lid = ring(size, heights[0]), ring(top or size, heights[1])
+    return [polygon(corners, look) for corners in (bottom, lid, *joined(bottom, lid))]
 
 
 def joined(ring: Sequence[Place], other: Sequence[Place]) -> list[list[Place]]:
@@ -170,11 +169,11 @@ def _across(vectors: Values, axis: Values) -> Values:
 
 def _inside(half_spaces: tuple[Values, Values], points: Values) -> NDArray[np.bool_]:
     """Return which points of a plane, (N, 3), are in all half spaces."""
-    return np.logical_and.reduce([points @ inward >= least for inward, least in zip(*half_spaces, strict=True)])
+    return np.logical_and.reduce([points @ inward >= offset for inward, offset in zip(*half_spaces, strict=True)])
 
 
 def _first_ahead(*distances: Values) -> Values:
-    """Return the least positive distance of each ray, infinite where there is none (NaN is none)."""
+    """Return the smallest positive distance of each ray, infinite where there is none (NaN is none)."""
     return np.minimum.reduce([np.where(distance > 0.0, distance, np.inf) for distance in distances])
 
 

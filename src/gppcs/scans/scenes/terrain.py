@@ -8,19 +8,8 @@ from gppcs.scans.scenes.scene import Rays, Scene, with_noise
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, cylinder, foliage, polygon, relief
 
 HALF = 60.0  # half the side of the square, in x and y
-ALTITUDE = 500.0
-STRIPS = (-36.0, 0.0, 36.0)  # x of the lines of flight
-SWATH = 40.0  # half the width of a strip on the ground
-RANGE_NOISE = 0.03
-ASPECT = 1.6  # distance of scan lines, as a multiple of that of points on a line
 
-ROOF = (Look((168, 80, 62), 6), Look((116, 116, 122), 6))
-GRASS = Look((120, 140, 80), 2)
 WALL = Look((222, 212, 194), 6)
-LEAVES = (Look((84, 128, 60), 5), Look((58, 104, 62), 5))
-BARK = Look((92, 76, 60), 5)
-PYLON = Look((140, 144, 148), 15)
-CABLE = Look((50, 50, 54), 14)
 
 
 def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
@@ -37,13 +26,13 @@ def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
     return height + bed, along_x, along_y - 2.0 * across / 2.5 * bed
 
 
-def _level(x: float, y: float) -> float:
+def _height(x: float, y: float) -> float:
     return float(ground(np.array([x]), np.array([y]))[0][0])
 
 
 def _house(x: float, y: float, length: float, width: float, angle: float, roof: Look) -> list[Surface]:
     """Return a house with a gable roof."""
-    low, eaves, ridge = _level(x, y) - 1.5, _level(x, y) + 3.4, _level(x, y) + 3.4 + 0.42 * width
+    foot, eaves, ridge = _height(x, y) - 1.5, _height(x, y) + 3.4, _height(x, y) + 3.4 + 0.42 * width
     c, s = np.cos(angle), np.sin(angle)
 
     def at(along: float, across: float, z: float) -> Place:
@@ -52,10 +41,10 @@ def _house(x: float, y: float, length: float, width: float, angle: float, roof: 
 
     surfaces: list[Surface] = []
     for side in (-1, 1):
-        gable = [at(side, -1, low), at(side, 1, low), at(side, 1, eaves), at(side, 0, ridge), at(side, -1, eaves)]
+        gable = [at(side, -1, foot), at(side, 1, foot), at(side, 1, eaves), at(side, 0, ridge), at(side, -1, eaves)]
         surfaces += [
             polygon([at(-1, side, eaves), at(1, side, eaves), at(1, 0, ridge), at(-1, 0, ridge)], roof),
-            polygon([at(-1, side, low), at(1, side, low), at(1, side, eaves), at(-1, side, eaves)], WALL),
+            polygon([at(-1, side, foot), at(1, side, foot), at(1, side, eaves), at(-1, side, eaves)], WALL),
             polygon(gable, WALL),
         ]
     return surfaces
@@ -71,7 +60,8 @@ def _houses() -> list[Surface]:
         (-22.0, -38.0, 9.0, 7.0, 1.2),
         (0.0, -44.0, 11.0, 8.0, 2.1),
     )
-    return [face for number, plot in enumerate(plots) for face in _house(*plot, ROOF[number % 2])]
+    roofs = (Look((168, 80, 62), 6), Look((116, 116, 122), 6))
+    return [face for number, plot in enumerate(plots) for face in _house(*plot, roofs[number % 2])]
 
 
 def _trees() -> list[Surface]:
@@ -81,11 +71,12 @@ def _trees() -> list[Surface]:
     single = np.array(
         [(5.0, 22.0), (26.0, 4.0), (38.0, 24.0), (-10.0, -30.0), (-34.0, -42.0), (12.0, -32.0), (48.0, -8.0)]
     )
+    bark, leaves = Look((92, 76, 60), 5), (Look((84, 128, 60), 5), Look((58, 104, 62), 5))
     parts: list[Surface] = []
     for x, y in np.concatenate([wood[np.abs(wood).max(axis=1) < HALF - 4.0], single]):
-        foot, tall, radius, look = _level(x, y), rng.uniform(6.0, 12.0), rng.uniform(1.6, 2.8), LEAVES[rng.integers(2)]
+        foot, tall, radius, look = _height(x, y), rng.uniform(6.0, 12.0), rng.uniform(1.6, 2.8), leaves[rng.integers(2)]
         top = foot + tall - radius
-        parts.append(cylinder((x, y, foot - 0.3), (x, y, top), 0.18, BARK))
+        parts.append(cylinder((x, y, foot - 0.3), (x, y, top), 0.18, bark))
         parts.append(foliage((x, y, top), radius, look, 2.4))
         parts.append(foliage((x, y, foot + tall - 0.2), 0.6 * radius, look, 2.4))
     return parts
@@ -94,32 +85,35 @@ def _trees() -> list[Surface]:
 def _power_line() -> list[Surface]:
     """Return three pylons and the wires between them."""
     feet = [(-55.0, -5.0), (2.0, -21.0), (56.0, -36.0)]
-    tops = [np.array([x, y, _level(x, y) + 16.0]) for x, y in feet]
+    tops = [np.array([x, y, _height(x, y) + 16.0]) for x, y in feet]
     parts: list[Surface] = [
-        cylinder((x, y, _level(x, y) - 0.5), (x, y, top[2] + 0.5), 0.3, PYLON)
+        cylinder((x, y, _height(x, y) - 0.5), (x, y, top[2] + 0.5), 0.3, Look((140, 144, 148), 15))
         for (x, y), top in zip(feet, tops, strict=True)
     ]
     for start, end in pairwise(tops):
-        aside = np.cross(end - start, [0.0, 0.0, 1.0])
-        aside *= 1.8 / np.linalg.norm(aside)
-        share = np.linspace(0.0, 1.0, 21)[:, None]
-        for offset in (-aside, aside):
-            nodes = start + offset + share * (end - start) - [0.0, 0.0, 6.0] * share * (1.0 - share)
-            parts += [cylinder(tuple(a), tuple(b), 0.06, CABLE) for a, b in pairwise(nodes)]
+        sideways = np.cross(end - start, [0.0, 0.0, 1.0])
+        sideways *= 1.8 / np.linalg.norm(sideways)
+        fraction = np.linspace(0.0, 1.0, 21)[:, None]
+        for offset in (-sideways, sideways):
+            nodes = start + offset + fraction * (end - start) - [0.0, 0.0, 6.0] * fraction * (1.0 - fraction)
+            parts += [cylinder(tuple(a), tuple(b), 0.06, Look((50, 50, 54), 14)) for a, b in pairwise(nodes)]
     return parts
 
 
 def _rays(count: int) -> Rays:
     """Return rays in parallel scan lines, strip by strip, in the order of time."""
-    per_strip = count / len(STRIPS)
-    on_line = max(1, round(np.sqrt(per_strip * ASPECT * SWATH / HALF)))
+    altitude = 500.0
+    flights, swath = (-36.0, 0.0, 36.0), 40.0  # x of the lines of flight, and half the width that each sees
+    per_strip = count / len(flights)
+    # Scan lines are 1.6 times as far from each other as points on a line.
+    on_line = max(1, round(np.sqrt(per_strip * 1.6 * swath / HALF)))
     lines = max(1, int(np.ceil(per_strip / on_line)))
-    y, x = np.meshgrid(HALF * _midpoints(lines), SWATH * _midpoints(on_line), indexing="ij")
-    strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in STRIPS]
+    y, x = np.meshgrid(HALF * _midpoints(lines), swath * _midpoints(on_line), indexing="ij")
+    strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in flights]
     aims = np.concatenate(strips)
-    origins = np.stack([np.repeat(STRIPS, y.size), aims[:, 1], np.full(len(aims), ALTITUDE)], axis=1)
+    origins = np.stack([np.repeat(flights, y.size), aims[:, 1], np.full(len(aims), altitude)], axis=1)
     # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
-    aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * ALTITUDE
+    aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * altitude
     directions = aims - origins
     return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
@@ -132,7 +126,7 @@ def _midpoints(count: int) -> Values:
 
 TERRAIN = Scene(
     "a terrain of 120 m from the air: hills, a stream, roofs, trees, a power line",
-    (relief(ground, HALF, (-5.0, 9.0), GRASS), *_houses(), *_trees(), *_power_line()),
+    (relief(ground, HALF, (-5.0, 9.0), Look((120, 140, 80), 2)), *_houses(), *_trees(), *_power_line()),
     _rays,
-    with_noise(RANGE_NOISE),
+    with_noise(0.03),
 )
