@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
+
 MapParts = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Like `map`: results in the order of parts.
 
 
@@ -25,8 +27,8 @@ class Part(NamedTuple):
     first: int
     last: int
     # (3,) each, corners of the box around them.
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
 
     def near(self, records: NDArray[Any], width: float) -> NDArray[Any]:
         """Return the records that lie in the part or within some distance of it along each axis."""
@@ -41,14 +43,14 @@ class Part(NamedTuple):
 class Boxes:
     """A division of a cloud's box into 2^d boxes, the leaves of a perfect binary tree with root 1."""
 
-    axes: NDArray[np.int64]  # (nodes,), the axis along which a node is cut
-    cuts: NDArray[np.float64]  # (nodes,): Where it is cut. Points on the cut belong to the upper child.
+    axes: Ints  # (nodes,), the axis along which a node is cut
+    cuts: Floats  # (nodes,): Where it is cut. Points on the cut belong to the upper child.
     # (2 nodes, 3) each, corners of all nodes, with those that are not cut, the boxes; row 0 is unused.
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
 
     @classmethod
-    def from_sample(cls, sample: NDArray[np.float64], count: int) -> Boxes:
+    def from_sample(cls, sample: Floats, count: int) -> Boxes:
         """Divide space so that each box holds about as many points of a sample. Shapes: sample (n, 3)."""
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         lower, upper = np.empty((2, 2 * count, 3))
@@ -69,14 +71,14 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.cuts)
 
-    def box_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def box_of(self, points: Floats) -> Ints:
         """Return the box, (n,), of each point, (n, 3), from 0; points outside belong to the nearest along each cut."""
         node, flat, start = np.ones(len(points), dtype=np.int64), points.ravel(), 3 * np.arange(len(points))
         for _ in range(len(self).bit_length() - 1):
             node = 2 * node + (flat[start + self.axes[node]] >= self.cuts[node])
         return node - len(self)
 
-    def parts(self, counts: NDArray[np.int64], maximum: int) -> list[Part]:
+    def parts(self, counts: Ints, maximum: int) -> list[Part]:
         """Return the largest nodes that hold few enough points, by the counts of boxes; none without points."""
         below = np.concatenate([[0], np.cumsum(counts)])
         parts: list[Part] = []
@@ -91,7 +93,7 @@ class Boxes:
                 parts.append(Part(first, last, self.lower[node], self.upper[node]))
         return parts
 
-    def around(self, part: Part, width: float) -> NDArray[np.int64]:
+    def around(self, part: Part, width: float) -> Ints:
         """Return the boxes outside a part that are within some distance of it along each axis. Shapes: returns (n,)."""
         lower, upper = self.lower[len(self) :], self.upper[len(self) :]
         near = np.asarray(((lower <= part.upper + width) & (upper >= part.lower - width)).all(axis=1))
@@ -117,7 +119,7 @@ def chosen_by_classes(
     parts: Sequence[Part],
     halo: float,
     map_parts: MapParts,
-    choose: Callable[[NDArray[np.bool_], tuple[Part, NDArray[Any]]], NDArray[Any]],
+    choose: Callable[[Flags, tuple[Part, NDArray[Any]]], NDArray[Any]],
     chosen: NDArray[Any],
 ) -> NDArray[Any]:
     """Return records of chosen points, (n,), and behind them of those that each part adds.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.spatial.scaling import bounds
@@ -13,7 +14,7 @@ POINTS_PER_PART = 1 << 14  # hashes are looked up in parts of this size, so that
 EMPTY = np.uint64(2**64 - 1)  # an empty slot; entries end in a point's index, which is never all ones
 
 
-def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def first_occurrences(points: Floats) -> Flags:
     """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
@@ -22,7 +23,7 @@ def first_occurrences(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     return marks
 
 
-def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[np.float32]) -> NDArray[np.int64]:
+def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.float32]) -> Ints:
     """Choose the point of greatest value, (N,), in each cell of a cubic grid, in O(N) by hashing."""
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
@@ -36,9 +37,7 @@ def greatest_in_cells(points: NDArray[np.float64], edge: float, values: NDArray[
     return np.flatnonzero(marks)
 
 
-def _mark(
-    points: NDArray[np.float64], grid: NDArray[np.float64], values: NDArray[np.float32], marks: NDArray[np.bool_]
-) -> None:
+def _mark(points: Floats, grid: Floats, values: NDArray[np.float32], marks: Flags) -> None:
     """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false.
 
     The hash of each point is stored with its last bits replaced by the point's index. These entries are sorted by their

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Ints
 from gppcs.engine.timer import Timer
 from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.farthest_points import farthest_points
@@ -25,7 +26,7 @@ NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanis
 
 def farthest_in_parts(
     stored: StoredPoints, n_points: int, timer: Timer, map_parts: MapParts, minimum: float = 0.0
-) -> NDArray[np.int64]:
+) -> Ints:
     """Choose M points, at least some distance apart, and return their indices; fewer if no other is far enough."""
     sample = stored.sample
     first = min(4096, n_points, len(sample))  # so many of a sample tell the first distance
@@ -57,7 +58,7 @@ def _lower(distance: float, step: float) -> float:
 
 
 def _choose(
-    stored: StoredPoints, distance: float, halo: float, settled: NDArray[np.bool_], task: tuple[Part, NDArray[Any]]
+    stored: StoredPoints, distance: float, halo: float, settled: Flags, task: tuple[Part, NDArray[Any]]
 ) -> NDArray[Any]:
     """Choose the points of a part that are at least so far from those chosen; none in boxes that are `settled`."""
     part, chosen = task

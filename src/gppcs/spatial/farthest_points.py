@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import (
     KdTree,
@@ -24,15 +24,15 @@ PICKS_PER_CALL = 4096  # progress is reported after each call of the kernel, so 
 
 
 def farthest_points(
-    points: NDArray[np.float64],
+    points: Floats,
     n_points: int,
     tree: KdTree | None = None,
     on_progress: Callable[[int], None] | None = None,
     *,
     first: int | None = None,
-    before: NDArray[np.float64] | None = None,
+    before: Floats | None = None,
     minimum: float = 0.0,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats]:
     """Choose points, (N, 3), each the farthest from all before it, (m, 3) of which are chosen already.
 
     Ties go to the smallest index, as in the plain algorithm (Eldar, Lindenbaum, Porat and Zeevi 1997). A step skips
@@ -70,7 +70,7 @@ def farthest_points(
     return chosen[:n_points], np.sqrt(distances[:n_points])
 
 
-def fill_gaps(points: NDArray[np.float64], kept: NDArray[np.float64], gap: float) -> tuple[NDArray[np.int64], float]:
+def fill_gaps(points: Floats, kept: Floats, gap: float) -> tuple[Ints, float]:
     """Add the farthest points, (N, 3), until none is beyond a gap; return indices and the largest distance."""
     minimum = float(np.nextafter(gap, math.inf))
     squared = KdTree.build(kept).nearest_of(points, 1)[1][:, 0]

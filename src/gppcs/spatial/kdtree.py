@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 
@@ -32,15 +32,15 @@ class KdTree:
     L.
     """
 
-    order: NDArray[np.int64]  # (N,), index in the input of each point in tree order
-    points: NDArray[np.float64]  # (3, N), coordinates in tree order; each row is an axis
+    order: Ints  # (N,), index in the input of each point in tree order
+    points: Floats  # (3, N), coordinates in tree order; each row is an axis
     # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
     leaves: int  # Number of leaves, which is also the node number of the first leaf
 
     @classmethod
-    def build(cls, points: NDArray[np.float64]) -> KdTree:
+    def build(cls, points: Floats) -> KdTree:
         """Build the tree in O(N log N). Shapes: points (N, 3)."""
         n, depth = len(points), 0
         while n > LEAF_SIZE << depth:
@@ -57,7 +57,7 @@ class KdTree:
         return tree
 
     @classmethod
-    def over(cls, points: NDArray[np.float64], order: NDArray[np.int64] | None = None) -> KdTree:
+    def over(cls, points: Floats, order: Ints | None = None) -> KdTree:
         """Build a tree over points, (3, N), that are already sorted: only the boxes are computed, in O(N)."""
         n, leaves = points.shape[1], 1
         while n > LEAF_SIZE * leaves:
@@ -74,13 +74,13 @@ class KdTree:
         """Return a tree over every `step`-th point in tree order, in this order; itself if that is all."""
         return self if step == 1 else KdTree.over(np.ascontiguousarray(self.points[:, ::step]))
 
-    def positions(self) -> NDArray[np.int64]:
+    def positions(self) -> Ints:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
         positions = np.empty(len(self.order), dtype=np.int64)
         positions[self.order] = np.arange(len(self.order))
         return positions
 
-    def nearest_of(self, queries: NDArray[np.float64], k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def nearest_of(self, queries: Floats, k: int) -> tuple[Ints, Floats]:
         """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: for a query without a finite distance.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
@@ -90,13 +90,13 @@ class KdTree:
         )  # fmt: skip
         return self.order[positions], squared
 
-    def neighbours(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def neighbours(self, k: int) -> tuple[Ints, Floats]:
         """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
         positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
         return positions[:, 1:], squared[:, 1:]  # the first is the point itself
 
 
-def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> NDArray[np.float64]:
+def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
     """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
     n = tree.points.shape[1]
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // maximum))])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
@@ -30,8 +30,8 @@ TASKS = 256  # runs of leaves; within a run, each search starts from the radius 
 class Room(NamedTuple):
     """Buffers for the points that a search finds."""
 
-    positions: NDArray[np.int64]  # (m,), in tree order
-    packed: NDArray[np.float64]  # (3, m + STRIDE), coordinates; each row is an axis
+    positions: Ints  # (m,), in tree order
+    packed: Floats  # (3, m + STRIDE), coordinates; each row is an axis
 
 
 @kernel
@@ -57,14 +57,14 @@ def pack(points, room, count):
 class Search(NamedTuple):
     """Buffers for searches of the k nearest points."""
 
-    near: NDArray[np.int64]  # (leaves,), node numbers of the leaves near the box of the shared search
+    near: Ints  # (leaves,), node numbers of the leaves near the box of the shared search
     room: Room  # The points found in these leaves
-    squared: NDArray[np.float64]  # (m + STRIDE,), squared distances of these points from a position
+    squared: Floats  # (m + STRIDE,), squared distances of these points from a position
     # (k,) each, positions and squared distances of the nearest points, if a position searches the tree by itself.
-    positions: NDArray[np.int64]
-    gaps: NDArray[np.float64]
+    positions: Ints
+    gaps: Floats
     # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding.
-    local: NDArray[np.float64]
+    local: Floats
 
 
 @kernel
@@ -156,7 +156,7 @@ def _within(squared, limit):
     return count
 
 
-def squared_radii(tree: KdTree) -> NDArray[np.float64]:
+def squared_radii(tree: KdTree) -> Floats:
     """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
     n, tasks = len(tree.order), min(tree.leaves, TASKS)
     squared = np.ones(n)

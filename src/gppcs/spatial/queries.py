@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
@@ -19,9 +19,7 @@ from gppcs.spatial.kdtree import (
 )
 
 
-def others_within(
-    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def others_within(tree: KdTree, queries: Floats, squared: Floats) -> tuple[Ints, Ints]:
     """Find all points within a squared distance, (m,), of each query, (m, 3), but not at it; and their starts."""
     starts = np.arange(0, 32 * len(queries) + 1, 32)  # at first there is room for so many points of each
     while True:
@@ -33,14 +31,12 @@ def others_within(
         starts = exact
 
 
-def has_others(tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64]) -> NDArray[np.bool_]:
+def has_others(tree: KdTree, queries: Floats, squared: Floats) -> Flags:
     """Tell whether, (m,), there is another point of a tree within a squared distance of each query, (m, 3)."""
     return _within(tree, queries, squared, np.zeros(len(queries) + 1, dtype=np.int64))[0] > 0
 
 
-def _within(
-    tree: KdTree, queries: NDArray[np.float64], squared: NDArray[np.float64], starts: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _within(tree: KdTree, queries: Floats, squared: Floats, starts: Ints) -> tuple[Ints, Ints]:
     """Return how many others each query has, and those of them for which there is room between `starts`."""
     counts, positions = np.empty(len(queries), dtype=np.int64), np.empty(starts[-1], dtype=np.int64)
     on_ranges(
@@ -50,7 +46,7 @@ def _within(
     return counts, positions
 
 
-def medians(starts: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def medians(starts: Ints, values: Floats) -> Floats:
     """Return the median of each group of values. Shapes: starts (m + 1,), values (n,); returns (m,)."""
     result = np.empty(len(starts) - 1)
     on_ranges(_medians, len(result), starts, values, result, least=QUERIES_AT_ONCE)
@@ -90,7 +86,7 @@ def _medians(begin, end, starts, values, result):
         result[i] = np.nan if n == 0 or np.isnan(ascending[-1]) else middle
 
 
-def nearest_unused(positions: NDArray[np.float64], tree: KdTree) -> NDArray[np.int64]:
+def nearest_unused(positions: Floats, tree: KdTree) -> Ints:
     """Assign to each position, (M, 3), one after the other, the nearest point that is not assigned yet; (M,)."""
     taken = np.zeros(len(tree.order), dtype=np.bool_)
     leaves = tree.leaves

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.boxes import Part
 from gppcs.spatial.kdtree import KdTree
@@ -15,7 +16,7 @@ from gppcs.spatial.stored import StoredPoints
 HASHES = float(2**64)
 
 
-def point_hashes(points: NDArray[np.float64], seed: int = 0) -> NDArray[np.uint64]:
+def point_hashes(points: Floats, seed: int = 0) -> NDArray[np.uint64]:
     """Return a random number for each point, which depends on its coordinates only. Shapes: points (n, 3)."""
     mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
     for bits in np.ascontiguousarray(points.T).view(np.uint64):
@@ -31,16 +32,14 @@ def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return mixed ^ (mixed >> np.uint64(31))
 
 
-def is_drawn(indices: NDArray[np.int64], fraction: float) -> NDArray[np.bool_]:
+def is_drawn(indices: Ints, fraction: float) -> Flags:
     """Mark the points of a random sample, which depends on their indices only. Shapes: indices (n,); returns (n,)."""
     if fraction >= 1.0:
         return np.ones(len(indices), dtype=np.bool_)
     return hashes(indices.astype(np.uint64)) < fraction * HASHES
 
 
-def smallest_numbers(
-    stored: StoredPoints, count: int, seed: int, even: bool, part: Part
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def smallest_numbers(stored: StoredPoints, count: int, seed: int, even: bool, part: Part) -> tuple[Floats, Ints]:
     """Return the smallest exponential random numbers of a part, over areas if even, and the indices."""
     near = stored.near(part)
     if even:  # with a halo that holds the neighbours of 99 % of the points
@@ -53,7 +52,7 @@ def smallest_numbers(
     return numbers[order], near.indices[order]
 
 
-def even_sample(points: NDArray[np.float64], usable: NDArray[np.bool_], step: int) -> NDArray[np.int64]:
+def even_sample(points: Floats, usable: Flags, step: int) -> Ints:
     """Choose every k-th of the usable points, (N,), counted cell by cell, so that the density stays even: in O(N)."""
     lower, upper = bounds(points)
     extents = upper - lower

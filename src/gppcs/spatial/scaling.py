@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.errors import InputError
@@ -15,7 +15,7 @@ from gppcs.errors import InputError
 POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least
 
 
-def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds(points: Floats) -> tuple[Floats, Floats]:
     """Return the corners of the bounding box, infinite without points; points (N, 3), corners (3,)."""
     chunks = min(RANGES, len(points) // POINTS_AT_ONCE + 1)
     lower, upper = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
@@ -26,11 +26,11 @@ def bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
 class Frame(NamedTuple):
     """A shift and a scale that bring points to about unit size. The scale is a power of two, so it does not round."""
 
-    corner: NDArray[np.float64]  # (3,), what becomes the origin: the lower corner of the bounding box
+    corner: Floats  # (3,), what becomes the origin: the lower corner of the bounding box
     exponent: int  # Points are divided by two to this power
 
     @classmethod
-    def from_bounds(cls, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Frame:
+    def from_bounds(cls, lower: Floats, upper: Floats) -> Frame:
         """Return the frame of a bounding box. Shapes: low, high (3,)."""
         with np.errstate(over="ignore"):
             size = float((upper - lower).max())
@@ -38,7 +38,7 @@ class Frame(NamedTuple):
             raise InputError("expected coordinates whose differences are finite, found a range that overflows")
         return cls(lower, math.frexp(size)[1])  # zero for a size of zero
 
-    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def local(self, points: Floats) -> Floats:
         """Shift and scale points in the box. Shapes: points (n, 3); returns (n, 3)."""
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
@@ -46,20 +46,20 @@ class Frame(NamedTuple):
         on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, least=POINTS_AT_ONCE)
         return local
 
-    def near(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def near(self, points: Floats) -> Floats:
         """Shift and scale points, (n, 3), that may lie outside the box."""
         return np.ldexp(points - self.corner, -self.exponent)
 
-    def world(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def world(self, local: Floats) -> Floats:
         """Return points, (n, 3), by local ones."""
         return np.ldexp(local, self.exponent) + self.corner
 
-    def lengths(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lengths(self, local: Floats) -> Floats:
         """Return lengths by local ones."""
         return np.ldexp(local, self.exponent)
 
 
-def normalised(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], Frame]:
+def normalised(points: Floats) -> tuple[Floats, Frame]:
     """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size."""
     frame = Frame.from_bounds(*bounds(points))
     return frame.local(points), frame

@@ -5,19 +5,19 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree, nearest_distances
 from gppcs.spatial.nearest import squared_radii
 
 
-def paper_radius(points: NDArray[np.float64], k: int = 25) -> float:
+def paper_radius(points: Floats, k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1): sqrt(k V^(2/3) / N)."""
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
 
 
-def areas_of_points(tree: KdTree) -> NDArray[np.float64]:
+def areas_of_points(tree: KdTree) -> Floats:
     """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
     areas = squared_radii(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
     largest = np.quantile(areas, AREA_QUANTILE)

@@ -17,6 +17,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.spatial.boxes import Boxes, MapParts, Part
 from gppcs.spatial.cells import first_occurrences
 
@@ -36,20 +37,20 @@ class Neighbourhood(NamedTuple):
     """The records of a part and of its halo, by ascending indices."""
 
     records: NDArray[Any]  # (n,), with at least the fields "row" and "place"
-    inside: NDArray[np.bool_]  # (n,), whether a point lies in the part itself
+    inside: Flags  # (n,), whether a point lies in the part itself
 
     @property
-    def indices(self) -> NDArray[np.int64]:
+    def indices(self) -> Ints:
         """Indices of the points in the cloud, (n,)."""
         return np.ascontiguousarray(self.records["row"])
 
     @property
-    def points(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
         """The points, (n, 3)."""
         return np.ascontiguousarray(self.records["place"])
 
     @property
-    def values(self) -> NDArray[np.float64] | None:
+    def values(self) -> Floats | None:
         """The values of the column that the method reads, (n,), if any."""
         return np.ascontiguousarray(self.records["value"]) if "value" in (self.records.dtype.names or ()) else None
 
@@ -64,10 +65,10 @@ class StoredPoints:
 
     folder: Path
     boxes: Boxes
-    counts: NDArray[np.int64]  # (boxes,), number of points in each box
+    counts: Ints  # (boxes,), number of points in each box
     runs: tuple[Run, ...]
     kind: np.dtype[Any]  # Of a record: its fields are "row", "place" and others
-    sample: NDArray[np.float64]  # (n, 3), A random sample of the points, without repeats
+    sample: Floats  # (n, 3), A random sample of the points, without repeats
     mean_weight: float = 1.0  # Mean of the weights, in units of the largest, if each record has a "weight"
 
     def __len__(self) -> int:
@@ -91,7 +92,7 @@ class StoredPoints:
         first = first_occurrences(near.points)
         return near if first.all() else near.take(np.flatnonzero(first))
 
-    def besides(self, indices: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    def besides(self, indices: Ints, count: int) -> Ints:
         """Return the first indices besides some, (count,), for clouds with fewer different points than are wanted."""
         rest = np.empty(0, dtype=np.int64)
         for run in self.runs:
@@ -123,20 +124,20 @@ def _read(file: FileIO, run: Run, first: int, last: int, kind: np.dtype[Any]) ->
     return records
 
 
-def _in_spans(boxes: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _in_spans(boxes: Ints) -> list[tuple[int, int]]:
     """Return spans of boxes that follow each other."""
     spans = np.split(boxes, np.flatnonzero(np.diff(boxes) > 1) + 1) if len(boxes) else []
     return [(int(span[0]), int(span[-1]) + 1) for span in spans]
 
 
-def boxes_for(sample: NDArray[np.float64], n: int) -> Boxes:
+def boxes_for(sample: Floats, n: int) -> Boxes:
     """Return boxes that hold about as many of n points each, of which there is a sample, (m, 3)."""
     count = -(-n // BOX)
     maximum = max(1, len(sample) // 16)  # a box needs so many points of the sample
     return Boxes.from_sample(sample, 1 << min((count - 1).bit_length(), maximum.bit_length() - 1))
 
 
-def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> tuple[Run, NDArray[np.int64]]:
+def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> tuple[Run, Ints]:
     """Write some records as a run, and return it with the number of its points in each box."""
     of_point = boxes.box_of(np.ascontiguousarray(records["place"]))
     counts = np.bincount(of_point, minlength=len(boxes))
@@ -149,7 +150,7 @@ def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> t
     return Run(name, first, last), counts
 
 
-def without(stored: StoredPoints, indices: NDArray[np.int64], map_parts: MapParts) -> StoredPoints:
+def without(stored: StoredPoints, indices: Ints, map_parts: MapParts) -> StoredPoints:
     """Return the stored points without some, (n,) ascending."""
     if not len(indices):
         return stored
@@ -157,6 +158,6 @@ def without(stored: StoredPoints, indices: NDArray[np.int64], map_parts: MapPart
     return replace(stored, runs=runs, counts=np.array(counts).sum(axis=0))
 
 
-def _run_without(stored: StoredPoints, indices: NDArray[np.int64], run: Run) -> tuple[Run, NDArray[np.int64]]:
+def _run_without(stored: StoredPoints, indices: Ints, run: Run) -> tuple[Run, Ints]:
     records = replace(stored, runs=(run,)).records([(run.first, run.last)])
     return write_run(stored.folder, run.name, stored.boxes, records[~np.isin(records["row"], indices)])

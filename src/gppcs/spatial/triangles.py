@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
@@ -117,9 +117,7 @@ def squared_distance(a, b, c, v, w):
     return x * x + y * y + z * z
 
 
-def nearest_triangles(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], queries: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[Ints, Floats, Floats]:
     """Find the nearest of triangles, (F, 3), to each query, (N, 3), exactly, by a tree of boxes.
 
     Returns its number, (N,), the squared distance, (N,), and the barycentric coordinates of the nearest point on it for

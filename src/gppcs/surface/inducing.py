@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, cg
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
@@ -30,18 +31,16 @@ class Design(NamedTuple):
     weights: csr_array  # (n, M), of the corners in the foot of each point
     normals: NDArray[np.float32]  # (n, 3), of the triangles; 0 for observations that do not count
 
-    def times(self, steps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def times(self, steps: Floats) -> Floats:
         """Return by how much steps, (3 M,), raise each triangle below its point, (n,)."""
         return np.einsum("ij,ij->i", self.normals, self.weights @ steps.reshape(-1, 3))
 
-    def transposed(self, heights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def transposed(self, heights: Floats) -> Floats:
         """Return the sums of heights, (n,), that each step takes part in, (3 M,)."""
         return (self.weights.T @ (self.normals * heights[:, np.newaxis])).ravel()
 
 
-def inducing_points(
-    kept: NDArray[np.float64], observed: NDArray[np.float64], denoised: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def inducing_points(kept: Floats, observed: Floats, denoised: Floats) -> Floats:
     """Return the kept points, (M, 3), after one step, by observed points, (n, 3), and where they are denoised."""
     if (noise := noise_between(observed, denoised)) == 0.0:
         return kept
@@ -54,19 +53,14 @@ def inducing_points(
     return moved
 
 
-def noise_between(observed: NDArray[np.float64], denoised: NDArray[np.float64]) -> float:
+def noise_between(observed: Floats, denoised: Floats) -> float:
     """Return the noise that takes observed points from where they are denoised, (n, 3) both; 0 if there are none."""
     return float(np.median(np.linalg.norm(observed - denoised, axis=1))) / MEDIAN if len(observed) else 0.0
 
 
 def joint_steps(
-    vertices: NDArray[np.float64],
-    corners: NDArray[np.integer],
-    weights: NDArray[np.float64],
-    observed: NDArray[np.float64],
-    noise: float,
-    spacing: float,
-) -> NDArray[np.float64]:
+    vertices: Floats, corners: NDArray[np.integer], weights: Floats, observed: Floats, noise: float, spacing: float
+) -> Floats:
     """Return the posterior mean of the steps of vertices, (M, 3), by observed points, (n, 3), and the noise (Eq. (15)).
 
     Each point observes the triangle nearest to where it is denoised. Shapes: corners (n, 3), and the weights of the
@@ -94,11 +88,8 @@ def joint_steps(
 
 
 @one_blas_thread()
-def _likely(design: Design, right_side: NDArray[np.float64], sigma: float) -> float:
-    """Return the standard deviation of the steps, by moments of the transposed heights (Eq. (16)).
-
-    Random signs estimate a trace (Hutchinson 1990).
-    """
+def _likely(design: Design, right_side: Floats, sigma: float) -> float:
+    """Return the standard deviation of the steps, by moments of the transposed heights (Eq. (16))."""
     by_noise = sigma**2 * (design.weights.power(2).sum(axis=1) * (design.normals**2).sum(axis=1)).sum()
     signs = np.random.default_rng(0).choice([-1.0, 1.0], len(right_side))
     trace = (design.transposed(design.times(signs)) ** 2).sum()
@@ -106,7 +97,7 @@ def _likely(design: Design, right_side: NDArray[np.float64], sigma: float) -> fl
 
 
 @one_blas_thread()
-def _posterior_mean(design: Design, right_side: NDArray[np.float64], precision: float) -> NDArray[np.float64]:
+def _posterior_mean(design: Design, right_side: Floats, precision: float) -> Floats:
     """Return the steps, (M, 3), by the transposed heights, and the prior's precision in that of an observation."""
     size = len(right_side)
     equations = LinearOperator(
@@ -118,10 +109,7 @@ def _posterior_mean(design: Design, right_side: NDArray[np.float64], precision: 
 
 @kernel
 def _observe(begin, end, vertices, corners, observed, normals, heights):
-    """Fill the normals of the triangles, (n, 3), and the heights of observed points, (n, 3), above them, (n,).
-
-    Shapes: vertices (M, 3), corners (n, 3).
-    """
+    """Fill the normals of the triangles, (n, 3), and the heights of observed points, (n, 3), above them, (n,)."""
     for i in range(begin, end):
         a, b, c = row(vertices, corners[i, 0]), row(vertices, corners[i, 1]), row(vertices, corners[i, 2])
         normal = unit(area_vector(a, b, c))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, nearest_in_tree
@@ -28,13 +29,13 @@ class LocalSurface:
     """
 
     tree: KdTree  # The tree over the points, which are distinct
-    normals: NDArray[np.float64]  # (M, 3), unit normals of the tangent planes, in tree order
+    normals: Floats  # (M, 3), unit normals of the tangent planes, in tree order
     # (M, MAX_TRIANGLES, 2), the two other corners of each triangle around a point, in tree order; -1 after the last
     # triangle.
     corners: NDArray[np.int32]
 
     @classmethod
-    def from_points(cls, points: NDArray[np.float64]) -> LocalSurface:
+    def from_points(cls, points: Floats) -> LocalSurface:
         """Build the surface of a cloud. Shapes: points (M, 3)."""
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
@@ -42,21 +43,21 @@ class LocalSurface:
         on_ranges(_build_fans, len(tree.order), tree.points, tree.lower, tree.upper, normals, corners)
         return cls(tree, normals, corners)
 
-    def nearest_to(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def nearest_to(self, queries: Floats) -> tuple[Floats, Floats]:
         """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
         distances, corners, weights = self.find(queries)
         normals = np.empty((len(queries), 3))
         on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
         return distances, normals
 
-    def values_at(self, queries: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def values_at(self, queries: Floats, values: Floats) -> Floats:
         """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
         _, corners, weights = self.find(queries)
         a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
         v, w = weights.T[..., np.newaxis]
         return a + v * (b - a) + w * (c - a)
 
-    def find(self, queries: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    def find(self, queries: Floats) -> tuple[Floats, NDArray[np.int32], Floats]:
         """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
         n = len(queries)
         result = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))

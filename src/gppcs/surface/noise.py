@@ -15,8 +15,8 @@ from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.quadrics import Quadrics, fit_quadrics
 
@@ -44,12 +44,12 @@ class Layer(NamedTuple):
     radius: float  # Median radius of the neighbourhoods
 
     @classmethod
-    def from_distances(cls, distances: NDArray[np.float64], radii: NDArray[np.float64]) -> Layer:
+    def from_distances(cls, distances: Floats, radii: Floats) -> Layer:
         """Return the layer by the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
         return cls(float(np.quantile(distances, 0.9)) / 1.645, float(np.median(radii)))
 
     @classmethod
-    def between(cls, points: NDArray[np.float64], feet: NDArray[np.float64], fitted: Quadrics) -> Layer:
+    def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> Layer:
         """Return the layer between points and their feet on quadrics, (3, m) both."""
         return cls.from_distances(np.sqrt(((feet - points) ** 2).sum(axis=0)), fitted.radii)
 
@@ -82,13 +82,13 @@ def across(layers: Callable[[int], Layer], largest: int) -> tuple[int, Layer]:
     return neighbours, layer
 
 
-def projections(tree: KdTree, queries: KdTree, neighbours: int) -> tuple[NDArray[np.float64], Quadrics]:
+def projections(tree: KdTree, queries: KdTree, neighbours: int) -> tuple[Floats, Quadrics]:
     """Project the points of one tree onto the quadrics fitted to points of another around them, (3, m) in its order."""
     fitted = fit_quadrics(tree, queries, neighbours)
     return queries.points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals, fitted
 
 
-def feet_of(tree: KdTree, points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
+def feet_of(tree: KdTree, points: Floats, neighbours: int) -> Floats:
     """Return the projections, (m, 3), of points, (m, 3), onto quadrics fitted to the nearest points of a tree."""
     of_points, feet = KdTree.build(points), np.empty_like(points)
     feet[of_points.order] = projections(tree, of_points, neighbours)[0].T
@@ -139,7 +139,7 @@ class Noise:
         """The standard deviation, in target spacings."""
         return self.sigma / self.spacing if self.spacing > 0.0 else 0.0
 
-    def observe(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    def observe(self, points: Floats) -> tuple[Floats | None, Floats]:
         """Return feet, (n, 3), and variances, (n,), of observations at some points, (n, 3).
 
         The feet are where features are measured: projections onto the surface, None if the noise is not thick. The
@@ -153,7 +153,7 @@ class Noise:
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
         return feet if self.thick else None, variances
 
-    def projected(self, points: KdTree) -> tuple[NDArray[np.float64], Quadrics]:
+    def projected(self, points: KdTree) -> tuple[Floats, Quadrics]:
         """Return the feet of points, (3, m) in tree order, on the quadrics across the noise; only where it matters."""
         assert self.tree is not None
         return projections(self.tree, points, self.neighbours)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, usable
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
@@ -89,7 +90,7 @@ def estimate_normals(
     return _turned(normals, signed)
 
 
-def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np.float64]:
+def normals_of(tree: KdTree, near: Ints, noisy: bool) -> Floats:
     """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree, by their neighbours, (N, k)."""
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours, _ = _across_noise(tree)
@@ -101,7 +102,7 @@ def normals_of(tree: KdTree, near: NDArray[np.int64], noisy: bool) -> NDArray[np
     return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
 
 
-def with_signs(tree: KdTree, near: NDArray[np.int64], normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_signs(tree: KdTree, near: Ints, normals: Floats) -> Floats:
     """Give normals, (N, 3), of the points of a tree signs that agree between their neighbours, (N, EDGES)."""
     return _turned(normals, _oriented(tree, None, near))
 
@@ -119,15 +120,13 @@ def _across_noise(tree: KdTree) -> tuple[int, Layer]:
     return across(partial(layer_of, tree), 4 * NEIGHBOURS)
 
 
-def _turned(normals: NDArray[np.float64], signed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _turned(normals: Floats, signed: Floats) -> Floats:
     """Give normals, (M, 3), the signs of others, in place; return them."""
     normals[np.einsum("ij,ij->i", normals, signed) < 0] *= -1
     return normals
 
 
-def _signed_nearby(
-    tree: KdTree, queries: NDArray[np.float64], neighbours: int, n_guides: int = 1_000_000
-) -> NDArray[np.float64]:
+def _signed_nearby(tree: KdTree, queries: Floats, neighbours: int, n_guides: int = 1_000_000) -> Floats:
     """Return normals with signs, (M, 3), near places, (M, 3), on the surface of the points of a tree."""
     widened = max(1, neighbours // NEIGHBOURS)
     every = widened * -(-tree.points.shape[1] // n_guides)  # more would only take time and memory
@@ -139,7 +138,7 @@ def _signed_nearby(
     return normals[guide_tree.nearest_of(guides[: len(queries)], 1)[0][:, 0]]
 
 
-def _near(queries: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
+def _near(queries: Floats, frame: Frame) -> Floats:
     """Return places, (M, 3), in the frame of a normalised cloud; raise an error if one is far from the cloud."""
     with np.errstate(over="ignore"):
         near = frame.near(queries)
@@ -152,9 +151,7 @@ def _near(queries: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
     return near
 
 
-def _oriented(
-    tree: KdTree, fits: tuple[KdTree, int] | None, near: NDArray[np.int64] | None = None, close: int = CLOSE
-) -> NDArray[np.float64]:
+def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None = None, close: int = CLOSE) -> Floats:
     """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
     _, normals, radii = fit_quadrics(tree, tree, close)
@@ -175,7 +172,7 @@ def _oriented(
     return oriented
 
 
-def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
+def _ascending(numbers: NDArray[np.float32]) -> Ints:
     """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time: floats sort as their bits."""
     bits = (numbers + np.float32(0.0)).view(np.int32)  # -0.0 becomes 0.0
     keys = np.where(bits < 0, bits ^ 0x7FFFFFFF, bits).astype(np.int64) << 32 | np.arange(len(bits))
@@ -183,9 +180,7 @@ def _ascending(numbers: NDArray[np.float32]) -> NDArray[np.int64]:
     return keys & 0xFFFFFFFF
 
 
-def _outward(
-    points: NDArray[np.float64], normals: NDArray[np.float64], areas: NDArray[np.float64], pieces: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _outward(points: Floats, normals: Floats, areas: Floats, pieces: Ints) -> Floats:
     """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it.
 
     The flux of a closed piece is three times its volume, wherever c lies. For an open piece, c is its middle, moved

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.spatial.boxes import MapParts, Part
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -59,7 +60,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
     return mask
 
 
-def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def outliers_among(points: Floats) -> Flags:
     """Tell which points, (N, 3), are outliers; after the first round, only those near ones that are gone."""
     distinct = points[first_occurrences(points)]
     tree = KdTree.build(distinct)
@@ -85,19 +86,13 @@ def outliers_among(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     return _lie_at(points, np.concatenate(gone))
 
 
-def _batches(mask: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+def _batches(mask: Flags) -> list[Ints]:
     """Return the indices in a mask, in batches whose neighbours fit into memory."""
     indices, size = np.flatnonzero(mask), 1 << 16
     return [indices[begin : begin + size] for begin in range(0, len(indices), size)]
 
 
-def _are_outside(
-    tree: KdTree,
-    distinct: NDArray[np.float64],
-    means: NDArray[np.float64],
-    squared: NDArray[np.float64],
-    indices: NDArray[np.int64],
-) -> NDArray[np.bool_]:
+def _are_outside(tree: KdTree, distinct: Floats, means: Floats, squared: Floats, indices: Ints) -> Flags:
     """Tell which points, (n, 3) in tree order, are outliers, by means and squared radii of neighbourhoods, (n,)."""
     starts, near = others_within(tree, distinct[indices], squared[indices])
     around = medians(starts, means[near])
@@ -109,9 +104,7 @@ def _are_outside(
     return outside
 
 
-def _distances_to_planes(
-    distinct: NDArray[np.float64], starts: NDArray[np.int64], neighbours: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _distances_to_planes(distinct: Floats, starts: Ints, neighbours: Floats) -> Floats:
     """Return the distance of each point, (m, 3), to the plane of its neighbours, (n, 3)."""
     owners = np.repeat(np.arange(len(distinct)), np.diff(starts))
     neighbours = neighbours[np.lexsort([*neighbours.T, owners])]  # the sums below do not depend on the order of points
@@ -121,17 +114,15 @@ def _distances_to_planes(
     return np.abs(np.einsum("ni,ni->n", distinct - centres, np.linalg.eigh(moments)[1][:, :, 0]))
 
 
-def _lie_at(points: NDArray[np.float64], distinct: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _lie_at(points: Floats, distinct: Floats) -> Flags:
     """Tell which points, (N, 3), coincide with others, (n, 3)."""
     if not len(distinct):
         return np.zeros(len(points), dtype=np.bool_)
-    at_one: NDArray[np.bool_] = KdTree.build(distinct).nearest_of(points, 1)[1][:, 0] == 0.0
+    at_one: Flags = KdTree.build(distinct).nearest_of(points, 1)[1][:, 0] == 0.0
     return at_one
 
 
-def outliers_in_parts(
-    stored: StoredPoints, map_parts: MapParts, on_progress: Callable[[int], None]
-) -> NDArray[np.int64]:
+def outliers_in_parts(stored: StoredPoints, map_parts: MapParts, on_progress: Callable[[int], None]) -> Ints:
     """Find the indices of the outliers of stored points, ascending: those of `find_outliers`, part by part."""
     parts = stored.parts(PART)
     outliers = [np.empty(0, dtype=np.int64)]
@@ -141,7 +132,7 @@ def outliers_in_parts(
     return np.sort(np.concatenate(outliers))
 
 
-def _outliers_of_part(stored: StoredPoints, part: Part) -> NDArray[np.int64]:
+def _outliers_of_part(stored: StoredPoints, part: Part) -> Ints:
     """Find the outliers of a part, with a halo in which the neighbours of most points lie, and theirs."""
     points = stored.near(part).points
     sampled = points[:: max(1, len(points) // 1024)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
@@ -21,10 +21,10 @@ class Quadrics(NamedTuple):
     """Quadrics fitted around m queries."""
 
     # (m,), signed distance from the query to the quadric, along its normal, to first order.
-    heights: NDArray[np.float64]
-    normals: NDArray[np.float64]  # (3, m), unit normal of the quadric at the query; its sign has no meaning
+    heights: Floats
+    normals: Floats  # (3, m), unit normal of the quadric at the query; its sign has no meaning
     # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero.
-    radii: NDArray[np.float64]
+    radii: Floats
 
 
 def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import Stage, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
@@ -25,13 +26,13 @@ from gppcs.surface.surface_variation import Features, features_in_radius, featur
 
 
 def choose(
-    points: NDArray[np.float64],
+    points: Floats,
     n_points: int,
     criterion: Criterion,
     density: float,
     timer: Timer,
     fixed: int = 0,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
@@ -58,12 +59,12 @@ def choose(
 
 
 def choose_denoised(
-    points: NDArray[np.float64],
+    points: Floats,
     n_points: int,
     criterion: Criterion,
     density: float,
     timer: Timer,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
@@ -106,30 +107,25 @@ class Criterion:
 class Candidates(NamedTuple):
     """What the field needs to know of n candidates."""
 
-    indices: NDArray[np.int64]  # (n,), ascending: indices in the cloud
-    points: NDArray[np.float64]  # (n, 3)
+    indices: Ints  # (n,), ascending: indices in the cloud
+    points: Floats  # (n, 3)
     # (n, 3), projections onto the surface, where features are measured; None if the noise is not thick: features are
     # then measured at the points themselves.
-    feet: NDArray[np.float64] | None
-    variances: NDArray[np.float64]  # (n,): of each observation, in the squared unit of the points; 0 without noise
-    weights: NDArray[np.float64] | None  # (n,)
+    feet: Floats | None
+    variances: Floats  # (n,): of each observation, in the squared unit of the points; 0 without noise
+    weights: Floats | None  # (n,)
     detail: Detail | None
 
     @classmethod
     def observed(
-        cls,
-        indices: NDArray[np.int64],
-        points: NDArray[np.float64],
-        noise: Noise,
-        weights: NDArray[np.float64] | None,
-        detail: Detail | None,
+        cls, indices: Ints, points: Floats, noise: Noise, weights: Floats | None, detail: Detail | None
     ) -> Candidates:
         """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
         feet, variances = noise.observe(points[indices])
         weights = None if weights is None else weights[indices]
         return cls(indices, points[indices], feet, variances, weights, detail and detail.take(indices))
 
-    def take(self, positions: NDArray[np.int64]) -> Candidates:
+    def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
         feet = None if self.feet is None else self.feet[positions]
         weights = None if self.weights is None else self.weights[positions]
@@ -146,12 +142,12 @@ class Candidates(NamedTuple):
 class Ranking(NamedTuple):
     """The M chosen points, in the order of choice."""
 
-    indices: NDArray[np.int64]  # (M,)
+    indices: Ints  # (M,)
     # (M,): Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0
     # for fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours.
     # They rise at the start of the next stage, whose field is finer.
-    scores: NDArray[np.float64]
-    deviations: NDArray[np.float64]
+    scores: Floats
+    deviations: Floats
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
     surface: Denoised | None = None  # Where the chosen points go, if they are denoised
 
@@ -183,9 +179,7 @@ def field_of(candidates: Candidates, spacing: float, thinned: bool, criterion: C
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
 
-def features_of(
-    points: NDArray[np.float64], feet: NDArray[np.float64] | None, spacing: float, thinned: bool
-) -> tuple[KdTree, Features]:
+def features_of(points: Floats, feet: Floats | None, spacing: float, thinned: bool) -> tuple[KdTree, Features]:
     """Return the tree over points, (n, 3), in units of the target spacing, and their features in tree order (Eq. (2)).
 
     The features are measured at the feet of the points, (n, 3), if there are any.
@@ -209,9 +203,7 @@ class FieldScale(NamedTuple):
     spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
 
     @classmethod
-    def from_variation(
-        cls, variation: NDArray[np.float64], criterion: Criterion, detail: NDArray[np.float64] | float = 0.0
-    ) -> FieldScale:
+    def from_variation(cls, variation: Floats, criterion: Criterion, detail: Floats | float = 0.0) -> FieldScale:
         """Measure candidates, by their surface variation and the roughness of their detail, (n,)."""
         roundness = roundness_of(np.sqrt(variation))
         density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
@@ -221,10 +213,10 @@ class FieldScale(NamedTuple):
 def local_field(
     tree: KdTree,
     features: Features,
-    variances: NDArray[np.float64],
+    variances: Floats,
     criterion: Criterion,
     detail: Detail | None = None,
-    weights: NDArray[np.float64] | None = None,
+    weights: Floats | None = None,
     scale: FieldScale | None = None,
 ) -> LocalField:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).

@@ -22,6 +22,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.algorithm import Candidates, Criterion, FieldScale, Ranking, features_of, field_of, local_field
 from gppcs.gp.local.candidates import (
@@ -121,8 +122,8 @@ def choose_stored(
     density: float,
     timer: Timer,
     map_parts: MapParts,
-    fixed: NDArray[np.int64],
-    fixed_points: NDArray[np.float64],
+    fixed: Ints,
+    fixed_points: Floats,
 ) -> Ranking:
     """Choose `n_points` of points on disk; those with the indices `fixed` are chosen from the start.
 
@@ -183,11 +184,8 @@ def _sampled(stage: StoredStage, part: Part, halo: float) -> Neighbourhood:
     return near.take(np.flatnonzero(is_drawn(near.indices, stage.sampled)))
 
 
-def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) -> NDArray[np.float64]:
-    """Return how far about `maximum` points of a part lie off quadrics, and the radii of their neighbourhoods.
-
-    Shapes: returns (numbers of neighbours, 2, points).
-    """
+def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) -> Floats:
+    """Return how far about `maximum` points of a part lie off quadrics, and the radii of their neighbourhoods."""
     near = _sampled(stage, part, 0.5 * HALO * stage.noise.spacing)
     if not near.inside.any():
         return np.zeros((len(fits), 2, 0))
@@ -201,7 +199,7 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
     return np.array(distances)
 
 
-def _residuals(stage: StoredStage, part: Part) -> NDArray[np.float64]:
+def _residuals(stage: StoredStage, part: Part) -> Floats:
     """Return what linear functions leave of the detail of a part's points, and the detail, (n, 1 + k)."""
     radius = FIT_RADIUS * stage.edge
     near = _sampled(stage, part, radius)
@@ -221,7 +219,7 @@ def _with_candidates(
     tasks = [(part, part.near(fixed, 0.0)) for part in parts]
     kind = _kind(stage)
 
-    def counted(stage: StoredStage) -> tuple[StoredPoints, NDArray[np.int64]]:
+    def counted(stage: StoredStage) -> tuple[StoredPoints, Ints]:
         """Store the candidates; return them, and how many are isolated within each distance."""
         counts, isolated = np.zeros(len(stage.stored.boxes), dtype=np.int64), np.zeros(len(ISOLATION), dtype=np.int64)
         runs = []
@@ -265,7 +263,7 @@ def _kind(stage: StoredStage) -> np.dtype[Any]:
 
 def _store_candidates(
     stage: StoredStage, kind: np.dtype[Any], task: tuple[Part, NDArray[Any]]
-) -> tuple[Run, NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Run, Ints, Ints]:
     """Store the candidates of a part for the last stage; return their counts by box, and those of isolated ones."""
     part, chosen = task
     margin = stage.diagonal + ISOLATION[-1] * stage.spacing  # the points of a fit lie within 1.2 spacings
@@ -294,7 +292,7 @@ def _store_candidates(
 
 
 def _sharpness(
-    stage: StoredStage, near: Neighbourhood, points: NDArray[np.float64]
+    stage: StoredStage, near: Neighbourhood, points: Floats
 ) -> tuple[KdTree | None, NDArray[np.float32], NDArray[np.float32]]:
     """Return the tree over a sample of points, (n, 3), and the sharpness and the variation of the detail, (n,) each."""
     drawn = np.flatnonzero(is_drawn(near.indices, sample_size(stage.target) / len(stage.stored)))
@@ -327,7 +325,7 @@ def _coarser(stage: StoredStage, map_parts: MapParts) -> StoredStage:
     return replace(coarser, stored=thin, thinned=True)
 
 
-def _thin(stage: StoredStage, part: Part) -> tuple[Run, NDArray[np.int64]]:
+def _thin(stage: StoredStage, part: Part) -> tuple[Run, Ints]:
     """Store one of the candidates of a finer stage for each cell, and those that are fixed."""
     near = _near(stage, stage.diagonal, part)
     kept = near.records["gap"] == FIXED
@@ -336,7 +334,7 @@ def _thin(stage: StoredStage, part: Part) -> tuple[Run, NDArray[np.int64]]:
     return write_run(stage.stored.folder, name, stage.stored.boxes, near.records[kept & near.inside])
 
 
-def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: NDArray[np.int64]) -> NDArray[Any]:
+def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Ints) -> NDArray[Any]:
     """Choose the points of the first stages in memory."""
     with timer("candidates"):
         records = np.concatenate(
@@ -359,7 +357,7 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: NDA
     return _chosen(records[ranking.indices], ranking.scores, ranking.deviations)
 
 
-def _candidates(stage: StoredStage, indices: NDArray[np.int64], records: NDArray[Any]) -> Candidates:
+def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Candidates:
     """Return what the field needs to know of the candidates in some records, (n,)."""
     names, n = records.dtype.names or (), len(records)
     feet = np.ascontiguousarray(records["foot"]) if "foot" in names else None
@@ -372,7 +370,7 @@ def _candidates(stage: StoredStage, indices: NDArray[np.int64], records: NDArray
     return Candidates(indices, np.ascontiguousarray(records["place"]), feet, variances, weights, detail)
 
 
-def _chosen(records: NDArray[Any], scores: NDArray[np.float64], deviations: NDArray[np.float64]) -> NDArray[Any]:
+def _chosen(records: NDArray[Any], scores: Floats, deviations: Floats) -> NDArray[Any]:
     """Return the records of chosen points, with score and deviation, (n,) each."""
     chosen = np.empty(len(records), dtype=CHOSEN)
     chosen["row"], chosen["place"], chosen["score"], chosen["deviation"] = (
@@ -406,7 +404,7 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
     return np.concatenate([chosen, added[best]])
 
 
-def _measure(stage: StoredStage, part: Part) -> NDArray[np.float64]:
+def _measure(stage: StoredStage, part: Part) -> Floats:
     """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _near(stage, stage.halo, part)
     feet = _candidates(stage, near.indices, near.records).feet
@@ -425,7 +423,7 @@ def _measure(stage: StoredStage, part: Part) -> NDArray[np.float64]:
     return variation[:, :: max(1, variation.shape[1] // SAMPLES)]
 
 
-def _scaled(stage: StoredStage, variation: NDArray[np.float64], parts: list[Part], map_parts: MapParts) -> StoredStage:
+def _scaled(stage: StoredStage, variation: Floats, parts: list[Part], map_parts: MapParts) -> StoredStage:
     """Return the stage with the scale of the field."""
     scale = FieldScale.from_variation(variation[0], stage.criterion, variation[1])
     raw = replace(stage, scale=scale)
@@ -445,15 +443,13 @@ def _field(stage: StoredStage, part: Part) -> tuple[Neighbourhood, LocalField]:
     return Neighbourhood(records, np.ascontiguousarray(records["inside"])), field
 
 
-def _densities(stage: StoredStage, part: Part) -> NDArray[np.float64]:
+def _densities(stage: StoredStage, part: Part) -> Floats:
     """Return 1 / spacing^2 of the candidates of a part, before it is scaled."""
     near, field = _field(stage, part)
     return field.spacings[near.inside] ** -2.0
 
 
-def _choose(
-    stage: StoredStage, threshold: float, settled: NDArray[np.bool_], task: tuple[Part, NDArray[Any]]
-) -> NDArray[Any]:
+def _choose(stage: StoredStage, threshold: float, settled: Flags, task: tuple[Part, NDArray[Any]]) -> NDArray[Any]:
     """Choose the candidates of a part with a score of at least a threshold; nothing in boxes that are `settled`."""
     near, field = _field(stage, task[0])
     chosen = np.isin(near.indices, task[1]["row"])
@@ -477,8 +473,8 @@ def _placed(
     map_parts: MapParts,
     on_progress: Callable[[int], None],
     chosen: NDArray[Any],
-    fixed: NDArray[np.int64],
-) -> NDArray[np.int64]:
+    fixed: Ints,
+) -> Ints:
     """Return the indices of the chosen points once they are placed, part by part, as `placement.placed` does."""
     indices = chosen["row"].copy()
     order = np.argsort(indices)
@@ -489,9 +485,7 @@ def _placed(
     return indices
 
 
-def _exchange(
-    stage: StoredStage, fixed: NDArray[np.int64], task: tuple[Part, NDArray[Any]]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) -> tuple[Ints, Ints]:
     """Return the chosen points of a part that are exchanged, and those for which they are."""
     (part, chosen), noise, halo = task, stage.noise, 0.5 * stage.halo
     old, vertices = chosen["row"], np.ascontiguousarray(chosen["place"])

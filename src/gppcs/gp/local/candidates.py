@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
@@ -46,11 +47,7 @@ class Survey(NamedTuple):
 
 
 def survey(
-    points: NDArray[np.float64],
-    n_points: int,
-    density: float,
-    timer: Timer,
-    attributes: NDArray[np.float32] | None = None,
+    points: Floats, n_points: int, density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
 ) -> Survey:
     """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
     with timer("sample"):
@@ -79,7 +76,7 @@ def sample_size(n_points: int) -> int:
     return max(SAMPLE_SIZE, SAMPLED_PER_POINT * n_points)
 
 
-def sample(points: NDArray[np.float64], n_points: int, size: int | None = None) -> NDArray[np.int64]:
+def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
     """Return all indices, or those of a random sample of a large cloud without the repeats among them, ascending.
 
     A sample measures the area as well as all points do, and the noise, unless that is thicker than the target spacing.
@@ -92,7 +89,7 @@ def sample(points: NDArray[np.float64], n_points: int, size: int | None = None) 
     return indices[first_occurrences(points[indices])]
 
 
-def sharpness_of(tree: KdTree, edge: float) -> NDArray[np.float64]:
+def sharpness_of(tree: KdTree, edge: float) -> Floats:
     """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,).
 
     Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
@@ -106,7 +103,7 @@ class Stage(NamedTuple):
     """A stage of the choice, and its candidates."""
 
     target: int  # Number of points that are chosen when the stage ends
-    indices: NDArray[np.int64]  # (n,), indices of the candidates, ascending
+    indices: Ints  # (n,), indices of the candidates, ascending
     # Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
     thinned: bool
     area: float  # Area of the surface, corrected by the number of occupied cells
@@ -118,12 +115,7 @@ class Stage(NamedTuple):
 
 
 def nested_candidates(
-    points: NDArray[np.float64],
-    sharpness: NDArray[np.float32],
-    n_points: int,
-    area: float,
-    density: float,
-    fixed: int = 0,
+    points: Floats, sharpness: NDArray[np.float32], n_points: int, area: float, density: float, fixed: int = 0
 ) -> list[Stage]:
     """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
@@ -155,7 +147,7 @@ def nested_candidates(
     return stages[::-1]
 
 
-def gaps_of_isolated(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+def gaps_of_isolated(points: Floats, spacing: float) -> Floats:
     """Return how far isolated candidates are from all others. Shapes: points (n, 3); returns (n,)."""
     tree, radius = KdTree.build(points), ISOLATION[0] * spacing
     suspects = np.ones(len(points), dtype=bool)
@@ -172,12 +164,12 @@ def gaps_of_isolated(points: NDArray[np.float64], spacing: float) -> NDArray[np.
     return gaps
 
 
-def count_isolated(gaps: NDArray[np.float64], spacing: float) -> NDArray[np.int64]:
+def count_isolated(gaps: Floats, spacing: float) -> Ints:
     """Return how many of the gaps, (n,), are wider than each distance of `ISOLATION`, (4,)."""
     return np.count_nonzero(gaps[:, None] > np.multiply(ISOLATION, spacing), axis=0)
 
 
-def largest_gap(isolated: NDArray[np.int64], n: int, n_points: int, spacing: float) -> float:
+def largest_gap(isolated: Ints, n: int, n_points: int, spacing: float) -> float:
     """Return how far from all others a candidate may be. Those farther away are outliers, which are excluded.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
@@ -202,12 +194,12 @@ def vanishes(area: float) -> bool:
 
 
 def thinned(
-    points: NDArray[np.float64], sharpness: NDArray[np.float32], target: int, area: float, density: float
-) -> tuple[float, NDArray[np.int64]]:
+    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float
+) -> tuple[float, Ints]:
     """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points."""
     many, cells = MAX_CELLS * density * target, density * target
 
-    def coarsened(area: float) -> tuple[float, NDArray[np.int64]]:
+    def coarsened(area: float) -> tuple[float, Ints]:
         """Double the area until there are not too many occupied cells."""
         return next((grown, kept) for grown, kept in _grids(points, sharpness, area, cells) if len(kept) <= many)
 
@@ -217,9 +209,7 @@ def thinned(
     return grown, kept
 
 
-def _halved(
-    points: NDArray[np.float64], sharpness: NDArray[np.float32], target: int, area: float, density: float
-) -> float:
+def _halved(points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float) -> float:
     """Return the area, halved until enough cells hold points.
 
     A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
@@ -239,9 +229,7 @@ def _halved(
     return result
 
 
-def _grids(
-    points: NDArray[np.float64], sharpness: NDArray[np.float32], area: float, cells: float
-) -> Iterator[tuple[float, NDArray[np.int64]]]:
+def _grids(points: Floats, sharpness: NDArray[np.float32], area: float, cells: float) -> Iterator[tuple[float, Ints]]:
     """Yield an area and the sharpest points of its cells, then twice the area, and so on.
 
     Four times the area is twice the edge length. Such cells consist of whole cells of the grid two steps before, so

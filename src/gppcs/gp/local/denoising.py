@@ -13,8 +13,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
@@ -29,16 +29,16 @@ MIN_POINTS, MANY_POINTS = 60, 120  # k, the points of a fit: at least, and at mo
 class Denoised(NamedTuple):
     """Where n points go."""
 
-    points: NDArray[np.float64]  # (n, 3)
-    normals: NDArray[np.float64]  # (n, 3), unit normals, whose signs have no meaning
-    trusted: NDArray[np.bool_]  # (n,), whether the point was denoised and enough observations agree on it
+    points: Floats  # (n, 3)
+    normals: Floats  # (n, 3), unit normals, whose signs have no meaning
+    trusted: Flags  # (n,), whether the point was denoised and enough observations agree on it
 
-    def take(self, indices: NDArray[np.int64]) -> Denoised:
+    def take(self, indices: Ints) -> Denoised:
         """Return those of some points. Shapes: indices (m,)."""
         return Denoised(self.points[indices], self.normals[indices], self.trusted[indices])
 
 
-def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
+def denoised(points: Floats, n_points: int) -> Denoised:
     """Return where points, (n, 3), lie on the surface that they observe; they stay where there is no noise.
 
     Where that is enough to keep `n_points`, only some points in tree order are denoised, by all observations. The
@@ -66,11 +66,8 @@ def denoised(points: NDArray[np.float64], n_points: int) -> Denoised:
     return result
 
 
-def _first_feet(tree: KdTree, k: int, step: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return feet and normals, (3, n), by a quadric at each `step`-th point, whose tangent plane serves up to the next.
-
-    Points that follow each other in tree order are near each other, so the plane differs little from their own.
-    """
+def _first_feet(tree: KdTree, k: int, step: int) -> tuple[Floats, Floats]:
+    """Return feet and normals, (3, n), by a quadric at each `step`-th point; its tangent plane serves up to the next."""
     feet, fitted = projections(tree, tree.thinned(step), k)
     if step == 1:
         return feet, fitted.normals
@@ -88,7 +85,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     sampled = tree.thinned(-(-n // 1024))
 
     @cache
-    def fit(k: int) -> tuple[NDArray[np.float64], Layer]:
+    def fit(k: int) -> tuple[Floats, Layer]:
         feet, fitted = projections(tree, sampled, k)
         return feet, Layer.between(sampled.points, feet, fitted)
 
@@ -108,13 +105,8 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     return min(k, n), layer.sigma > 0.0
 
 
-def _round(
-    tree: KdTree, normals: NDArray[np.float64], observed: NDArray[np.float64], k: int, selected: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return new points and normals of those selected, and the worth of their observations, by the tree over the last.
-
-    Shapes: normals, observed (3, n), selected (n,).
-    """
+def _round(tree: KdTree, normals: Floats, observed: Floats, k: int, selected: Flags) -> tuple[Floats, Floats, Floats]:
+    """Return new points and normals of those selected, and the worth of their observations, by the last tree."""
     new, turned, worth = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
     tasks = min(tree.leaves, TASKS)
     on_ranges(

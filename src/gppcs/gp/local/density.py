@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import EDGE_ROUGHNESS, MAX_REFINEMENT, MIN_ROUGHNESS, ROUNDNESS_POWER
@@ -13,7 +13,7 @@ from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distanc
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
-def density_of(roughness: NDArray[np.float64], power: float) -> NDArray[np.float64]:
+def density_of(roughness: Floats, power: float) -> Floats:
     """Return the desired density of points, up to a factor, by the roughness, (n,) (Eq. (3)).
 
     It is a power of the roughness, as a piecewise linear surface of given size has the smallest mean error if its
@@ -22,12 +22,12 @@ def density_of(roughness: NDArray[np.float64], power: float) -> NDArray[np.float
     return np.maximum(roughness, MIN_ROUGHNESS) ** power
 
 
-def refinement(weights: NDArray[np.float64]) -> float:
+def refinement(weights: Floats) -> float:
     """Return how many times as many candidates are needed as without weights, (N,)."""
     return min(float(weights.max() / weights.mean()), MAX_REFINEMENT)
 
 
-def roundness_of(roughness: NDArray[np.float64]) -> float:
+def roundness_of(roughness: Floats) -> float:
     """Return from 1 for an equally rough cloud to 0 for flat faces and edges only, by roughness, (n,).
 
     It depends on the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS`
@@ -41,7 +41,7 @@ def roundness_of(roughness: NDArray[np.float64]) -> float:
     return (1.0 - min(segregation, 1.0) ** 2) ** ROUNDNESS_POWER
 
 
-def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float, group_size: int = 8) -> NDArray[np.float64]:
+def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) -> Floats:
     """Return the spacings, (N,), lowered where they grow faster than `slope` with the distance (Eq. (4)).
 
     Normals among few points are good only where the density changes slowly.
@@ -84,10 +84,7 @@ def graded(tree: KdTree, spacings: NDArray[np.float64], slope: float, group_size
 
 @kernel
 def _limit_leaves(begin, end, points, lower, upper, spacings, slope, minima, limits):
-    """Lower `limits`, (N,), in a range of leaves, by points, (3, N), boxes, (nodes, 3), and `minima`, (nodes,).
-
-    For each leaf, visit the nodes that can lower the limit of one of its points, those with the lowest bounds first.
-    """
+    """Lower `limits`, (N,), in a range of leaves, by points, (3, N), boxes, (nodes, 3), and `minima`, (nodes,)."""
     leaves = first_leaf(lower)
     n = len(spacings)
     for leaf in range(begin, end):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import DETAIL_DISTANCE, DETAIL_ROUGHNESS
@@ -29,7 +30,7 @@ class DetailNoise(NamedTuple):
     strength: float  # c: the fraction of their variance that is no noise, with a margin
 
     @classmethod
-    def from_residuals(cls, residual: NDArray[np.float64], values: NDArray[np.float64]) -> DetailNoise | None:
+    def from_residuals(cls, residual: Floats, values: Floats) -> DetailNoise | None:
         """Measure it by what linear functions leave, (n,), of values, (n, k); None if all is noise."""
         noise, variance = 1.2 * float(np.median(residual)), float(sum(column.var() for column in values.T))
         if noise >= variance:
@@ -37,7 +38,7 @@ class DetailNoise(NamedTuple):
             return None
         return cls(float(np.median(residual)), 1.0 - noise / variance)
 
-    def variation(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    def variation(self, residual: Floats) -> Floats:
         """Return residuals, (n,), as surface variation, without noise: few points measure each, so three times it."""
         return DETAIL_ROUGHNESS * self.strength * np.maximum(residual - 3.0 * self.noise, 0.0)
 
@@ -58,9 +59,7 @@ class Detail(NamedTuple):
         return cls(attributes * np.float32(np.sqrt(noise.strength)), variation)
 
     @classmethod
-    def measure(
-        cls, tree: KdTree, indices: NDArray[np.int64], attributes: NDArray[np.float32], edge: float
-    ) -> Detail | None:
+    def measure(cls, tree: KdTree, indices: Ints, attributes: NDArray[np.float32], edge: float) -> Detail | None:
         """Measure attributes, (N, k), of a cloud at the points, (n,), in a tree; None if all is noise."""
         measured = indices[tree.order]
         values = attributes.take(measured, axis=0).astype(np.float64)
@@ -72,17 +71,17 @@ class Detail(NamedTuple):
         variation[measured] = noise.variation(residual)
         return cls.without_noise(noise, attributes, variation)
 
-    def take(self, indices: NDArray[np.int64]) -> Detail:
+    def take(self, indices: Ints) -> Detail:
         """Return that of some of the points."""
         return Detail(self.values.take(indices, axis=0), self.variation[indices])
 
     @property
-    def distances(self) -> NDArray[np.float64]:
+    def distances(self) -> Floats:
         """The attributes as distances in desired spacings, (k, n)."""
         return DETAIL_DISTANCE * np.ascontiguousarray(self.values.T, dtype=np.float64)
 
 
-def residuals(tree: KdTree, values: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+def residuals(tree: KdTree, values: Floats, radius: float) -> Floats:
     """Return the variance of values about their linear fits to the points within a radius, summed over k attributes.
 
     Shapes: values (n, k); returns (n,); both in tree order.
@@ -138,11 +137,7 @@ def _steps(packed, full, x, y, z, squared_radius, steps, moments):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def _add_products(steps, values, value, full, products):
-    """Sum, within a radius of a point, the differences of an attribute from that of the point, and products, (5,).
-
-    The products are those with themselves and with the position relative to the point. Shapes: steps (4, m), values
-    (m,).
-    """
+    """Sum, within a radius of a point, the differences of an attribute from that of the point, and products, (5,)."""
     to_x, to_y, to_z, inside = steps[0][:full], steps[1][:full], steps[2][:full], steps[3][:full]
     values = values[:full]
     s = ss = sx = sy = sz = 0.0

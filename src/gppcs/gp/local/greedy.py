@@ -17,8 +17,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.greedy_state import (
@@ -44,29 +44,29 @@ PART_POINTS = 4096  # Points of a part at least: with fewer, most of them are ne
 class Parts(NamedTuple):
     """The parts, what each has chosen, and the state of the others as far as it sees it."""
 
-    starts: NDArray[np.int64]  # (parts + 1,), where the neighbours of each part start
+    starts: Ints  # (parts + 1,), where the neighbours of each part start
     # (sum,), the parts that a point of the part may affect, or be affected by, without gaps.
-    neighbours: NDArray[np.int64]
-    positions: NDArray[np.int64]  # (n,), what each part has chosen, in its order, from the first of its points on
-    scores: NDArray[np.float64]  # (n,), of these, when they were chosen
-    counts: NDArray[np.int64]  # (parts,), number of points that each part has chosen
-    sent: NDArray[np.int64]  # (parts,), how many of these its neighbours know of
+    neighbours: Ints
+    positions: Ints  # (n,), what each part has chosen, in its order, from the first of its points on
+    scores: Floats  # (n,), of these, when they were chosen
+    counts: Ints  # (parts,), number of points that each part has chosen
+    sent: Ints  # (parts,), how many of these its neighbours know of
     # (nodes,) each, largest score and squared range of each node at the start of the round.
-    best: NDArray[np.float64]
-    ranges: NDArray[np.float64]
-    seen: NDArray[np.float64]  # (n,), scores of the points at the start of the round
+    best: Floats
+    ranges: Floats
+    seen: Floats  # (n,), scores of the points at the start of the round
 
 
 def extend(
     field: LocalField,
     tree: KdTree,
-    chosen: NDArray[np.int64],
+    chosen: Ints,
     n_added: int,
     neighbours: int,
     error_weight: float,
     threshold: float = 0.0,
     on_progress: Callable[[int], None] = lambda steps: None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats, Floats]:
     """Choose the point with the largest score, again and again: `n_added` points, or fewer, down to a threshold.
 
     Let a point have the posterior mean mu and variance Sigma, and an observation there the variance sigma_y^2. It has
@@ -101,9 +101,7 @@ def extend(
     return added, scores, np.sqrt(state.variances[added])
 
 
-def _begin_state(
-    field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int, error_weight: float
-) -> GreedyState:
+def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int, error_weight: float) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
     _, variances, scores = posterior(field, conditioning, error_weight)
@@ -149,7 +147,7 @@ def _choose_in_levels(
     parts: Parts,
     rest: Parts,
     on_progress: Callable[[int], None],
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Ints, Floats]:
     """Choose the `n_added` best points, by ever lower thresholds, after others; parts as in `choose_down`."""
     threshold, taken = np.inf, 0
     while taken < n_added and threshold > last:
@@ -195,7 +193,7 @@ def _find_neighbours(boxes, near):
             near[a, b] = a != b and squared <= max(one[6], other[6]) * 0.5 * (one[7] + other[7])
 
 
-def _chosen_by(parts: Parts) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _chosen_by(parts: Parts) -> tuple[Ints, Floats]:
     """Return what the parts have chosen, part by part. Shapes: returns positions, scores (m,)."""
     starts = len(parts.positions) * np.arange(len(parts.counts)) // len(parts.counts)
     slots = np.repeat(starts - np.cumsum(parts.counts) + parts.counts, parts.counts) + np.arange(parts.counts.sum())

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.gp.local.kernel import LANES, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, posteriors, workspace
@@ -27,28 +27,28 @@ class GreedyState(NamedTuple):
     a nearer new point changes its posterior.
     """
 
-    order: NDArray[np.int64]  # (n,), index in the tree's input of each point
+    order: Ints  # (n,), index in the tree's input of each point
     conditioning: Conditioning
     # (n,): Posterior variance, score and squared range of each point. The variance of a chosen point is that before its
     # choice.
-    variances: NDArray[np.float64]
-    scores: NDArray[np.float64]
-    ranges: NDArray[np.float64]
+    variances: Floats
+    scores: Floats
+    ranges: Floats
     # (nodes, 8): Lower and upper corner of each node's box, largest squared range of its points, square of their
     # largest desired spacing. These eight numbers fill one line of memory.
-    boxes: NDArray[np.float64]
-    best: NDArray[np.float64]  # (nodes,), the largest score in the node
+    boxes: Floats
+    best: Floats  # (nodes,), the largest score in the node
     # (nodes,), the point with this score; of several that with the smallest index in the tree's input.
-    holder: NDArray[np.int64]
+    holder: Ints
 
 
 class Room(NamedTuple):
     """Memory for what one new point changes."""
 
-    visited: NDArray[np.int64]  # (nodes,), nodes that the new point may change
-    changed: NDArray[np.int64]  # (n,), points whose posteriors it changes
+    visited: Ints  # (nodes,), nodes that the new point may change
+    changed: Ints  # (n,), points whose posteriors it changes
     # (LEAF_SIZE,), squared distances in the field between the new point and the points of a leaf.
-    gaps: NDArray[np.float64]
+    gaps: Floats
     work: Work
 
 

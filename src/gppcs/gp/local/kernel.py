@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
 LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
@@ -20,14 +20,14 @@ SITE = 9  # Numbers of a site before its k details: position (3), normal (3), de
 class LocalField(NamedTuple):
     """The field at n points: what the kernel needs, and the function to observe."""
 
-    positions: NDArray[np.float64]  # (3, n), in units of the target spacing h
-    normals: NDArray[np.float64]  # (3, n), unit vectors; their sign does not matter
+    positions: Floats  # (3, n), in units of the target spacing h
+    normals: Floats  # (3, n), unit vectors; their sign does not matter
     # (n,): s: the desired spacing, in units of h. The lengthscale at a point is kappa s h.
-    spacings: NDArray[np.float64]
-    y: NDArray[np.float64]  # (n,), the function: surface variation, standardised to mean 0 and variance 1
-    noise: NDArray[np.float64]  # (n,), sigma_y^2: variance of each observation, in units of the prior; positive
+    spacings: Floats
+    y: Floats  # (n,), the function: surface variation, standardised to mean 0 and variance 1
+    noise: Floats  # (n,), sigma_y^2: variance of each observation, in units of the prior; positive
     # (k, n), attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
-    detail: NDArray[np.float64]
+    detail: Floats
     lengthscale: float  # kappa, in desired spacings
     normal_weight: float  # beta: the distance of two normals at a right angle, in desired spacings
 

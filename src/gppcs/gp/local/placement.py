@@ -16,17 +16,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.settings import (
-    CELL_POINTS,
-    GAP_GROWTH,
-    MAX_STEP,
-    NOISY_CELL_POINTS,
-    PLANE_POINTS,
-    PULL,
-    TRIALS,
-)
+from gppcs.gp.local.settings import CELL_POINTS, GAP_GROWTH, MAX_STEP, NOISY_CELL_POINTS, PLANE_POINTS, PULL, TRIALS
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import TASKS, WIDER, look_around, search_for
 from gppcs.spatial.samples import is_drawn
@@ -35,9 +28,6 @@ from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def placed(
@@ -60,7 +50,7 @@ def placed(
 
 def exchanged(
     vertices: Floats,
-    stays: NDArray[np.bool_],
+    stays: Flags,
     points: Floats,
     area: float,
     noise: Noise,
@@ -110,7 +100,7 @@ def exchanged(
     return result
 
 
-def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], Floats]:
     """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
     n = len(queries.order)
     positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
@@ -208,10 +198,7 @@ def _exchange(
     change,
     new,
 ):
-    """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on.
-
-    A vertex is exchanged only for points of its cell in the first pass, so no two take the same.
-    """
+    """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on."""
     by_shape = after.shape[1] == 0
     trials = TRIALS if by_shape else 20
     rounding = 1e-9  # a gain below this, in steps, is only rounding
@@ -245,11 +232,7 @@ def _exchange(
 
 @kernel(allocates=False)
 def _is_one_sheet(feet, normals, cell, vertex, upright):
-    """Return whether the planes of a cell are those of one sheet, by a vertex and the normal of its fan.
-
-    They are not where the points lie on dense curves, whose planes say nothing of the surface, and where a wall is so
-    thin that the cell reaches through it.
-    """
+    """Return whether the planes of a cell are those of one sheet, by a vertex and the normal of its fan."""
     agreement, nearest, middle, through = 0.0, np.inf, cell[0], 0
     for q in cell:
         step = minus(row(feet.T, q), vertex)

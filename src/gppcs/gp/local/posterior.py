@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, SITE, LocalField, correlate, field_distance
@@ -23,10 +24,10 @@ class Conditioning(NamedTuple):
     """The K chosen points on which each of n points is conditioned, nearest first."""
 
     nearest: NDArray[np.int32]  # (n, K), columns of the chosen points in the field's order; -1 where fewer are chosen
-    squared: NDArray[np.float64]  # (n, K), their squared distances in the field; infinite where fewer are chosen
+    squared: Floats  # (n, K), their squared distances in the field; infinite where fewer are chosen
 
 
-def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighbours: int) -> Conditioning:
+def condition(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int) -> Conditioning:
     """Find the chosen points that are nearest each point in the metric of the field. Shapes: chosen (m,)."""
     n = len(field.y)
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
@@ -45,11 +46,11 @@ def condition(field: LocalField, tree: KdTree, chosen: NDArray[np.int64], neighb
 class _Chosen(NamedTuple):
     """The k-d tree of the chosen points."""
 
-    indices: NDArray[np.int64]  # (m,), their columns in the field's order
-    points: NDArray[np.float64]  # (3, m), their positions
+    indices: Ints  # (m,), their columns in the field's order
+    points: Floats  # (3, m), their positions
     # (nodes, 3) each, corners of the nodes' boxes.
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: Floats
+    upper: Floats
     widest: float  # Their largest desired spacing
 
 
@@ -99,13 +100,13 @@ def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in
 class _SideBySide(NamedTuple):
     """The points of a leaf side by side, and what each is conditioned on so far."""
 
-    points: NDArray[np.float64]  # (7 + k, LEAF_SIZE), rows: position, normal, desired spacing, details
+    points: Floats  # (7 + k, LEAF_SIZE), rows: position, normal, desired spacing, details
     # (K, LEAF_SIZE) each, as in `Conditioning`, transposed.
-    nearest: NDArray[np.int64]
-    squared: NDArray[np.float64]
+    nearest: Ints
+    squared: Floats
     # (LEAF_SIZE,) each, a chosen point that is being inserted, and its squared distances in the field.
-    new: NDArray[np.int64]
-    gaps: NDArray[np.float64]
+    new: Ints
+    gaps: Floats
 
 
 @kernel
@@ -134,11 +135,7 @@ def _take_up(field, begin, end, side):
 
 @kernel(fastmath=False, allocates=False)
 def _keep_nearest_side_by_side(field, chosen, in_ball, side):
-    """Keep, for each point of a leaf, the nearest of some chosen points, (count,).
-
-    A new point goes down the list of each column and swaps places with every point that is farther. There are no
-    branches, so that the compiler can vectorise it.
-    """
+    """Keep, for each point of a leaf, the nearest of some chosen points, (count,)."""
     neighbours = len(side.squared)
     side.nearest[:] = -1
     side.squared[:] = np.inf
@@ -174,18 +171,18 @@ class Work(NamedTuple):
 
     # (K + 1, SITE + k, LANES), sites of the K points on which each point is conditioned; the last row is the point
     # itself.
-    sites: NDArray[np.float64]
+    sites: Floats
     # (K (K + 2), LANES): K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two
     # solutions of the triangular system: for the covariances with the point, and for y.
-    factor: NDArray[np.float64]
+    factor: Floats
     # (LANES,) each, the current row: covariance with the point, y, and diagonal.
-    cross: NDArray[np.float64]
-    observed: NDArray[np.float64]
-    pivot: NDArray[np.float64]
+    cross: Floats
+    observed: Floats
+    pivot: Floats
     # (LANES,) each, the results.
-    mean: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    score: NDArray[np.float64]
+    mean: Floats
+    variance: Floats
+    score: Floats
 
 
 @kernel
@@ -205,10 +202,7 @@ def workspace(neighbours, details):
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def posteriors(field, nearest, indices, begin, end, error_weight, work):
-    """Compute mean, variance and score at the points `indices[begin:end]`.
-
-    `gppcs.gp.local.greedy.extend` defines the score. Shapes: nearest (n, K), indices (count,).
-    """
+    """Compute mean, variance and score at the points `indices[begin:end]`."""
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
     _gather(field, nearest, indices, begin, end, sites)
@@ -246,10 +240,7 @@ def posteriors(field, nearest, indices, begin, end, error_weight, work):
 
 @kernel(allocates=False)
 def _gather(field, nearest, indices, begin, end, sites):
-    """Copy what the kernel and the observation need of each point into lanes, (K + 1, SITE + k, LANES).
-
-    The last point fills spare lanes. A neighbour that is lacking is placed far away.
-    """
+    """Copy what the kernel and the observation need of each point into lanes, (K + 1, SITE + k, LANES)."""
     neighbours = nearest.shape[1]
     for p in range(LANES):
         i = indices[min(begin + p, end - 1)]
@@ -266,9 +257,7 @@ def _gather(field, nearest, indices, begin, end, sites):
                 sites[a, SITE + c, p] = field.detail[c, j]
 
 
-def posterior(
-    field: LocalField, conditioning: Conditioning, error_weight: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> tuple[Floats, Floats, Floats]:
     """Return mean and variance of the field, and the score, at every point; (n,) each."""
     n = len(field.y)
     means, variances, scores = np.empty((3, n))

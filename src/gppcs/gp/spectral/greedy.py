@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.gp.spectral.posterior import posterior
 
@@ -19,15 +19,15 @@ REFRESHED = 4
 
 
 def select(
-    phi: NDArray[np.float64],
-    y: NDArray[np.float64],
+    phi: Floats,
+    y: Floats,
     noise: float,
-    initial: NDArray[np.int64],
+    initial: Ints,
     n_points: int,
     k_add: int = 1,
-    order: NDArray[np.int64] | None = None,
+    order: Ints | None = None,
     on_progress: Callable[[int], None] | None = None,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Add points to the active set, each time the `k_add` of largest score s = sqrt(diag Sigma) + |mu - y|.
 
     The result is exactly that of the paper's Algorithm 1, but each step evaluates few points. The points are divided
@@ -66,11 +66,11 @@ class _Points(NamedTuple):
     and `score` is s when the point's bucket was last scanned.
     """
 
-    phi: NDArray[np.float64]  # transposed, so that loops over points read contiguous memory
-    y: NDArray[np.float64]
-    order: NDArray[np.int64]
-    free: NDArray[np.bool_]
-    score: NDArray[np.float64]
+    phi: Floats  # transposed, so that loops over points read contiguous memory
+    y: Floats
+    order: Ints
+    free: Flags
+    score: Floats
 
 
 class _Buckets(NamedTuple):
@@ -82,17 +82,17 @@ class _Buckets(NamedTuple):
     scores of its free points now. Right after a scan, it is the score of the point `best`, (G,).
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    scanned: NDArray[np.int64]
-    mean: NDArray[np.float64]
-    above: NDArray[np.float64]
-    below: NDArray[np.float64]
-    bound: NDArray[np.float64]
-    best: NDArray[np.int64]
+    lower: Floats
+    upper: Floats
+    scanned: Ints
+    mean: Floats
+    above: Floats
+    below: Floats
+    bound: Floats
+    best: Ints
 
 
-def _buckets(count: int, phi: NDArray[np.float64]) -> _Buckets:
+def _buckets(count: int, phi: Floats) -> _Buckets:
     """Return `count` buckets of the features, (L, N), that have not been scanned."""
     starts = np.arange(count) * phi.shape[1] // count
     return _Buckets(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, log_spectrum, spectral_weights
 
@@ -15,12 +15,8 @@ STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likeliho
 
 @one_blas_thread()
 def log_marginal_likelihood(
-    eigenvalues: NDArray[np.float64],
-    eigenfunctions: NDArray[np.float64],
-    y: NDArray[np.float64],
-    mean_squares: NDArray[np.float64],
-    theta: Hyperparameters,
-) -> tuple[float, NDArray[np.float64]]:
+    eigenvalues: Floats, eigenfunctions: Floats, y: Floats, mean_squares: Floats, theta: Hyperparameters
+) -> tuple[float, Floats]:
     """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, in O(n L^2) for n points.
 
     Shapes: eigenvalues (L,), eigenfunctions (n, L), y (n,), mean_squares (L,); returns gradient (4,).
@@ -50,10 +46,10 @@ def log_marginal_likelihood(
 
 @one_blas_thread()
 def fit(
-    eigenvalues: NDArray[np.float64],
-    eigenfunctions: NDArray[np.float64],
-    y: NDArray[np.float64],
-    mean_squares: NDArray[np.float64],
+    eigenvalues: Floats,
+    eigenfunctions: Floats,
+    y: Floats,
+    mean_squares: Floats,
     nu: float,
     fit_nu: bool = False,
     iterations: int = 200,
@@ -67,11 +63,11 @@ def fit(
     # The lower bound of the noise keeps the posterior well conditioned.
     bounds = np.log([(1e-4 * scale, 1e4 * scale), (1e-3, 1e2), (0.1, 1e3), (1e-6 * scale, 1e2 * scale)])
 
-    def theta_of(logarithms: NDArray[np.float64]) -> Hyperparameters:
+    def theta_of(logarithms: Floats) -> Hyperparameters:
         variance, lengthscale, free_nu, noise = np.exp(logarithms).tolist()
         return Hyperparameters(variance, lengthscale, free_nu if fit_nu else nu, noise)
 
-    def loss(moved: NDArray[np.float64], fixed: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def loss(moved: Floats, fixed: Floats) -> tuple[float, Floats]:
         logarithms = fixed.copy()
         logarithms[free] = moved
         value, gradient = log_marginal_likelihood(eigenvalues, eigenfunctions, y, mean_squares, theta_of(logarithms))

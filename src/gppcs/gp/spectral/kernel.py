@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 
 DIMENSION = 2  # d in Eq. 6: the manifold is a surface
@@ -22,9 +22,7 @@ class Hyperparameters:
     noise: float
 
 
-def log_spectrum(
-    eigenvalues: NDArray[np.float64], lengthscale: float, nu: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def log_spectrum(eigenvalues: Floats, lengthscale: float, nu: float) -> tuple[Floats, Floats, Floats]:
     """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, and its slopes by log kappa and log nu.
 
     The value at lambda = 0, which would cancel with C_nu in Eq. 6, is subtracted: the power underflows for nu above
@@ -40,9 +38,7 @@ def log_spectrum(
 
 
 @one_blas_thread()
-def spectral_weights(
-    eigenvalues: NDArray[np.float64], mean_squares: NDArray[np.float64], theta: Hyperparameters
-) -> NDArray[np.float64]:
+def spectral_weights(eigenvalues: Floats, mean_squares: Floats, theta: Hyperparameters) -> Floats:
     """Return the weights w_n of the kernel k(x, x') = sum_n w_n f_n(x) f_n(x') (paper, Eq. 6).
 
     They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2. Shapes: eigenvalues (L,),
@@ -52,6 +48,6 @@ def spectral_weights(
     return theta.variance * weights / (weights @ mean_squares)
 
 
-def kernel_features(eigenfunctions: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def kernel_features(eigenfunctions: Floats, weights: Floats) -> Floats:
     """Return the feature matrix Phi, (N, L), of the kernel, so that K = Phi Phi^T, given the eigenfunctions, (N, L)."""
     return eigenfunctions * np.sqrt(weights)

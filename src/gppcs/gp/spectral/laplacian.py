@@ -7,17 +7,15 @@ import robust_laplacian
 import scipy.linalg
 import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 
 
 @one_blas_thread()
-def eigenpairs(
-    points: NDArray[np.float64], count: int, landmarks: int = 4000, tree: KdTree | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def eigenpairs(points: Floats, count: int, landmarks: int = 4000, tree: KdTree | None = None) -> tuple[Floats, Floats]:
     """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6), with the surface of area 1.
 
     Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions, (N, L),
@@ -43,9 +41,7 @@ def eigenpairs(
     return np.maximum(eigenvalues * area, 0.0), functions
 
 
-def surface_laplacian(
-    points: NDArray[np.float64],
-) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64], bool]:
+def surface_laplacian(points: Floats) -> tuple[scipy.sparse.csr_matrix, Floats, bool]:
     """Return the tufted Laplacian (Sharp and Crane 2020), or of points on a line the neighbour graph's; mass (N,)."""
     size = np.ptp(points, axis=0).max()
     if len(points) < 4 or not size > 0:
@@ -61,13 +57,13 @@ def surface_laplacian(
     return operator, masses, is_complete
 
 
-def _disc_area(points: NDArray[np.float64]) -> float:
+def _disc_area(points: Floats) -> float:
     """Estimate the area that a point represents from the spacing of the points, as a median over them."""
     k = min(16, len(points) - 1)
     return float(np.pi / k * np.median(nearest_distances(KdTree.build(points), k)) ** 2)
 
 
-def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matrix, NDArray[np.float64]]:
+def _graph_laplacian(points: Floats) -> tuple[scipy.sparse.csr_matrix, Floats]:
     """Return the Laplacian, (N, N), of the nearest-neighbour graph with Gaussian weights, and equal masses, (N,)."""
     n = len(points)
     indices, squared = KdTree.build(points).nearest_of(points, min(9, n))
@@ -78,9 +74,7 @@ def _graph_laplacian(points: NDArray[np.float64]) -> tuple[scipy.sparse.csr_matr
     return scipy.sparse.csgraph.laplacian(weights), np.full(n, 1.0 / n)
 
 
-def _lowest(
-    operator: scipy.sparse.csr_matrix, mass: NDArray[np.float64], count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lowest(operator: scipy.sparse.csr_matrix, mass: Floats, count: int) -> tuple[Floats, Floats]:
     """Solve L f = lambda M f for the `count` lowest pairs: values (count,) and M-orthonormal functions (N, count)."""
     if len(mass) <= max(400, 2 * count):  # a dense solver is as fast, and needs no start vector
         return scipy.linalg.eigh(operator.toarray(), np.diag(mass), subset_by_index=(0, count - 1))
@@ -92,9 +86,7 @@ def _lowest(
     return values[ascending], functions[:, ascending]
 
 
-def _lift(
-    landmarks: NDArray[np.float64], functions: NDArray[np.float64], points: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _lift(landmarks: Floats, functions: Floats, points: Floats) -> Floats:
     """Interpolate functions, (landmarks, L), from landmarks at points, (N, 3); return (N, L).
 
     The weight of a landmark at distance x is 1 - 3 x^2 + 2 x^3, and weights are divided by their sum. Distances are

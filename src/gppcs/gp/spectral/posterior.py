@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 
 
 @one_blas_thread()
-def posterior(
-    phi: NDArray[np.float64], y: NDArray[np.float64], noise: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def posterior(phi: Floats, y: Floats, noise: float) -> tuple[Floats, Floats]:
     """Return mean, (L,), and covariance, (L, L), of the weights w in f = Phi w, with the prior w ~ N(0, I).
 
     Shapes: phi (n, L) and y (n,), of the n observations.
@@ -24,8 +22,6 @@ def posterior(
 
 
 @one_blas_thread()
-def predict(
-    phi: NDArray[np.float64], mean: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def predict(phi: Floats, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f, (N,) each, at phi, (N, L)."""
     return phi @ mean, ((phi @ np.linalg.cholesky(covariance)) ** 2).sum(axis=1)
