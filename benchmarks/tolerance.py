@@ -72,12 +72,12 @@ def measured(name: str) -> list[tuple[str, ...]]:
                 raise
             rows.append((*head, "", "", "below the noise", *6 * [""]))
             continue
-        seconds, found = time.process_time() - start, result.diagnostics
-        outliers, beside = (int(found[key]) for key in ("outliers", "off_surface"))
+        seconds, diagnostics = time.process_time() - start, result.diagnostics
+        outliers, beside = diagnostics.outliers, diagnostics.off_surface
         missing = gppcs.mesh(points, n_points=round(FEWER * len(result.indices)), effort=2).mesh
         distances = distances_to(result.mesh, points)
         counted = np.argsort(distances, kind="stable")[: len(points) - outliers - beside]
-        lengths = distances[counted].max(), distances_to(missing, points[counted]).max(), found["back_distance"]
+        lengths = distances[counted].max(), distances_to(missing, points[counted]).max(), diagnostics.back_distance
         percents = [f"{100.0 * length / tolerance:.1f}" for length in lengths]
         row = [*head, f"{outliers:,}", f"{beside:,}", f"{len(result.indices):,}", *percents, f"{seconds:.0f}"]
         vertices = "no surface"

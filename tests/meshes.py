@@ -6,9 +6,9 @@ import numpy as np
 
 import gppcs
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.flips import THIN_IN_FLIPS, qualities
+from gppcs.meshing.energy import THIN_IN_FLIPS, FittedMesh
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.stars import Surface
+from gppcs.spatial.triangles import qualities
 from shapes import hull
 
 
@@ -129,14 +129,15 @@ def _dot(u, v):
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-def surface_of(points, faces, dense, normals):
+def fitted_mesh(points, faces, dense, normals):
     """A mesh and dense points in its triangles."""
-    mesh = HalfEdges.of(faces, len(points))
-    start = np.argmin(((dense[:, None] - points) ** 2).sum(axis=2), axis=1)
-    return Surface.of(mesh, points.copy(), dense, Assignment.of(mesh, points, dense, normals, start))
+    mesh = HalfEdges.from_faces(faces, len(points))
+    nearest = np.argmin(((dense[:, None] - points) ** 2).sum(axis=2), axis=1)
+    assigned = Assignment.on_same_sheet(mesh, points, dense, normals, nearest)
+    return FittedMesh.from_points(mesh, points.copy(), dense, assigned)
 
 
-def energy(surface, extra):
+def energy(fitted, thin_cost):
     """The sum of the squared distances and of the costs of thin triangles."""
-    lack = np.maximum(0.0, 1.0 - qualities(surface.mesh, surface.vertices) / THIN_IN_FLIPS)
-    return surface.assigned.squared.sum() + extra * lack.sum()
+    thinness = np.maximum(0.0, 1.0 - qualities(fitted.vertices, fitted.mesh.faces()) / THIN_IN_FLIPS)
+    return fitted.assigned.squared.sum() + thin_cost * thinness.sum()

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
-from gppcs.meshing.halfedges import MOST_AROUND, HalfEdges
+from gppcs.meshing.halfedges import HalfEdges
 
 
 def ball(n, seed=0):
@@ -68,7 +68,7 @@ def drilled_plate(n, across, radius, thickness, seed=0):
 def random_mesh(seed):
     """Points, normals and half-edges of a sphere or a sheet, perhaps with a hole."""
     points, normals, faces = [ball(60, seed), sheet(80, seed), sheet(120, seed, hole=0.2)][seed % 3]
-    return points, normals, HalfEdges.of(faces, len(points))
+    return points, normals, HalfEdges.from_faces(faces, len(points))
 
 
 def faults(mesh):
@@ -143,8 +143,3 @@ KINDS = {
     "clump": lambda rng, n: np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
     "dot": lambda rng, n: np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
 }
-
-
-def room_around():
-    """Room for the half-edges that leave a vertex, and for its neighbours."""
-    return np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)

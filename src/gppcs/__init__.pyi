@@ -17,8 +17,8 @@ from gppcs.io import read as read
 from gppcs.io import write as write
 from gppcs.io.mesh_files import read_mesh as read_mesh
 from gppcs.io.mesh_files import write_mesh as write_mesh
-from gppcs.meshing.pipeline import MeshResult as MeshResult
 from gppcs.meshing.pipeline import mesh as mesh
+from gppcs.meshing.result import MeshResult as MeshResult
 from gppcs.methods import AIVS as AIVS
 from gppcs.methods import METHODS as METHODS
 from gppcs.methods import QEM as QEM

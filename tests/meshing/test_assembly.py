@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assembly import gaps_filled, taken, without_scraps
-from gppcs.meshing.filling import BEND, LENGTH, border_loops, holes_filled
+from gppcs.meshing.filling import BEND, LENGTH, boundary_loops, holes_filled
 from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
 from shapes import ball, faults, sheet
@@ -22,8 +22,8 @@ def test_any_triangles_become_a_manifold(seed):
     _, _, faces = ball(60, seed)
     soup = np.concatenate([faces, rng.permutation(60)[faces][:30], rng.integers(0, 60, (100, 3))])
     soup = soup[(soup[:, 0] != soup[:, 1]) & (soup[:, 1] != soup[:, 2]) & (soup[:, 2] != soup[:, 0])]
-    chosen = without_bow_ties(taken(rng.permutation(soup), 60), 60)
-    assert faults(HalfEdges.of(chosen, 60)) == []
+    chosen = without_bow_ties(taken(rng.permutation(soup), 60), 60).faces()
+    assert faults(HalfEdges.from_faces(chosen, 60)) == []
     assert topology_of(chosen)[:2] == (0, 0)
     assert len(np.unique(np.sort(chosen), axis=0)) == len(chosen)
 
@@ -35,13 +35,13 @@ def test_triangles_of_a_manifold_are_all_taken():
 
 def test_at_a_bow_tie_the_larger_fan_stays():
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5]])
-    assert np.array_equal(without_bow_ties(faces, 6), faces[:2])
+    assert np.array_equal(without_bow_ties(faces, 6).faces(), faces[:2])
 
 
 @pytest.mark.parametrize("hole", [0.0, 0.2])
 def test_borders_run_around_the_mesh_and_its_holes(hole):
     points, _, faces = sheet(300, hole=hole)
-    loops = border_loops(HalfEdges.of(faces, len(points)))
+    loops = boundary_loops(HalfEdges.from_faces(faces, len(points)))
     edges = {(a, b) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
     for loop in loops:
         for a, b in zip(loop, np.roll(loop, -1), strict=True):
@@ -76,9 +76,10 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
     around = faces[(faces == inner).any(axis=1)]
     left = faces[(faces != inner).all(axis=1)]
     cover, _ = cover_of(points, normals)
-    new = gaps_filled(left, points, normals, cover.reaches, cover, 12)[len(left) :]
+    mesh = HalfEdges.from_faces(left, len(points))
+    new = gaps_filled(mesh, points, normals, cover.reaches, cover, 12)[len(left) :]
     assert len(new) == len(around) - 2
-    loops = border_loops(HalfEdges.of(left, len(points)))
+    loops = boundary_loops(mesh)
     loop = next(part for part in loops if set(part) == set(around.ravel()) - {inner})
     edges = {frozenset(pair) for face in left for pair in itertools.combinations(face, 2)}
     costs = [
@@ -96,15 +97,16 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
 
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     points, normals, faces = sheet(2000, hole=0.3)
-    cover, _ = cover_of(points, normals)
-    assert np.array_equal(gaps_filled(faces, points, normals, cover.reaches, cover, 1000), faces)
-    closed = holes_filled(faces, points, normals, 0.9)
-    assert topology_of(closed).borders == 1
-    assert faults(HalfEdges.of(closed, len(points))) == []
-    assert np.array_equal(holes_filled(faces, points, normals, 0.5), faces)
+    mesh, (cover, _) = HalfEdges.from_faces(faces, len(points)), cover_of(points, normals)
+    assert np.array_equal(gaps_filled(mesh, points, normals, cover.reaches, cover, 1000), faces)
+    closed = holes_filled(mesh, points, normals, 0.9)
+    assert topology_of(closed.faces()).borders == 1
+    assert faults(closed) == []
+    assert np.array_equal(holes_filled(mesh, points, normals, 0.5).faces(), faces)
 
 
-def test_scraps_are_left_out():
+def test_scraps_are_dropped():
     _, _, faces = ball(50)
     scrap = np.array([[50, 51, 52], [51, 53, 52]])
-    assert np.array_equal(without_scraps(np.concatenate([faces, scrap]), 54), faces)
+    mesh = HalfEdges.from_faces(np.concatenate([faces, scrap]), 54)
+    assert np.array_equal(without_scraps(mesh, 12).faces(), faces)

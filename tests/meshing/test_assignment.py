@@ -11,12 +11,12 @@ from shapes import ball
 
 def test_walks_find_the_nearest_triangle_of_all(threads):
     points, _, faces = ball(300)
-    mesh = HalfEdges.of(faces, 300)
+    mesh = HalfEdges.from_faces(faces, 300)
     normals = np.random.default_rng(1).standard_normal((500, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     dense = normals * np.random.default_rng(2).uniform(0.98, 1.02, (500, 1))
     start = np.argmax(normals @ points.T, axis=1)
-    found = Assignment.of(mesh, points, dense, normals, start)
+    found = Assignment.on_same_sheet(mesh, points, dense, normals, start)
     nearest = distances_to_triangles(dense, points[faces])
     assert (found.face >= 0).all()
     assert np.sqrt(found.squared) == pytest.approx(nearest, abs=1e-9)
@@ -27,6 +27,6 @@ def test_walks_find_the_nearest_triangle_of_all(threads):
 
 def test_points_of_another_sheet_or_without_a_vertex_have_no_triangle():
     points, normals, faces = ball(300)
-    mesh = HalfEdges.of(faces, 300)
-    assert (Assignment.of(mesh, points, points, -normals, np.arange(300)).face == -1).all()
-    assert (Assignment.of(mesh, points, points, normals, np.full(300, -1)).face == -1).all()
+    mesh = HalfEdges.from_faces(faces, 300)
+    assert (Assignment.on_same_sheet(mesh, points, points, -normals, np.arange(300)).face == -1).all()
+    assert (Assignment.on_same_sheet(mesh, points, points, normals, np.full(300, -1)).face == -1).all()

@@ -6,9 +6,10 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.collapse import collapse, is_allowed, move_triangles
-from gppcs.meshing.halfedges import HalfEdges, neighbours
-from gppcs.meshing.quadrics import add_borders, dense_quadrics
-from shapes import faults, random_mesh, room_around
+from gppcs.meshing.dense import DensePoints
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.halfedges import HalfEdges, neighbours, room_for_ring
+from shapes import faults, random_mesh
 
 
 @given(seed=st.integers(0, 10_000), choice=st.integers(0, 2**32))
@@ -17,8 +18,8 @@ def test_allowed_collapses_keep_the_topology(seed, choice):
     _, _, mesh = random_mesh(seed)
     before = topology_of(mesh.faces())
     rng = np.random.default_rng(choice)
-    halves, found = room_around()
-    others, beyond = room_around()
+    halves, found = room_for_ring()
+    others, beyond = room_for_ring()
     made = 0
     for v in rng.integers(0, len(mesh.leaving), 150):
         count, edges, closed = neighbours(mesh, v, halves, found)
@@ -40,8 +41,8 @@ def test_collapses_that_change_the_topology_are_not_allowed():
     tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     strip = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4]])
     for faces, n in ((tetrahedron, 4), (strip, 5), (np.array([[0, 1, 2]]), 3)):
-        mesh = HalfEdges.of(faces, n)
-        halves, found = room_around()
+        mesh = HalfEdges.from_faces(faces, n)
+        halves, found = room_for_ring()
         for v in range(n):
             count, edges, closed = neighbours(mesh, v, halves, found)
             for slot in range(count):
@@ -51,7 +52,7 @@ def test_collapses_that_change_the_topology_are_not_allowed():
                 same = len(left) > 0 and topology_of(left) == topology_of(faces)
                 same = same and len(np.unique(left)) == n - 1
                 same = same and len(np.unique(np.sort(left), axis=0)) == len(left)
-                others, beyond = room_around()
+                others, beyond = room_for_ring()
                 assert is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond) == same, (v, u)
 
 
@@ -61,14 +62,15 @@ def test_flat_parts_go_first():
     points = np.column_stack([x, y, np.maximum(0, x - 0.5)])
     i = np.arange(100) + np.arange(100) // 10
     faces = np.concatenate([np.column_stack([i, i + 1, i + 12]), np.column_stack([i, i + 12, i + 11])])
-    mesh = HalfEdges.of(faces, 121)
+    mesh = HalfEdges.from_faces(faces, 121)
     a, b, c = (points[corner] for corner in faces.T)
     upright = np.cross(b - a, c - a)
     upright /= np.linalg.norm(upright, axis=1)[:, None]
-    dense, nearest = np.tile((a + b + c) / 3, (3, 1)), faces.T.ravel()
-    quadrics = dense_quadrics(dense, np.tile(upright, (3, 1)), points, nearest)
-    add_borders(mesh, points, 1.0, quadrics)
-    collapse(mesh, points, np.tile([0.0, 0.0, 1.0], (121, 1)), quadrics, 30, np.zeros(121, dtype=bool), 1.0)
+    draft = Draft(
+        DensePoints(None, None, np.tile((a + b + c) / 3, (3, 1)), np.tile(upright, (3, 1)), None, 0.0), False, mesh,
+        np.arange(121), np.zeros(121, dtype=bool), points, np.tile([0.0, 0.0, 1.0], (121, 1)), faces.T.ravel(),
+    )  # fmt: skip
+    collapse(draft, 30)
     a, b, c = (points[corner] for corner in mesh.faces().T)
     left = np.cross(b - a, c - a)
     left /= np.linalg.norm(left, axis=1)[:, None]

@@ -53,14 +53,14 @@ def test_neighbours_in_one_plane_do_not_cut():
     vertices = np.column_stack([x.ravel() / 3, y.ravel() / 7, x.ravel() / 3 + y.ravel() / 7])  # rounding tilts them
     i = np.arange(20)[np.arange(20) % 5 < 4]
     faces = np.concatenate([np.column_stack([i, i + 1, i + 6]), np.column_stack([i, i + 6, i + 5])])
-    assert len(cutting(HalfEdges.of(faces, 25), vertices)) == 0
+    assert len(cutting(HalfEdges.from_faces(faces, 25), vertices)) == 0
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tree_that_follows_the_changes_finds_what_a_new_one_finds(seed):
     points, _, faces = ball(300, seed)
-    mesh = HalfEdges.of(faces, 300)
-    tree = TriangleTree.of(mesh, points)
+    mesh = HalfEdges.from_faces(faces, 300)
+    tree = TriangleTree.from_mesh(mesh, points)
     assert len(cutting(mesh, points, tree)) == 0
     moved = points.copy()
     moved[::60] *= -0.95

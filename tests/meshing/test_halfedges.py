@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gppcs.meshing.halfedges import HalfEdges, around, neighbours
-from shapes import ball, faults, random_mesh, room_around
+from gppcs.meshing.halfedges import HalfEdges, around, neighbours, room_for_ring
+from shapes import ball, faults, random_mesh
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -15,7 +15,7 @@ def test_half_edges_of_random_meshes_are_sound(seed):
 
 def test_triangles_come_back():
     points, _, faces = ball(50)
-    mesh = HalfEdges.of(faces, len(points))
+    mesh = HalfEdges.from_faces(faces, len(points))
     assert np.array_equal(mesh.faces(), faces)
     mesh.origin[3:6] = -1
     assert np.array_equal(mesh.faces(), np.delete(faces, 1, axis=0))
@@ -25,7 +25,7 @@ def test_triangles_come_back():
 def test_neighbours_are_those_of_the_triangles_in_order(seed):
     _, _, mesh = random_mesh(seed)
     faces = mesh.faces()
-    halves, found = room_around()
+    halves, found = room_for_ring()
     for v in range(len(mesh.leaving)):
         count, edges, closed = neighbours(mesh, v, halves, found)
         at = faces[(faces == v).any(axis=1)]

@@ -6,7 +6,7 @@ import pytest
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.refinement import INSIDE, split, worst_places
+from gppcs.meshing.refinement import farthest_points_of, split
 from shapes import faults, random_mesh
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -29,12 +29,12 @@ def test_splits_keep_the_topology(seed):
 
 
 def test_the_worst_triangles_come_with_their_farthest_points():
-    mesh = HalfEdges.of(HALVES, 4)
-    points = np.array([[0.7, 0.3, 0.1], [0.6, 0.3, 0.3], [0.3, 0.7, 0.2], [0.5, INSIDE / 2, 0.9]])
+    mesh = HalfEdges.from_faces(HALVES, 4)
+    points = np.array([[0.7, 0.3, 0.1], [0.6, 0.3, 0.3], [0.3, 0.7, 0.2], [0.5, 0.025, 0.9]])
     upright = np.tile([0.0, 0.0, 1.0], (4, 1))
-    assigned = Assignment.of(mesh, SQUARE, points, upright, np.zeros(4, dtype=np.int64))
+    assigned = Assignment.on_same_sheet(mesh, SQUARE, points, upright, np.zeros(4, dtype=np.int64))
     every = np.ones(4, dtype=bool)
-    assert [found.tolist() for found in worst_places(mesh, assigned, every, 9)] == [[0, 1], [1, 2]]
-    assert [found.tolist() for found in worst_places(mesh, assigned, every, 1)] == [[0], [1]]
+    assert [indices.tolist() for indices in farthest_points_of(mesh, assigned, every, 9)] == [[0, 1], [1, 2]]
+    assert [indices.tolist() for indices in farthest_points_of(mesh, assigned, every, 1)] == [[0], [1]]
     without = np.array([True, False, True, True])
-    assert [found.tolist() for found in worst_places(mesh, assigned, without, 9)] == [[0, 1], [0, 2]]
+    assert [indices.tolist() for indices in farthest_points_of(mesh, assigned, without, 9)] == [[0, 1], [0, 2]]

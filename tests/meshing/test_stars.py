@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from dense import distances_to_triangles
-from gppcs.meshing.stars import Surface, _is_in_reach, add_around, empty, fit_star, room_for_star, store
-from meshes import energy, surface_of
+from gppcs.meshing.energy import FittedMesh
+from gppcs.meshing.stars import add_around, empty, fit_star, is_near_points, room_for_star, store
+from meshes import energy, fitted_mesh
 from shapes import ball, faults
 
 
-def refit(surface, v, extra):
+def refit(fitted, v, extra):
     """Fit a vertex as it stands; return its energy before and after."""
-    star, here = room_for_star(len(surface.points)), tuple(surface.vertices[v])
+    star, here = room_for_star(len(fitted.points)), tuple(fitted.vertices[v])
     empty(star, here)
-    before = add_around(surface, star, v, -1, extra)
-    after, place = fit_star(surface, star, here, extra)
+    before = add_around(fitted, star, v, -1, extra)
+    after, place = fit_star(fitted, star, here, extra)
     if after < before:
-        store(surface, star, v, place, extra)
+        store(fitted, star, v, place, extra)
     return before, min(before, after)
 
 
@@ -24,19 +25,19 @@ def refit(surface, v, extra):
 def test_fits_lower_the_energy_as_they_say_and_points_are_at_their_triangles(extra):
     points, _, faces = ball(80)
     dense, normals, _ = ball(3000, seed=1)
-    surface = surface_of(points, faces, dense, normals)
+    fitted = fitted_mesh(points, faces, dense, normals)
     for v in range(80):
-        total = energy(surface, extra)
-        before, after = refit(surface, v, extra)
-        assert energy(surface, extra) <= total + after - before + 1e-12  # a point may be nearer to another triangle
-    assert energy(surface, extra) < 0.7 * energy(surface_of(points, faces, dense, normals), extra)
-    assert faults(surface.mesh) == []
-    triangles = surface.vertices[surface.mesh.origin.reshape(-1, 3)[surface.assigned.face]]
-    s, t = surface.assigned.weights.T
+        total = energy(fitted, extra)
+        before, after = refit(fitted, v, extra)
+        assert energy(fitted, extra) <= total + after - before + 1e-12  # a point may be nearer to another triangle
+    assert energy(fitted, extra) < 0.7 * energy(fitted_mesh(points, faces, dense, normals), extra)
+    assert faults(fitted.mesh) == []
+    triangles = fitted.vertices[fitted.mesh.origin.reshape(-1, 3)[fitted.assigned.face]]
+    s, t = fitted.assigned.weights.T
     feet = np.einsum("ij,ijk->ik", np.column_stack([1 - s - t, s, t]), triangles)
-    assert ((dense - feet) ** 2).sum(axis=1) == pytest.approx(surface.assigned.squared)
-    nearest = distances_to_triangles(dense, surface.vertices[surface.mesh.faces()])
-    assert np.quantile(np.sqrt(surface.assigned.squared) - nearest, 0.95) < 1e-3
+    assert ((dense - feet) ** 2).sum(axis=1) == pytest.approx(fitted.assigned.squared)
+    nearest = distances_to_triangles(dense, fitted.vertices[fitted.mesh.faces()])
+    assert np.quantile(np.sqrt(fitted.assigned.squared) - nearest, 0.95) < 1e-3
 
 
 def cone(apex):
@@ -52,19 +53,19 @@ def cone(apex):
 
 @pytest.mark.parametrize("apex", [(0, 0, 0.6), (0.2, 0.1, 0.8), (0, 0, 1.3)])
 def test_a_vertex_finds_the_corner_of_the_points(apex):
-    surface = surface_of(*cone(np.array(apex, dtype=float)))
+    fitted = fitted_mesh(*cone(np.array(apex, dtype=float)))
     for _ in range(4):
-        refit(surface, 6, 0.0)
-    assert surface.vertices[6] == pytest.approx([0, 0, 1], abs=2e-3)
+        refit(fitted, 6, 0.0)
+    assert fitted.vertices[6] == pytest.approx([0, 0, 1], abs=2e-3)
 
 
 def test_no_fit_folds_the_triangles_around():
     """The points of one triangle are as if they lay far beyond its other side."""
     points, faces, dense, normals = cone(np.array([0, 0, 0.1]))
-    surface = surface_of(points, faces, dense, normals)
-    surface.points[surface.assigned.face == 0] += [-5.0, 0.0, -1.0]
-    refit(surface, 6, 0.0)
-    a, b, c = (surface.vertices[corner] for corner in faces.T)
+    fitted = fitted_mesh(points, faces, dense, normals)
+    fitted.points[fitted.assigned.face == 0] += [-5.0, 0.0, -1.0]
+    refit(fitted, 6, 0.0)
+    a, b, c = (fitted.vertices[corner] for corner in faces.T)
     upright = np.cross(b - a, c - a)
     upright /= np.linalg.norm(upright, axis=1, keepdims=True)
     assert (np.einsum("ij,ij->i", upright, np.roll(upright, 1, axis=0)) > -0.31).all()
@@ -73,13 +74,13 @@ def test_no_fit_folds_the_triangles_around():
 def test_with_a_limit_vertices_stay_near_points_that_count():
     points, _, faces = ball(80)
     dense, normals, _ = ball(3000, seed=1)
-    free = surface_of(points, faces, dense, normals)
+    free = fitted_mesh(points, faces, dense, normals)
     far, face = (0.0, 0.0, 3.0), free.assigned.face.copy()
     dense[7], face[7] = far, -1
     assigned = free.assigned._replace(face=face)
-    surface = Surface.within(free.mesh, free.vertices, dense, assigned, 1e-4, np.full(3000, 1e-2))
+    fitted = FittedMesh.from_points(free.mesh, free.vertices, dense, assigned, 1e-4, np.full(3000, 1e-2))
     star = room_for_star(1)
-    assert _is_in_reach(free, star, far)
-    assert not _is_in_reach(surface, star, far)
-    assert _is_in_reach(surface, star, tuple(1.09 * dense[8]))
-    assert not _is_in_reach(surface, star, tuple(1.11 * dense[8]))
+    assert is_near_points(free, star, far)
+    assert not is_near_points(fitted, star, far)
+    assert is_near_points(fitted, star, tuple(1.09 * dense[8]))
+    assert not is_near_points(fitted, star, tuple(1.11 * dense[8]))

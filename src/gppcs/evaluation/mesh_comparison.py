@@ -18,7 +18,7 @@ from gppcs.errors import InputError, ParameterError, nearest_name, shown
 from gppcs.evaluation.judge import evaluate_mesh, require_original
 from gppcs.evaluation.mesh_pipelines import PIPELINES, MeshTask, installed_pipelines, require_pipeline
 from gppcs.evaluation.report import MeshReport
-from gppcs.meshing.pipeline import FEWEST_VERTICES
+from gppcs.meshing.arguments import MIN_VERTICES
 from gppcs.meshing.pipeline import mesh as meshed
 from gppcs.scans import sample
 from gppcs.simplification import simplify
@@ -102,9 +102,9 @@ def compare_meshes(
     require_original(original, mesh)
     count = Options(ratio=ratio, n_points=n_points).count(len(original))
     assert count is not None
-    if count < FEWEST_VERTICES:
+    if count < MIN_VERTICES:
         raise ParameterError(
-            f"expected a mesh of at least {FEWEST_VERTICES} vertices, found {count} of {len(original)} points"
+            f"expected a mesh of at least {MIN_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
     return [_entry(pipeline, MeshTask(original, count, Timer(timer.on_progress)), mesh) for pipeline in chosen]
@@ -125,7 +125,7 @@ def checked_pipelines(
             raise ParameterError(f"there is no pipeline {shown(name)}{nearest_name(name, PIPELINES)}")
     size = Options(ratio=ratio, n_points=n_points).size
     if isinstance(size, int):
-        count_of("n_points", size, FEWEST_VERTICES)
+        count_of("n_points", size, MIN_VERTICES)
     require_all(require_pymeshlab, *(partial(require_pipeline, name) for name in chosen))
     return chosen
 

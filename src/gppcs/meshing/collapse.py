@@ -7,62 +7,74 @@ from collections.abc import Callable
 import numpy as np
 
 from gppcs.engine.kernels import kernel
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.energy import add_boundaries
 from gppcs.meshing.halfedges import (
-    MOST_AROUND,
-    Flags,
+    MAX_VALENCE,
     Floats,
-    HalfEdges,
     Ints,
     around,
     following,
+    half_edge,
     leave_by,
     neighbours,
+    position_of,
     preceding,
+    room_for_ring,
 )
-from gppcs.spatial.triangles import area_vector, dot, has_area, minus, quality, row
-from gppcs.surface.error_quadrics import add_moved, value
+from gppcs.spatial.triangles import agreement, area_vector, dot, has_area, minus, quality, row
+from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 
-TURN = 0.2  # least cosine between a triangle's normals before and after, in the first pass
 THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
-EXTRA = 1e-2  # that cost, in squared edges for each unit of quality and each dense point of a vertex
-AT_ONCE = 16_384  # collapses until progress is reported
 
 
 def collapse(
-    mesh: HalfEdges,
-    vertices: Floats,
-    normals: Floats,
-    quadrics: Floats,
-    target: int,
-    kept: Flags,
-    density: float,
-    faces: bool = False,
-    advanced: Callable[[int], None] | None = None,
-) -> Ints:
-    """Remove vertices until few enough are left, each by moving its triangles to a neighbour.
+    draft: Draft, target: int, counts_faces: bool = False, on_progress: Callable[[int], None] | None = None
+) -> None:
+    """Remove vertices until few enough vertices or faces are left, each by moving its triangles to a neighbour.
 
     The cost of a collapse is the sum of the two quadrics at the neighbour. Only collapses are made that keep the mesh
     an oriented manifold of the same topology (the link condition), and that turn no triangle over. If the target is
     not reached, a second pass drops the limit on turns.
     """
-    into = np.arange(len(vertices))
-    costs = np.full(len(vertices), np.inf)
+    mesh, vertices, dense = draft.mesh, draft.vertices, draft.dense
+    density = len(draft.nearest) / draft.n_vertices
+    quadrics = dense_quadrics(dense.places, dense.normals, vertices, draft.nearest)
+    add_boundaries(mesh, vertices, density, quadrics)
+    thin_cost = 1e-2 * density  # in squared edges, for each unit of quality
+    into, costs = np.arange(len(vertices)), np.full(len(vertices), np.inf)
     winner = np.empty(2 * len(vertices), dtype=np.int64)
-    for limit in (TURN, -2.0):
-        _start(mesh, vertices, quadrics, kept, costs, winner)
-        while True:
-            left = mesh.faces().shape[0] if faces else np.count_nonzero(mesh.leaving >= 0)
-            if left <= target:
-                return ends(into)
-            steps = min(AT_ONCE, -(-(left - target) // 2) if faces else left - target)
+    for min_cosine in (0.2, -2.0):  # between a triangle's normals before and after
+        _start(mesh, vertices, quadrics, draft.fixed, costs, winner)
+        while (excess := (len(mesh.faces()) if counts_faces else draft.n_vertices) - target) > 0:
+            steps = min(16_384, -(-excess // 2) if counts_faces else excess)  # until progress is reported
             removed = _collapse_some(
-                mesh, vertices, normals, quadrics, kept, EXTRA * density, limit, steps, costs, winner, into
+                mesh, vertices, draft.normals, quadrics, draft.fixed, thin_cost, min_cosine, steps, costs, winner, into
             )
-            if advanced:
-                advanced(removed)
+            if on_progress:
+                on_progress(removed)
             if removed == 0:
                 break
-    return ends(into)
+        else:
+            break
+    draft.merge(ends(into))
+
+
+def dense_quadrics(points: Floats, normals: Floats, vertices: Floats, nearest: Ints) -> Floats:
+    """Return for each vertex the quadric of the tangent planes of the dense points nearest to it, (V, 10)."""
+    quadrics = np.zeros((len(vertices), NUMBERS))
+    _add_dense(points, normals, vertices, nearest, quadrics)
+    return quadrics
+
+
+@kernel(allocates=False)
+def _add_dense(points, normals, vertices, nearest, quadrics):
+    """Add the planes of all dense points to `quadrics`, (V, 10)."""
+    for i in range(len(points)):
+        v = nearest[i]
+        if v >= 0:
+            normal = row(normals, i)
+            add_plane(quadrics[v], normal, dot(normal, minus(row(vertices, v), row(points, i))), 1.0)
 
 
 def ends(into: Ints) -> Ints:
@@ -73,12 +85,12 @@ def ends(into: Ints) -> Ints:
 
 
 @kernel
-def _start(mesh, vertices, quadrics, kept, costs, winner):
+def _start(mesh, vertices, quadrics, fixed, costs, winner):
     """Fill the costs, (V,), and the tournament tree `winner`, (2 V,): vertex v is at V + v, and the cheapest at 1."""
     n = len(costs)
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    halves, ring = room_for_ring()
     for v in range(n):
-        costs[v] = np.inf if kept[v] else _least_cost(mesh, vertices, quadrics, v, halves, found)
+        costs[v] = np.inf if fixed[v] else _lower_bound(mesh, vertices, quadrics, v, halves, ring)
         winner[n + v] = v
     for node in range(n - 1, 0, -1):
         a, b = winner[2 * node], winner[2 * node + 1]
@@ -99,28 +111,37 @@ def _play(costs, winner, v):
 
 
 @kernel(allocates=False)
-def _least_cost(mesh, vertices, quadrics, v, halves, found):
+def _cost(vertices, quadrics, v, u):
+    """Return the sum of the quadrics of two vertices at the second one."""
+    return value(quadrics[v], minus(row(vertices, u), row(vertices, v))) + quadrics[u, 9]
+
+
+@kernel(allocates=False)
+def _lower_bound(mesh, vertices, quadrics, v, halves, ring):
     """Return the cost of the cheapest collapse of a vertex, whether it is allowed or not."""
-    count, _, _ = neighbours(mesh, v, halves, found)
-    least = np.inf
+    count, _, _ = neighbours(mesh, v, halves, ring)
+    cheapest = np.inf
     for slot in range(count):
-        u = found[slot]
-        least = min(least, value(quadrics[v], minus(row(vertices, u), row(vertices, v))) + quadrics[u, 9])
-    return least
+        cheapest = min(cheapest, _cost(vertices, quadrics, v, ring[slot]))
+    return cheapest
 
 
 @kernel
-def _collapse_some(mesh, vertices, normals, quadrics, kept, extra, limit, steps, costs, winner, into):
+def _collapse_some(
+    mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosine, steps, costs, winner, into
+):  # fmt: skip
     """Remove at most `steps` vertices; return how many were removed."""
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
-    others, beyond = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    halves, ring = room_for_ring()
+    halves_u, ring_u = room_for_ring()
     removed = 0
     while removed < steps:
         v = winner[1]
         if costs[v] == np.inf:
             break
-        cost, u = _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, others, beyond)
-        if cost > costs[v]:  # what was known is a lower bound
+        cost, u = _best(
+            mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u
+        )  # fmt: skip
+        if cost > costs[v]:  # which was a lower bound
             costs[v] = cost
             _play(costs, winner, v)
             if winner[1] != v or cost == np.inf:
@@ -131,47 +152,44 @@ def _collapse_some(mesh, vertices, normals, quadrics, kept, extra, limit, steps,
         removed += 1
         costs[v] = np.inf
         _play(costs, winner, v)
-        count, _, _ = neighbours(mesh, u, halves, found)
+        count, _, _ = neighbours(mesh, u, halves, ring)
         for slot in range(count + 1):
-            w = u if slot == count else found[slot]
-            if not kept[w]:
-                costs[w] = _least_cost(mesh, vertices, quadrics, w, others, beyond)
+            w = u if slot == count else ring[slot]
+            if not fixed[w]:
+                costs[w] = _lower_bound(mesh, vertices, quadrics, w, halves_u, ring_u)
                 _play(costs, winner, w)
     return removed
 
 
 @kernel(allocates=False)
-def _best(mesh, vertices, normals, quadrics, extra, limit, v, halves, found, others, beyond):
+def _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u):
     """Return the cost and the neighbour of the cheapest collapse of v that is allowed; infinity and -1 if none is."""
-    count, edges, closed = neighbours(mesh, v, halves, found)
+    count, edges, closed = neighbours(mesh, v, halves, ring)
     best, target = np.inf, -1
     for slot in range(count):
-        u = found[slot]
-        cost = value(quadrics[v], minus(row(vertices, u), row(vertices, v))) + quadrics[u, 9]
-        if cost >= best or not is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
+        u = ring[slot]
+        cost = _cost(vertices, quadrics, v, u)
+        if cost >= best or not is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
             continue
-        cost += extra * thinness_after(mesh, vertices, normals, limit, v, u, edges, halves)
+        cost += thin_cost * _thinness_after(mesh, vertices, normals, min_cosine, v, u, edges, halves)
         if cost < best:
             best, target = cost, u
     return best, target
 
 
 @kernel(allocates=False)
-def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond):
+def is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
     """Return whether a collapse keeps the topology: the link condition, and no triangle or vertex left hanging."""
-    u = found[slot]
-    count_u, edges_u, closed_u = neighbours(mesh, u, others, beyond)
+    u = ring[slot]
+    count_u, edges_u, closed_u = neighbours(mesh, u, halves_u, ring_u)
     on_left = slot < edges  # is there a triangle to the left of the edge from v to u
     on_right = closed or slot > 0
-    if on_left and on_right and not closed and not closed_u:  # the edge would pinch the surface between two borders
+    if on_left and on_right and not closed and not closed_u:  # the edge would pinch the surface between two boundaries
         return False
     common = 0
     for i in range(count):
-        for j in range(count_u):
-            if found[i] == beyond[j]:
-                common += 1
-                break
-    if common != on_left + on_right or edges + edges_u - 2 * common > MOST_AROUND:
+        common += position_of(ring_u, count_u, ring[i]) >= 0
+    if common != on_left + on_right or edges + edges_u - 2 * common > MAX_VALENCE:
         return False
     if closed and closed_u and edges == 3 and edges_u == 3:  # a tetrahedron
         return False
@@ -182,13 +200,13 @@ def is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyon
 
 @kernel(allocates=False)
 def _is_ear(mesh, h):
-    """Return whether the other two edges of the triangle of a half-edge are both on a border."""
+    """Return whether the other two edges of the triangle of a half-edge are both boundary edges."""
     return mesh.opposite[following(h)] < 0 and mesh.opposite[preceding(h)] < 0
 
 
 @kernel(allocates=False)
-def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
-    """Return how thin the triangles would be that a collapse moves."""
+def _thinness_after(mesh, vertices, normals, min_cosine, v, u, edges, halves):
+    """Return how thin the triangles would be that a collapse moves; infinity if one turns over or has no area."""
     total = 0.0
     pu, pv = row(vertices, u), row(vertices, v)
     for slot in range(edges):
@@ -196,33 +214,25 @@ def thinness_after(mesh, vertices, normals, limit, v, u, edges, halves):
         if a == u or b == u:
             continue
         pa, pb = row(vertices, a), row(vertices, b)
-        before, after = area_vector(pv, pa, pb), area_vector(pu, pa, pb)
-        length = np.sqrt(dot(after, after))
-        au, bu, ab = minus(pa, pu), minus(pb, pu), minus(pb, pa)
-        squared = dot(au, au) + dot(bu, bu) + dot(ab, ab)
         if not has_area(pu, pa, pb):
             return np.inf
-        if limit >= -1.0:
-            if dot(before, after) < limit * np.sqrt(dot(before, before)) * length:
-                return np.inf
-            if dot(after, row(normals, u)) + dot(after, row(normals, a)) + dot(after, row(normals, b)) < 0.0:
+        before, after = area_vector(pv, pa, pb), area_vector(pu, pa, pb)
+        if min_cosine >= -1.0:
+            lengths = np.sqrt(dot(before, before)) * np.sqrt(dot(after, after))
+            if dot(before, after) < min_cosine * lengths or agreement(after, normals, u, a, b) < 0.0:
                 return np.inf
         thin = THIN_IN_COLLAPSE - quality(pu, pa, pb)
         if thin > 0.0:
-            total += thin * squared
+            au, bu, ab = minus(pa, pu), minus(pb, pu), minus(pb, pa)
+            total += thin * (dot(au, au) + dot(bu, bu) + dot(ab, ab))
     return total
 
 
 @kernel(allocates=False)
 def move_triangles(mesh, v, u, halves):
     """Move the triangles around v to its neighbour u, and remove those that have both."""
+    forth, back = half_edge(mesh, v, u), half_edge(mesh, u, v)
     edges, _ = around(mesh, v, halves)
-    forth = back = -1  # the half-edges from v to u and from u to v
-    for slot in range(edges):
-        if mesh.origin[following(halves[slot])] == u:
-            forth = halves[slot]
-        if mesh.origin[preceding(halves[slot])] == u:
-            back = preceding(halves[slot])
     for slot in range(edges):
         mesh.origin[halves[slot]] = u
     mesh.leaving[v] = -1

@@ -1,7 +1,7 @@
 """Triangles that cut others: found by a tree of boxes, which follows the changes of the mesh.
 
-Two triangles cut each other if they have more in common than their common corners, be it a single place. Only what
-rounding cannot change counts as apart. So where no cut is found, there is none.
+Two triangles cut each other if they have more in common than their common corners, be it a single point. Only what
+rounding cannot change counts as separate. So where no cut is found, there is none.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ import numpy as np
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, measure_boxes
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
 ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
-TRIANGLES_AT_ONCE = 256  # triangles that a thread looks at at once, at least
-DEEPEST = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
 
 class TriangleTree(NamedTuple):
@@ -26,70 +24,57 @@ class TriangleTree(NamedTuple):
 
     order: Ints  # (f,): the triangles that were there when the tree was built, in tree order
     leaf: Ints  # (F,): the leaf of each triangle; -1 for one that was not there
-    low: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
-    high: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
+    lower: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
+    upper: Floats  # (nodes, 3): corners of the boxes; row 0 is unused
 
     @classmethod
-    def of(cls, mesh: HalfEdges, vertices: Floats) -> Self:
+    def from_mesh(cls, mesh: HalfEdges, vertices: Floats) -> Self:
         """Build the tree of the triangles of a mesh."""
-        there = np.flatnonzero(mesh.origin[::3] >= 0)
-        points = KdTree.build(vertices[mesh.origin.reshape(-1, 3)[there]].mean(axis=1))
-        low, high = np.full_like(points.lower, np.inf), np.full_like(points.upper, -np.inf)
-        tree = cls(there[points.order], np.full(len(mesh.origin) // 3, -1), low, high)
-        _fill_boxes(mesh, vertices, tree)
-        return tree
+        faces = np.flatnonzero(mesh.origin[::3] >= 0)
+        centroids = KdTree.build(vertices[mesh.corners()[faces]].mean(axis=1))
+        order, leaf, leaves = faces[centroids.order], np.full(len(mesh.corners()), -1), len(centroids.lower) // 2
+        leaf[order] = leaves + np.repeat(np.arange(leaves), np.diff(len(order) * np.arange(leaves + 1) // leaves))
+        corners = vertices[mesh.corners()[order]]
+        lower, upper, unused = np.empty((3, 2 * leaves, 3))
+        measure_boxes(np.ascontiguousarray(corners.min(axis=1).T), lower, unused)
+        measure_boxes(np.ascontiguousarray(corners.max(axis=1).T), unused, upper)
+        return cls(order, leaf, lower, upper)
 
-
-@kernel(allocates=False)
-def _fill_boxes(mesh, vertices, tree):
-    """Fill `leaf`, `low` and `high` of a tree, whose boxes are empty."""
-    leaves = first_leaf(tree.low)
-    for node in range(leaves, 2 * leaves):
-        begin, end = leaf_range(len(tree.order), leaves, node)
-        for f in tree.order[begin:end]:
-            tree.leaf[f] = node
-            _widen(mesh, vertices, tree, f, node)
-    for node in range(leaves - 1, 0, -1):
-        for axis in range(3):
-            tree.low[node, axis] = min(tree.low[2 * node, axis], tree.low[2 * node + 1, axis])
-            tree.high[node, axis] = max(tree.high[2 * node, axis], tree.high[2 * node + 1, axis])
-
-
-@kernel(allocates=False)
-def _widen(mesh, vertices, tree, f, node):
-    """Widen the box of a node so that it has the triangle f."""
-    for h in range(3 * f, 3 * f + 3):
-        for axis in range(3):
-            x = vertices[mesh.origin[h], axis]
-            tree.low[node, axis] = min(tree.low[node, axis], x)
-            tree.high[node, axis] = max(tree.high[node, axis], x)
+    @classmethod
+    def empty(cls) -> Self:
+        """Return a tree without triangles, which nothing cuts."""
+        return cls(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)))
 
 
 @kernel(allocates=False)
 def follow(mesh, vertices, tree, f):
-    """Widen the boxes of a tree after the triangle f has changed."""
-    node = tree.leaf[f]
+    """Widen the boxes of a tree after the triangle f has changed; an empty tree has none."""
+    node = tree.leaf[f] if len(tree.leaf) else 0
     while node > 0:
-        _widen(mesh, vertices, tree, f, node)
+        for h in range(3 * f, 3 * f + 3):
+            for axis in range(3):
+                x = vertices[mesh.origin[h], axis]
+                tree.lower[node, axis] = min(tree.lower[node, axis], x)
+                tree.upper[node, axis] = max(tree.upper[node, axis], x)
         node //= 2
 
 
 def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, among: Ints | None = None) -> Ints:
     """Return which triangles cut another one or have no area: of all, or of some."""
     faces = np.flatnonzero(mesh.origin[::3] >= 0) if among is None else among[mesh.origin[3 * among] >= 0]
-    found = np.zeros(len(faces), dtype=np.bool_)
+    cut = np.zeros(len(faces), dtype=np.bool_)
     if len(faces):
-        tree = tree or TriangleTree.of(mesh, vertices)
-        inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-        on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, found, least=TRIANGLES_AT_ONCE)
-    return faces[found]
+        tree = tree or TriangleTree.from_mesh(mesh, vertices)
+        inside = np.zeros(len(mesh.corners()), dtype=np.bool_)
+        on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, cut, least=256)
+    return faces[cut]
 
 
 @kernel
-def _mark_cutting(begin, end, mesh, vertices, tree, inside, faces, found):
-    """Mark in `found`, (m,), which of the triangles `faces`, (m,), cut others; for a range of these."""
+def _mark_cutting(begin, end, mesh, vertices, tree, inside, faces, cut):
+    """Mark in `cut`, (m,), which of the triangles `faces`, (m,), cut others; for a range of these."""
     for i in range(begin, end):
-        found[i] = is_cut(mesh, vertices, tree, inside, faces[i])
+        cut[i] = is_cut(mesh, vertices, tree, inside, faces[i])
 
 
 @kernel
@@ -98,51 +83,65 @@ def is_cut(mesh, vertices, tree, inside, f):
     a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
     if not has_area(row(vertices, a), row(vertices, b), row(vertices, c)):
         return True
-    return first_cut(mesh, vertices, tree, inside, a, b, c) >= 0
+    return cuts_tree(mesh, vertices, tree, inside, a, b, c)
 
 
 @kernel
-def first_cut(mesh, vertices, tree, inside, a, b, c):
-    """Return a triangle of a mesh that a triangle cuts."""
-    low, high = _box(vertices, a, b, c)
-    leaves = first_leaf(tree.low)
-    waiting = np.empty(DEEPEST, dtype=np.int64)
-    waiting[0], height = 1, 1
-    while height:
-        height -= 1
-        node = waiting[height]
-        if not _overlap(low, high, row(tree.low, node), row(tree.high, node)):
+def any_cut(mesh, vertices, tree, inside, new):
+    """Return whether any of new triangles, (T, 3), cuts one of a mesh that is not marked in `inside`, or another."""
+    for i in range(len(new)):
+        if cuts_tree(mesh, vertices, tree, inside, new[i, 0], new[i, 1], new[i, 2]) or cuts_earlier(vertices, new, i):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def cuts_earlier(vertices, new, i):
+    """Return whether a triangle, of (T, 3), cuts one of those before it."""
+    f = row(new, i)
+    for j in range(i):  # noqa: SIM110 (Numba has no generators)
+        if are_cut(vertices, f, row(new, j)):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def cuts_tree(mesh, vertices, tree, inside, a, b, c):
+    """Return whether a triangle cuts one of a mesh that is not marked in `inside`, (F,)."""
+    lower, upper = _box(vertices, a, b, c)
+    leaves, node = first_leaf(tree.lower), 1
+    while node:
+        near = _overlap(lower, upper, row(tree.lower, node), row(tree.upper, node))
+        if near and node < leaves:
+            node *= 2
             continue
-        if node < leaves:
-            waiting[height], waiting[height + 1] = 2 * node, 2 * node + 1
-            height += 2
-            continue
-        begin, end = leaf_range(len(tree.order), leaves, node)
+        begin, end = leaf_range(len(tree.order), leaves, node) if near else (0, 0)
         for f in tree.order[begin:end]:
             d, e, g = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
             if d < 0 or inside[f]:
                 continue
-            least, most = _box(vertices, d, e, g)
-            if _overlap(low, high, least, most) and are_cut(vertices, (a, b, c), (d, e, g)):
-                return f
-    return -1
+            minimum, maximum = _box(vertices, d, e, g)
+            if _overlap(lower, upper, minimum, maximum) and are_cut(vertices, (a, b, c), (d, e, g)):
+                return True
+        node = after(node, 1)
+    return False
 
 
 @kernel(allocates=False)
 def _box(vertices, a, b, c):
     """Return the corners of the box around a triangle."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    low = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
-    return low, (max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2]))
+    lower = min(pa[0], pb[0], pc[0]), min(pa[1], pb[1], pc[1]), min(pa[2], pb[2], pc[2])
+    return lower, (max(pa[0], pb[0], pc[0]), max(pa[1], pb[1], pc[1]), max(pa[2], pb[2], pc[2]))
 
 
 @kernel
-def _overlap(low, high, least, most):
+def _overlap(lower_a, upper_a, lower_b, upper_b):
     """Return whether two boxes overlap."""
     return (
-        low[0] <= most[0] and high[0] >= least[0]
-        and low[1] <= most[1] and high[1] >= least[1]
-        and low[2] <= most[2] and high[2] >= least[2]
+        lower_a[0] <= upper_b[0] and upper_a[0] >= lower_b[0]
+        and lower_a[1] <= upper_b[1] and upper_a[1] >= lower_b[1]
+        and lower_a[2] <= upper_b[2] and upper_a[2] >= lower_b[2]
     )  # fmt: skip
 
 
@@ -163,8 +162,8 @@ def are_cut(vertices, f, g):
     a, b = minus(row(vertices, f[(at_f + 1) % 3]), p), minus(row(vertices, f[(at_f + 2) % 3]), p)
     c, d = minus(row(vertices, g[(at_g + 1) % 3]), p), minus(row(vertices, g[(at_g + 2) % 3]), p)
     if shared == 1:
-        return not (_are_apart_in_space(a, b, c, d) or _are_apart_in_plane(a, b, c, d))
-    return _may_have_common_place(a, b, minus(row(vertices, g[at_g]), p), c, d)
+        return not (_are_separated_in_space(a, b, c, d) or _are_separated_in_plane(a, b, c, d))
+    return _may_meet(a, b, minus(row(vertices, g[at_g]), p), c, d)
 
 
 @kernel(allocates=False)
@@ -172,12 +171,12 @@ def _is_folded(edge, a, b):
     """Return whether two triangles at a common edge, with the third corners a and b, lie on one another."""
     u, v = cross(edge, a), cross(edge, b)
     lengths = _length(edge) + _length(a) + _length(b)
-    least = ROUNDING * lengths * (_length(u) + _length(v))
-    return dot(u, v) >= -least and _length(cross(u, v)) <= least
+    rounding = ROUNDING * lengths * (_length(u) + _length(v))
+    return dot(u, v) >= -rounding and _length(cross(u, v)) <= rounding
 
 
 @kernel(allocates=False)
-def _are_apart_in_space(a, b, c, d):
+def _are_separated_in_space(a, b, c, d):
     """Return whether a plane surely has the cone of a and b on one side, that of c and d on the other.
 
     If any does, so does one through two of the four vectors.
@@ -193,49 +192,49 @@ def _are_apart_in_space(a, b, c, d):
 def _side(a, b, c):
     """Return the sign of the volume of three vectors; 0 if rounding may change it."""
     la, lb, lc = _length(a), _length(b), _length(c)
-    volume, least = dot(cross(a, b), c), ROUNDING * (la * lb + lb * lc + lc * la)
-    return int(volume > least) - int(volume < -least)
+    volume, rounding = dot(cross(a, b), c), ROUNDING * (la * lb + lb * lc + lc * la)
+    return int(volume > rounding) - int(volume < -rounding)
 
 
 @kernel(allocates=False)
-def _are_apart_in_plane(a, b, c, d):
-    """Return whether a line surely parts the cone of a and b from that of c and d, all in about one plane."""
-    up, other = cross(a, b), cross(c, d)
-    if dot(other, other) > dot(up, up):
-        up = other
+def _are_separated_in_plane(a, b, c, d):
+    """Return whether a line surely separates the cone of a and b from that of c and d, all in about one plane."""
+    up, up_p = cross(a, b), cross(c, d)
+    if dot(up_p, up_p) > dot(up, up):
+        up = up_p
     rays = unit(a), unit(b), unit(minus((0.0, 0.0, 0.0), c)), unit(minus((0.0, 0.0, 0.0), d))
     for i in range(4):
         for j in range(4):
             axis = cross(up, minus(rays[i], rays[j]))
-            least = ROUNDING * _length(axis)
-            if min(dot(axis, a), dot(axis, b)) > least and max(dot(axis, c), dot(axis, d)) < -least:
+            rounding = ROUNDING * _length(axis)
+            if min(dot(axis, a), dot(axis, b)) > rounding and max(dot(axis, c), dot(axis, d)) < -rounding:
                 return True
     return False
 
 
 @kernel(allocates=False)
-def _may_have_common_place(a, b, p, q, r):
-    """Return whether no axis surely parts the triangles 0 a b and p q r."""
-    up, other = cross(a, b), area_vector(p, q, r)
-    if _part(up, a, b, p, q, r) or _part(other, a, b, p, q, r):
+def _may_meet(a, b, p, q, r):
+    """Return whether no axis surely separates the triangles 0 a b and p q r."""
+    up, up_p = cross(a, b), area_vector(p, q, r)
+    if _separates(up, a, b, p, q, r) or _separates(up_p, a, b, p, q, r):
         return False
-    edges, others = (a, b, minus(b, a)), (minus(q, p), minus(r, p), minus(r, q))
+    edges, edges_p = (a, b, minus(b, a)), (minus(q, p), minus(r, p), minus(r, q))
     for i in range(3):
         for j in range(3):
-            if _part(cross(edges[i], others[j]), a, b, p, q, r):
+            if _separates(cross(edges[i], edges_p[j]), a, b, p, q, r):
                 return False
     for i in range(3):
-        if _part(cross(up, edges[i]), a, b, p, q, r) or _part(cross(other, others[i]), a, b, p, q, r):
+        if _separates(cross(up, edges[i]), a, b, p, q, r) or _separates(cross(up_p, edges_p[i]), a, b, p, q, r):
             return False
     return True
 
 
 @kernel(allocates=False)
-def _part(axis, a, b, p, q, r):
-    """Return whether the triangles 0 a b and p q r surely lie apart along an axis."""
+def _separates(axis, a, b, p, q, r):
+    """Return whether the triangles 0 a b and p q r are surely separated along an axis."""
     at_a, at_b, at_p, at_q, at_r = dot(axis, a), dot(axis, b), dot(axis, p), dot(axis, q), dot(axis, r)
-    least = ROUNDING * _length(axis)
-    return min(at_p, at_q, at_r) - max(at_a, at_b, 0.0) > least or min(at_a, at_b, 0.0) - max(at_p, at_q, at_r) > least
+    gap = max(min(at_p, at_q, at_r) - max(at_a, at_b, 0.0), min(at_a, at_b, 0.0) - max(at_p, at_q, at_r))
+    return gap > ROUNDING * _length(axis)
 
 
 @kernel

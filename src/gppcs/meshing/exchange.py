@@ -1,22 +1,24 @@
 """Let vertices go where they matter least, and others come where they help most, each fitted to the dense points.
 
-The energy is that of Hoppe et al. 1993, *Mesh Optimization*, with a cost of thin triangles in the place of springs: the
-sum of squared distances of the dense points. A collapse of an edge puts one vertex in the place of two, which costs
-energy; a split of an edge adds a vertex, which gains some. Both fit the vertex, while all others stay.
+A collapse of an edge puts one vertex in the place of two, which costs energy (see `energy.py`); a split of an edge adds
+a vertex, which gains some. Both fit the vertex, while all others stay.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import is_allowed, move_triangles
-from gppcs.meshing.flips import thinness
+from gppcs.meshing.cuts import TriangleTree, any_cut, follow
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.energy import FittedMesh, thinness
+from gppcs.meshing.fit import fit
+from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import (
-    MOST_AROUND,
+    MAX_VALENCE,
     Flags,
     Floats,
     Ints,
@@ -24,197 +26,219 @@ from gppcs.meshing.halfedges import (
     following,
     leave_by,
     neighbours,
+    position_of,
     preceding,
 )
-from gppcs.meshing.stars import (
-    Surface,
-    add_around,
-    add_points,
-    add_triangle,
-    empty,
-    fit_star,
-    room_for_star,
-    store,
-)
+from gppcs.meshing.stars import add_around, add_points, add_triangle, empty, fit_star, room_for_star, store
 from gppcs.spatial.triangles import dot, minus, row
 
-WORTH = 0.6  # least gain of a split, in costs of a collapse: fits and flips then raise the gain
-AT_ONCE = 64  # edges or vertices that a thread takes at once, at least
+WORTH = 0.6  # minimum gain of a split, in costs of a collapse: fits and flips then raise the gain
 
 
-def exchange(surface: Surface, level: Ints, extra: float) -> None:
+def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
+    """Return a draft in which vertices have gone to where they help more, and the triangles of the dense points.
+
+    The assignment given is changed.
+    """
+    changed = draft.copy()
+    mesh = changed.mesh
+    fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.places, assigned)
+    exchange(fitted, changed.dense_index, draft.thin_cost)
+    changed.normals = draft.dense.normals[changed.dense_index]
+    changed.nearest = np.where(assigned.face >= 0, mesh.origin[3 * assigned.face], -1)
+    after = flip(changed)
+    for _ in range(2):
+        after = flip(changed, fit(changed, after))
+    return changed, after
+
+
+def exchange(fitted: FittedMesh, dense_index: Ints, thin_cost: float) -> None:
     """Collapse edges while a split elsewhere is worth it, split as many edges, and fit all vertices, one by one.
 
-    Each vertex is of a dense point, its `level`, (V,). In a very small mesh, some vertices may not find a place again.
+    Each vertex is of a dense point, its `dense_index`, (V,). In a very small mesh, some vertices may not be put back.
     """
-    mesh = surface.mesh
-    edges, rises, stale = mesh.inner_edges(), np.empty(len(mesh.origin)), np.ones(len(surface.first), dtype=np.bool_)
-    costs = tried(try_collapses, surface, edges, extra)
-    _try_stale_splits(surface, edges, extra, rises, stale)
-    cheapest, best = np.argsort(costs, kind="stable"), np.argsort(rises[edges], kind="stable")
-    worthless = np.flatnonzero(~(-rises[edges[best]] >= WORTH * costs[cheapest]))
+    mesh, tree, edges = fitted.mesh, TriangleTree.empty(), fitted.mesh.inner_edges()
+    costs, gains = np.full(len(mesh.origin), np.inf), np.full(len(mesh.origin), -np.inf)
+    costs[edges] = changes(fitted, edges, thin_cost, split=False)
+    gains[edges] = -changes(fitted, edges, thin_cost, split=True)
+    cheapest = edges[np.argsort(costs[edges], kind="stable")]
+    best = edges[np.argsort(-gains[edges], kind="stable")]
+    worthless = np.flatnonzero(~(gains[best] >= WORTH * costs[cheapest]))
     count = worthless[0] if len(worthless) else len(edges)
-    missing = _collapse_all(surface, edges[cheapest[:count]], level, extra, stale)
+    changed = np.zeros(len(fitted.vertices), dtype=np.bool_)
+    missing = collapse_all(fitted, tree, cheapest[:count], dense_index, thin_cost, costs, changed)
     added = -1
     while missing and added:
         edges = mesh.inner_edges()
-        _try_stale_splits(surface, edges, extra, rises, stale)
-        order = np.argsort(rises[edges], kind="stable")
-        added = _split_all(surface, edges[order], level, extra, missing, stale)
+        stale = edges[_are_near(fitted, edges, changed)]
+        gains[stale], changed[:] = -changes(fitted, stale, thin_cost, split=True), False
+        best = edges[np.argsort(-gains[edges], kind="stable")]
+        added = _split_all(fitted, tree, best, dense_index, thin_cost, missing, changed)
         missing -= added
-    _fit_all(surface, extra)
+    fit_all(fitted, tree, thin_cost)
 
 
-def _try_stale_splits(surface: Surface, edges: Ints, extra: float, rises: Floats, stale: Flags) -> None:
-    """Fill `rises`, (3 F,), with what splits cost near triangles that are stale, (F,); then none is.
-
-    A split depends on the triangles of its edge, and on those across their other edges.
-    """
-    beyond = surface.mesh.opposite.reshape(-1, 3)
-    near = stale | (stale[beyond // 3] & (beyond >= 0)).any(axis=1)
-    again = edges[near[edges // 3] | near[surface.mesh.opposite[edges] // 3]]
-    rises[again] = tried(_try_splits, surface, again, extra)
-    stale[:] = False
+def _are_near(fitted: FittedMesh, edges: Ints, changed: Flags) -> Flags:
+    """Return which edges have a triangle that shares an edge with one that has changed: the gain of these may have."""
+    mesh = fitted.mesh
+    near = changed[mesh.corners()].sum(axis=1) >= 2
+    return near[edges // 3] | near[mesh.opposite[edges] // 3]
 
 
-def tried(kernel: Callable[..., None], surface: Surface, edges: Ints, extra: float) -> Floats:
-    """Return by how much the energy would rise with a change of each edge, infinity where it is not allowed."""
-    found = np.empty(len(edges))
-    on_ranges(kernel, len(edges), surface, edges, extra, found, least=AT_ONCE)
-    return found
+def changes(fitted: FittedMesh, edges: Ints, thin_cost: float, split: bool) -> Floats:
+    """Return by how much the energy would rise with a split or a collapse of each edge, infinity if not allowed."""
+    energies = np.empty(len(edges))
+    on_ranges(_try_all, len(edges), fitted, edges, thin_cost, split, energies, least=64)
+    return energies
 
 
 @kernel
-def try_collapses(begin, end, surface, edges, extra, found):
-    """Fill `found`, (m,), with what collapses of edges, (m,), cost; for a range of these."""
-    star = room_for_star(len(surface.points))
+def _try_all(begin, end, fitted, edges, thin_cost, split, energies):
+    """Fill `energies`, (m,), with what splits or collapses of edges, (m,), cost; for a range of these."""
+    star = room_for_star(len(fitted.points))
     for i in range(begin, end):
-        found[i], _ = collapsed(surface, star, edges[i], extra)
+        if split:
+            energies[i], _ = _split(fitted, star, edges[i], thin_cost)
+        else:
+            energies[i], _ = _collapsed(fitted, star, edges[i], thin_cost)
 
 
 @kernel
-def collapsed(surface, star, h, extra):
-    """Return by how much the energy rises if the ends of an edge become one vertex, and the best place for this.
+def _collapsed(fitted, star, h, thin_cost):
+    """Return by how much the energy rises if the ends of an edge become one vertex, and the best position for this.
 
-    The fit starts in the middle of the edge. With a limit, if it finds no allowed place, as beside a corner, it starts
-    at each end; without one, such collapses are too dear to be made.
+    The fit starts in the middle of the edge. With a limit, if it finds no allowed position, as beside a corner, it
+    starts at each end; without one, such collapses are too dear to be made.
     """
-    mesh = surface.mesh
+    mesh = fitted.mesh
     v, u = mesh.origin[h], mesh.origin[following(h)]
-    a, b = row(surface.vertices, v), row(surface.vertices, u)
+    a, b = row(fitted.vertices, v), row(fitted.vertices, u)
     middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
-    count, edges, closed = neighbours(mesh, v, star.halves, star.found)
-    slot = 0
-    while star.found[slot] != u:
-        slot += 1
-    if not is_allowed(mesh, v, slot, count, edges, closed, star.halves, star.found, star.others, star.beyond):
+    count, edges, closed = neighbours(mesh, v, star.halves, star.ring)
+    slot = position_of(star.ring, count, u)
+    if not is_allowed(mesh, v, slot, count, edges, closed, star.halves, star.ring, star.halves_u, star.ring_u):
         return np.inf, middle
     empty(star, middle)
-    energy = add_around(surface, star, v, u, extra) + add_around(surface, star, u, v, extra)
-    if star.worst[0] > surface.limit:
+    before = add_around(fitted, star, v, u, thin_cost) + add_around(fitted, star, u, v, thin_cost)
+    if star.farthest[0] > fitted.limit:
         return np.inf, middle
-    least, place = fit_star(surface, star, middle, extra)
-    if least == np.inf and surface.limit < np.inf:
+    lowest, position = fit_star(fitted, star, middle, thin_cost)
+    if lowest == np.inf and fitted.limit < np.inf:
         for end in (a, b):
             star.triangles[: star.sizes[1]] = -1
-            found, there = fit_star(surface, star, end, extra)
-            if found < least:
-                least, place = found, there
-    return least - energy, place
+            energy, fit = fit_star(fitted, star, end, thin_cost)
+            if energy < lowest:
+                lowest, position = energy, fit
+    return lowest - before, position
 
 
 @kernel
-def _collapse_all(surface, edges, level, extra, stale):
-    """Collapse edges, (m,), but none whose surroundings an earlier one has changed; return their number.
+def collapse_all(fitted, tree, edges, dense_index, thin_cost, costs, changed):
+    """Collapse edges, (m,), but none that an earlier one has changed, or that makes triangles cut those of a tree.
 
-    Mark in `stale`, (F,), the triangles that differ then.
+    Return their number. `changed`, (V,), marks the vertices of all triangles that differ then.
     """
-    mesh, count = surface.mesh, 0
-    star = room_for_star(len(surface.points))
-    changed = np.zeros(len(surface.vertices), dtype=np.bool_)
+    mesh, count = fitted.mesh, 0
+    star = room_for_star(len(fitted.points))
+    inside = np.zeros(len(fitted.first), dtype=np.bool_)
     for h in edges:
         v, u = mesh.origin[h], mesh.origin[following(h)]
         if v < 0 or changed[v] or changed[u]:
             continue
-        cost, place = collapsed(surface, star, h, extra)
-        if cost == np.inf:
+        cost, position = _collapsed(fitted, star, h, thin_cost)
+        removed = h // 3, (mesh.opposite[h] // 3 if mesh.opposite[h] >= 0 else h // 3)
+        if cost == np.inf or not _is_free(fitted, tree, star, u, position, removed, inside):
+            costs[h] = np.inf
             continue
-        collapse_edge(surface, star, v, u, place, level, extra, changed)
-        for k in range(star.sizes[0]):
-            stale[star.edges[k] // 3] = True
+        if _squared(fitted, dense_index[v], position) < _squared(fitted, dense_index[u], position):
+            dense_index[u] = dense_index[v]
+        move_triangles(mesh, v, u, star.halves)
+        store(fitted, star, u, position, thin_cost)
+        changed[v] = True
+        _mark(fitted, tree, star, u, changed)
         count += 1
     return count
 
 
 @kernel(allocates=False)
-def collapse_edge(surface, star, v, u, place, level, extra, changed):
-    """Let the vertex u take the triangles and points of v at a place; mark both and all around them as changed."""
-    mesh = surface.mesh
-    if _squared(surface, level[v], place) < _squared(surface, level[u], place):
-        level[u] = level[v]
-    move_triangles(mesh, v, u, star.halves)
-    store(surface, star, u, place, extra)
-    changed[v] = changed[u] = True
+def _mark(fitted, tree, star, v, changed):
+    """Mark a vertex and the ring around it as changed, and let a tree follow the triangles between."""
+    changed[v] = True
     for k in range(star.sizes[0]):
-        changed[mesh.origin[star.edges[k]]] = changed[mesh.origin[following(star.edges[k])]] = True
+        edge = star.edges[k]
+        changed[fitted.mesh.origin[edge]] = changed[fitted.mesh.origin[following(edge)]] = True
+        follow(fitted.mesh, fitted.vertices, tree, edge // 3)
 
 
 @kernel
-def _squared(surface, i, place):
-    """Return the squared distance of a dense point from a place."""
-    step = minus(row(surface.points, i), place)
+def _is_free(fitted, tree, star, u, position, removed, inside):
+    """Return whether no triangle of a star with the vertex u at a position cuts another of a tree, or of the star."""
+    if len(tree.order) == 0:
+        return True
+    mesh, vertices, count = fitted.mesh, fitted.vertices, star.sizes[0]
+    before, new = row(vertices, u), np.empty((count, 3), dtype=np.int64)
+    vertices[u, 0], vertices[u, 1], vertices[u, 2] = position
+    for k in range(count):
+        edge = star.edges[k]
+        new[k, 0], new[k, 1], new[k, 2] = u, mesh.origin[edge], mesh.origin[following(edge)]
+        inside[edge // 3] = True
+    inside[removed[0]] = inside[removed[1]] = True
+    cut = any_cut(mesh, vertices, tree, inside, new)
+    for k in range(count):
+        inside[star.edges[k] // 3] = False
+    inside[removed[0]] = inside[removed[1]] = False
+    vertices[u, 0], vertices[u, 1], vertices[u, 2] = before
+    return not cut
+
+
+@kernel
+def _squared(fitted, i, position):
+    """Return the squared distance of a dense point from a position."""
+    step = minus(row(fitted.points, i), position)
     return dot(step, step)
 
 
 @kernel
-def _try_splits(begin, end, surface, edges, extra, found):
-    """Fill `found`, (m,), with what splits of edges, (m,), cost: less than nothing; for a range of these."""
-    star = room_for_star(len(surface.points))
-    for i in range(begin, end):
-        found[i], _ = _split(surface, star, edges[i], extra)
-
-
-@kernel
-def _split(surface, star, h, extra):
-    """Return by how much the energy rises if an edge is split by a new vertex, and the best place for this."""
-    mesh = surface.mesh
+def _split(fitted, star, h, thin_cost):
+    """Return by how much the energy rises if an edge is split by a new vertex, and the best position for this."""
+    mesh = fitted.mesh
     o = mesh.opposite[h]
-    a, b = row(surface.vertices, mesh.origin[h]), row(surface.vertices, mesh.origin[o])
-    c, d = row(surface.vertices, mesh.origin[preceding(h)]), row(surface.vertices, mesh.origin[preceding(o)])
+    a, b = row(fitted.vertices, mesh.origin[h]), row(fitted.vertices, mesh.origin[o])
+    c, d = row(fitted.vertices, mesh.origin[preceding(h)]), row(fitted.vertices, mesh.origin[preceding(o)])
     middle = 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
     empty(star, middle)
-    energy = extra * (thinness(a, b, c) + thinness(b, a, d))
+    before = thin_cost * (thinness(a, b, c) + thinness(b, a, d))
     for edge in (following(h), preceding(h), following(o), preceding(o)):
-        add_triangle(surface, star, edge)
-    energy += add_points(surface, star, h // 3, -1) + add_points(surface, star, o // 3, -1)
-    least, place = fit_star(surface, star, middle, extra)
-    return least - energy, place
+        add_triangle(fitted, star, edge)
+    before += add_points(fitted, star, h // 3, -1) + add_points(fitted, star, o // 3, -1)
+    lowest, position = fit_star(fitted, star, middle, thin_cost)
+    return lowest - before, position
 
 
 @kernel
-def _split_all(surface, edges, level, extra, most, stale):
+def _split_all(fitted, tree, edges, dense_index, thin_cost, max_count, changed):
     """Split at most so many edges, of (m,), but none of a triangle that is split already; return their number.
 
-    Mark in `stale`, (F,), at first all False, the parts of split triangles. New vertices and triangles take the numbers
+    `changed`, (V,), marks the vertices of all triangles that differ then. New vertices and triangles take the numbers
     of removed ones. Each vertex is of the nearest point that none has.
     """
-    mesh, count, w, f = surface.mesh, 0, 0, 0
-    star = room_for_star(len(surface.points))
-    used = np.zeros(len(surface.points), dtype=np.bool_)
-    for v in range(len(level)):
-        used[level[v]] = used[level[v]] or mesh.leaving[v] >= 0
+    mesh, count, w, f = fitted.mesh, 0, 0, 0
+    star = room_for_star(len(fitted.points))
+    used, divided = np.zeros(len(fitted.points), dtype=np.bool_), np.zeros(len(fitted.first), dtype=np.bool_)
+    for v in range(len(dense_index)):
+        used[dense_index[v]] = used[dense_index[v]] or mesh.leaving[v] >= 0
     for h in edges:
-        if count == most:
+        if count == max_count:
             break
         o = mesh.opposite[h]
-        crowded = max(
+        valence = max(
             around(mesh, mesh.origin[preceding(h)], star.halves)[0],
             around(mesh, mesh.origin[preceding(o)], star.halves)[0],
         )
-        if stale[h // 3] or stale[o // 3] or crowded == MOST_AROUND:
+        if divided[h // 3] or divided[o // 3] or valence == MAX_VALENCE:
             continue
-        cost, place = _split(surface, star, h, extra)
-        nearest = _nearest_member(surface, star, used, place)
+        cost, position = _split(fitted, star, h, thin_cost)
+        nearest = _nearest_member(fitted, star, used, position)
         if cost == np.inf or nearest < 0:
             continue
         while mesh.leaving[w] >= 0:
@@ -227,21 +251,22 @@ def _split_all(surface, edges, level, extra, most, stale):
         faces = h // 3, pair[0], o // 3, pair[1]
         split_edge(mesh, h, w, faces)
         for k in range(4):
-            star.edges[k], stale[faces[k]] = 3 * faces[k] + 1, True
-        level[w], used[nearest] = nearest, True
-        store(surface, star, w, place, extra)
+            star.edges[k], divided[faces[k]] = 3 * faces[k] + 1, True
+        dense_index[w], used[nearest] = nearest, True
+        store(fitted, star, w, position, thin_cost)
+        _mark(fitted, tree, star, w, changed)
         count += 1
     return count
 
 
 @kernel(allocates=False)
-def _nearest_member(surface, star, used, place):
-    """Return the point of a star that is nearest to a place, of those that are not used; -1 if there is none."""
-    least, nearest = np.inf, -1
+def _nearest_member(fitted, star, used, position):
+    """Return the point of a star that is nearest to a position, of those that are not used; -1 if there is none."""
+    lowest, nearest = np.inf, -1
     for m in range(star.sizes[1]):
-        squared = _squared(surface, star.members[m], place)
-        if squared < least and not used[star.members[m]]:
-            least, nearest = squared, star.members[m]
+        squared = _squared(fitted, star.members[m], position)
+        if squared < lowest and not used[star.members[m]]:
+            lowest, nearest = squared, star.members[m]
     return nearest
 
 
@@ -273,15 +298,19 @@ def split_edge(mesh, h, w, faces):
 
 
 @kernel
-def _fit_all(surface, extra):
-    """Fit all vertices to the points around them, one after another."""
-    star = room_for_star(len(surface.points))
-    for v in range(len(surface.vertices)):
-        if surface.mesh.leaving[v] < 0:
+def fit_all(fitted, tree, thin_cost):
+    """Fit all vertices to the points around them, one after another, so that no triangle cuts those of a tree."""
+    star = room_for_star(len(fitted.points))
+    inside = np.zeros(len(fitted.first), dtype=np.bool_)
+    changed = np.zeros(len(fitted.vertices), dtype=np.bool_)
+    for v in range(len(fitted.vertices)):
+        if fitted.mesh.leaving[v] < 0:
             continue
-        here = row(surface.vertices, v)
+        here = row(fitted.vertices, v)
         empty(star, here)
-        energy = add_around(surface, star, v, -1, extra)
-        least, place = fit_star(surface, star, here, extra)
-        if least < energy:
-            store(surface, star, v, place, extra)
+        before = add_around(fitted, star, v, -1, thin_cost)
+        lowest, position = fit_star(fitted, star, here, thin_cost)
+        face = star.edges[0] // 3
+        if lowest < before and _is_free(fitted, tree, star, v, position, (face, face), inside):
+            store(fitted, star, v, position, thin_cost)
+            _mark(fitted, tree, star, v, changed)

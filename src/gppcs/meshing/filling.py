@@ -1,93 +1,91 @@
-"""Fill holes by the cheapest triangles (Barequet and Sharir 1995; Liepa 2003)."""
+"""Fill boundary loops by the cheapest triangles (Barequet and Sharir 1995; Liepa 2003)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.cuts import TriangleTree, are_cut, cutting, first_cut
-from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, Ints, around, following, preceding
-from gppcs.spatial.triangles import area_vector, dot, has_area, minus, row
+from gppcs.meshing.cuts import TriangleTree, cuts_earlier, cuts_tree, cutting
+from gppcs.meshing.halfedges import MAX_VALENCE, Floats, HalfEdges, Ints, around, half_edge, room_for_ring
+from gppcs.spatial.triangles import agreement, area_vector, dot, has_area, minus, row
 
-MOST_CORNERS = 1000  # of a hole that is filled: its filling takes the cube of their number in time
 BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
 
-def holes_filled(faces: Ints, vertices: Floats, normals: Floats, size: float, most: int = MOST_CORNERS) -> Ints:
-    """Close holes up to a size, the diagonal of the box around their border, where that cuts nothing."""
+def holes_filled(
+    mesh: HalfEdges, vertices: Floats, normals: Floats, size: float, max_corners: int = 1000
+) -> HalfEdges:  # fmt: skip
+    """Close holes up to a size, the diagonal of the box around their boundary loop, where that cuts nothing.
+
+    The time of a filling grows with the cube of its number of corners.
+    """
     loops = [
         loop
-        for loop in border_loops(HalfEdges.of(faces, len(vertices)))
-        if len(loop) <= most and np.linalg.norm(np.ptp(vertices[loop], axis=0)) <= size
+        for loop in boundary_loops(mesh)
+        if len(loop) <= max_corners and np.linalg.norm(np.ptp(vertices[loop], axis=0)) <= size
     ]
-    return np.concatenate([faces, without_cutting(faces, vertices, *fillings(faces, vertices, normals, loops))[0]])
+    return with_fillings(mesh, vertices, *fillings(mesh, vertices, normals, loops))[0]
 
 
 def fillings(
-    faces: Ints, vertices: Floats, normals: Floats, loops: list[Ints], careful: bool = False
+    mesh: HalfEdges, vertices: Floats, normals: Floats, loops: list[Ints], careful: bool = False
 ) -> tuple[Ints, Ints]:
-    """Return triangles that close borders of a mesh, (T, 3), and the number of the border of each.
+    """Return triangles that close boundary loops of a mesh, (T, 3), and the number of the loop of each.
 
     Careful ones cut no triangle of the mesh, and turn none over.
     """
     if not loops:
         return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
-    mesh = HalfEdges.of(faces, len(vertices))
     ends = np.cumsum([len(loop) for loop in loops])
-    new, hole = np.empty((ends[-1], 3), dtype=np.int64), np.empty(ends[-1], dtype=np.int64)
-    tree = TriangleTree.of(mesh, vertices)
-    count = _fill_all(mesh, vertices, normals, tree, np.concatenate(loops), ends, careful, new, hole)
-    return new[:count], hole[:count]
+    new, number = np.empty((ends[-1], 3), dtype=np.int64), np.empty(ends[-1], dtype=np.int64)
+    tree = TriangleTree.from_mesh(mesh, vertices) if careful else TriangleTree.empty()
+    count = _fill_all(mesh, vertices, normals, tree, np.concatenate(loops), ends, careful, new, number)
+    return new[:count], number[:count]
 
 
-def without_cutting(faces: Ints, vertices: Floats, new: Ints, hole: Ints) -> tuple[Ints, Ints]:
-    """Leave out the fillings that have a triangle which cuts another: of the mesh, or of another filling."""
-    whole = HalfEdges.of(np.concatenate([faces, new]), len(vertices))  # no two borders have a common vertex
-    cut = cutting(whole, vertices, among=len(faces) + np.arange(len(new))) - len(faces)
-    spoilt = np.isin(hole, hole[cut])
-    return new[~spoilt], hole[~spoilt]
+def with_fillings(mesh: HalfEdges, vertices: Floats, new: Ints, number: Ints) -> tuple[HalfEdges, Ints]:
+    """Add fillings to a mesh, but those with a triangle that cuts another; return also the numbers of the filled loops.
+
+    No two loops have a common vertex.
+    """
+    if not len(new):
+        return mesh, number
+    faces, n = mesh.faces(), len(vertices)
+    filled = HalfEdges.from_faces(np.concatenate([faces, new]), n)
+    cut = cutting(filled, vertices, among=len(faces) + np.arange(len(new))) - len(faces)
+    if len(cut):
+        fits = ~np.isin(number, number[cut])
+        filled, number = HalfEdges.from_faces(np.concatenate([faces, new[fits]]), n), number[fits]
+    return filled, np.unique(number)
 
 
-def border_loops(mesh: HalfEdges) -> list[Ints]:
-    """Return the borders of a mesh, each as its vertices in the order in which a filling would run around it."""
-    loops = np.empty(int(((mesh.opposite < 0) & (mesh.origin >= 0)).sum()), dtype=np.int64)
-    ends = np.empty(len(loops), dtype=np.int64)
-    return np.split(loops, ends[: _list_loops(mesh, loops, ends)])[:-1]
-
-
-@kernel
-def _list_loops(mesh, loops, ends):
-    """Fill `loops`, (B,), and `ends`, with where each border ends; return the number of borders."""
-    seen = np.zeros(len(mesh.origin), dtype=np.bool_)
-    length, count = 0, 0
-    for first in range(len(mesh.origin)):
-        if mesh.origin[first] < 0 or mesh.opposite[first] >= 0 or seen[first]:
-            continue
-        h = first
-        while not seen[h]:
-            seen[h] = True
-            loops[length] = mesh.origin[following(h)]
-            length += 1
-            h = preceding(h)
-            while mesh.opposite[h] >= 0:
-                h = preceding(mesh.opposite[h])
-        ends[count] = length
-        count += 1
-    return count
+def boundary_loops(mesh: HalfEdges) -> list[Ints]:
+    """Return the boundary loops of a mesh, each as its vertices in the order in which a filling would run around it."""
+    edges, loops = mesh.boundary_edges(), []
+    ends = mesh.targets()[edges].tolist()
+    before = dict(zip(ends, mesh.origin[edges].tolist(), strict=True))
+    for v in ends:
+        loop = []
+        while v in before:
+            loop.append(v)
+            v = before.pop(v)
+        if loop:
+            loops.append(np.array(loop))
+    return loops
 
 
 @kernel
-def _fill_all(mesh, vertices, normals, tree, corners, ends, careful, new, hole):
-    """Fill `new` and `hole` as `fillings` returns them; return the number of triangles."""
+def _fill_all(mesh, vertices, normals, tree, corners, ends, careful, new, number):
+    """Fill `new` and `number` as `fillings` returns them; return the number of triangles."""
     inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    halves = np.empty(MOST_AROUND, dtype=np.int64)
+    halves, _ = room_for_ring()
     begin = count = 0
-    for number in range(len(ends)):
-        loop = corners[begin : ends[number]]
-        begin = ends[number]
+    for i in range(len(ends)):
+        loop = corners[begin : ends[i]]
+        begin = ends[i]
         added = fill(mesh, vertices, normals, tree, inside, loop, halves, careful, new[count:])
-        hole[count : count + added] = number
+        number[count : count + added] = i
         count += added
     return count
 
@@ -107,49 +105,41 @@ def fill(mesh, vertices, normals, tree, inside, corners, halves, careful, new):
         for i in range(length - gap):
             k = i + gap
             p, q = corners[i], corners[k]
-            if gap < length - 1 and _is_joined(mesh, p, q, inside, halves):
+            if gap < length - 1 and _is_joined(mesh, p, q, inside):
                 continue
             for m in range(i + 1, k):
                 v = corners[m]
                 cost = costs[i, m] + costs[m, k]
                 if cost < costs[i, k] and (not careful or _is_upright(vertices, normals, p, v, q)):
-                    cost += cost_of_filling(vertices, normals, p, v, q)
-                    cuts = careful and cost < costs[i, k] and first_cut(mesh, vertices, tree, inside, p, v, q) >= 0
+                    cost += _cost(vertices, normals, p, v, q)
+                    cuts = careful and cost < costs[i, k] and cuts_tree(mesh, vertices, tree, inside, p, v, q)
                     if cost < costs[i, k] and not cuts:
                         costs[i, k], middles[i, k] = cost, m
     if costs[0, length - 1] == np.inf:
         return 0
-    count = trace_filling(corners, middles, new)
+    count = _trace(corners, middles, new)
     for i in range(count if careful else 0):
-        for j in range(i):
-            if are_cut(vertices, new[i], new[j]):
-                return 0
-    return count if _is_light(mesh, corners, inside, new[:count], halves) else 0
+        if cuts_earlier(vertices, new, i):
+            return 0
+    return count if _has_room(mesh, corners, inside, new[:count], halves) else 0
 
 
 @kernel(allocates=False)
-def _is_joined(mesh, p, q, inside, halves):
+def _is_joined(mesh, p, q, inside):
     """Return whether an edge joins two vertices that a triangle outside the patch has."""
-    for v, w in ((p, q), (q, p)):
-        edges, _ = around(mesh, v, halves)
-        for slot in range(edges):
-            if mesh.origin[following(halves[slot])] == w and not inside[halves[slot] // 3]:
-                return True
-    return False
+    forth, back = half_edge(mesh, p, q), half_edge(mesh, q, p)
+    return (forth >= 0 and not inside[forth // 3]) or (back >= 0 and not inside[back // 3])
 
 
 @kernel(allocates=False)
 def _is_upright(vertices, normals, a, b, c):
     """Return whether a triangle has an area, and lies on the side of the mean of its corners' normals."""
     pa, pb, pc = row(vertices, a), row(vertices, b), row(vertices, c)
-    normal = area_vector(pa, pb, pc)
-    if not has_area(pa, pb, pc):
-        return False
-    return dot(normal, row(normals, a)) + dot(normal, row(normals, b)) + dot(normal, row(normals, c)) >= 0.0
+    return has_area(pa, pb, pc) and agreement(area_vector(pa, pb, pc), normals, a, b, c) >= 0.0
 
 
 @kernel(allocates=False)
-def _is_light(mesh, corners, inside, new, halves):
+def _has_room(mesh, corners, inside, new, halves):
     """Return whether no corner of a patch would have too many triangles."""
     for v in corners:
         edges, _ = around(mesh, v, halves)
@@ -158,13 +148,13 @@ def _is_light(mesh, corners, inside, new, halves):
             count += not inside[halves[slot] // 3]
         for t in range(len(new)):
             count += new[t, 0] == v or new[t, 1] == v or new[t, 2] == v
-        if count > MOST_AROUND:
+        if count > MAX_VALENCE:
             return False
     return True
 
 
 @kernel
-def trace_filling(loop, middles, triangles):
+def _trace(loop, middles, triangles):
     """Fill `triangles`, (L - 2, 3), with those of a filling; return their number."""
     stack = np.empty((len(loop), 2), dtype=np.int64)
     stack[0, 0], stack[0, 1] = 0, len(loop) - 1
@@ -184,16 +174,16 @@ def trace_filling(loop, middles, triangles):
 
 
 @kernel(allocates=False)
-def cost_of_filling(points, normals, a, b, c):
+def _cost(points, normals, a, b, c):
     """Return the cost of a triangle of a filling."""
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     normal = area_vector(pa, pb, pc)
     doubled = np.sqrt(dot(normal, normal))
-    agreement = 1.0
+    cosine = 1.0
     if doubled > 0.0:
         for v in (a, b, c):
-            agreement = min(agreement, dot(normal, row(normals, v)) / doubled)
+            cosine = min(cosine, dot(normal, row(normals, v)) / doubled)
     ab, ca = minus(pb, pa), minus(pa, pc)
     if not has_area(pa, pb, pc):
         return dot(ab, ab) + dot(ca, ca)  # more than any triangle beside it would cost
-    return 0.5 * doubled * (1.0 + BEND * (1.0 - agreement) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))
+    return 0.5 * doubled * (1.0 + BEND * (1.0 - cosine) ** 2) + LENGTH * max(dot(ab, ab), dot(ca, ca))

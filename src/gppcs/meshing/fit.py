@@ -2,78 +2,97 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
+from gppcs.clouds.mesh import Mesh
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
+from gppcs.meshing.cuts import cutting
+from gppcs.meshing.draft import Draft
 from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, following
-from gppcs.spatial.triangles import area_vector, dot, row, unit
+from gppcs.meshing.stars import SLIDE
+from gppcs.spatial.triangles import area_vector, dot, minus, point_in, qualities, row, unit
+from gppcs.surface.inducing import joint_steps, noise_between
 
-SLIDE = 0.02  # weight of a point's step along the mesh, which costs no distance, beside that off the mesh
 PULL = 0.001  # weight with which a vertex is held where it is, in mean weights of a vertex
-PULL_ALONE = 0.5  # the same on borders, beyond which no points hold a vertex, and without points near a vertex
-NEAR = 0.4  # least weight of the vertex in a point that is near it
-LEAST_COSINE = 0.2  # between a triangle's normal and the mean of its corners' after a move
-THIN = 0.2  # steps that make triangles of a lower quality are shortened
-ON_EDGE, ON_FOOT = 1e-9, 1e-24  # a foot with a weight below the first is on an edge; squared distances that are none
-MOST_ITERATIONS = 100  # of conjugate gradients
-HALVINGS, UNDO_ROUNDS = 4, 4  # of steps that turn triangles over, and then of undoing them
+PULL_ALONE = 0.5  # the same on boundaries, beyond which no points hold a vertex, and without points near a vertex
+NEAR = 0.4  # minimum weight of the vertex in a point that is near it
 
 
-class Equations(NamedTuple):
-    """The normal equations of a step, (V, 3): a symmetric matrix in blocks of 3 x 3, and the right side."""
+def fit(draft: Draft, assigned: Assignment) -> Assignment:
+    """Move the vertices so that the mesh fits the dense points better, and return the triangles of these."""
+    before = draft.vertices
+    draft.vertices = stepped(draft.mesh, before, draft.dense.places, assigned)
+    undo_turns(draft.mesh.faces(), before, draft.normals, draft.vertices)
+    after = draft.assigned()
+    if after.mean_square() <= assigned.mean_square():
+        return after
+    draft.vertices = before
+    return assigned
 
-    own: Floats  # (V, 3, 3): the block of each vertex
-    beside: Floats  # (3 F, 3, 3): that of the ends of each half-edge, from the points of its triangle
-    right: Floats  # (V, 3)
-    totals: Floats  # (V,): the sum of squared weights of each vertex
-    largest: Floats  # (V,): its largest weight in a point
+
+def fit_observed(draft: Draft, assigned: Assignment) -> None:
+    """Move the vertices to where they explain the dense points best as the cloud has them, without new cuts.
+
+    Projections onto the surface are smoothed.
+    """
+    covered, faces = np.flatnonzero(assigned.face >= 0), draft.mesh.faces()
+    corners, observed = draft.mesh.corners()[assigned.face[covered]], draft.dense.raw[covered]
+    noise = noise_between(observed, draft.dense.places[covered])
+    spacing = float(np.sqrt(Mesh(draft.vertices, faces).face_areas().sum() / draft.n_vertices))
+    steps = joint_steps(draft.vertices, corners, assigned.weights[covered], observed, noise, spacing)
+    moved = draft.vertices + steps
+    while True:
+        undo_turns(faces, draft.vertices, draft.normals, moved)
+        if not len(cut := cutting(draft.mesh, moved)):
+            break
+        corners = draft.mesh.corners()[cut]
+        moved[corners] = draft.vertices[corners]
+    draft.vertices = moved
 
 
 @one_blas_thread()
-def fitted(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, assigned: Assignment) -> Floats:
-    """Return vertices after one step towards the least sum of squared distances between dense points and triangles.
+def stepped(mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment) -> Floats:
+    """Return vertices after one step towards the minimum of the squared distances between dense points and triangles.
 
-    A step off the triangle at a point's foot changes its distance; one along it hardly does, as the foot slides.
+    A step off the triangle at a point's foot changes its distance; one along it hardly does, as the foot slides. The
+    matrix of the normal equations has a block of 3 x 3 for each vertex, and one for each half-edge.
     """
-    size, halves = len(vertices), len(mesh.origin)
-    sums = Equations(
-        np.zeros((size, 3, 3)), np.zeros((halves, 3, 3)), np.zeros((size, 3)), np.zeros(size), np.zeros(size)
-    )
-    _add_points(mesh, vertices, points, assigned, sums)
-    pull = np.full(size, PULL)
-    pull[mesh.origin[(mesh.opposite < 0) & (mesh.origin >= 0)]] = PULL_ALONE
-    pull[sums.largest < NEAR] = PULL_ALONE
-    pull *= sums.totals.sum() / np.count_nonzero(mesh.leaving >= 0)
-    own = sums.own + pull[:, None, None] * np.eye(3)
-    inverse = np.linalg.inv(own)
+    n = len(vertices)
+    diagonal, beside, right = np.zeros((n, 3, 3)), np.zeros((len(mesh.origin), 3, 3)), np.zeros((n, 3))
+    totals, largest = np.zeros(n), np.zeros(n)
+    _add_points(mesh, vertices, points, assigned, diagonal, beside, right, totals, largest)
+    pull = np.full(n, PULL)
+    pull[mesh.origin[mesh.boundary_edges()]] = PULL_ALONE
+    pull[largest < NEAR] = PULL_ALONE
+    pull *= totals.sum() / np.count_nonzero(mesh.leaving >= 0)
+    diagonal += pull[:, None, None] * np.eye(3)
+    inverse = np.linalg.inv(diagonal)
 
     def multiplied(steps: Floats) -> Floats:
-        found = np.einsum("ijk,ik->ij", own, steps.reshape(-1, 3))
-        _add_beside(mesh, sums.beside, steps.reshape(-1, 3), found)
-        return found.ravel()
+        product = np.einsum("ijk,ik->ij", diagonal, steps.reshape(-1, 3))
+        _add_beside(mesh, beside, steps.reshape(-1, 3), product)
+        return product.ravel()
 
     def conditioned(steps: Floats) -> Floats:
         return np.einsum("ijk,ik->ij", inverse, steps.reshape(-1, 3)).ravel()
 
-    matrix, nearly_inverse = (
-        LinearOperator((3 * size, 3 * size), each, dtype=np.float64) for each in (multiplied, conditioned)
+    matrix, preconditioner = (
+        LinearOperator((3 * n, 3 * n), product, dtype=np.float64) for product in (multiplied, conditioned)
     )
-    steps, _ = cg(matrix, sums.right.ravel(), rtol=1e-6, maxiter=MOST_ITERATIONS, M=nearly_inverse)
-    moved = vertices + steps.reshape(-1, 3)
-    undo_turns(mesh.faces(), vertices, normals, moved)
+    steps, _ = cg(matrix, right.ravel(), rtol=1e-6, maxiter=100, M=preconditioner)
+    moved: Floats = vertices + steps.reshape(-1, 3)
     return moved
 
 
 @kernel(allocates=False)
-def _add_points(mesh, vertices, points, assigned, sums):
+def _add_points(mesh, vertices, points, assigned, diagonal, beside, right, totals, largest):
     """Add all dense points to sums that are zero: the distance of each in the direction in which it grows.
 
-    That is the triangle's normal where the foot is inside, else the direction to the point.
+    That is the triangle's normal where the foot is inside, else the direction to the point. Of each vertex, `totals`
+    is the sum of squared weights, (V,), and `largest` the largest weight in a point, (V,).
     """
     for i in range(len(points)):
         f = assigned.face[i]
@@ -81,29 +100,25 @@ def _add_points(mesh, vertices, points, assigned, sums):
             continue
         a, b, c = corners_from(mesh, vertices, f, row(points, i))
         s, t = assigned.weights[i, 0], assigned.weights[i, 1]
-        shares = 1.0 - s - t, s, t
-        off = (
-            -(shares[0] * a[0] + s * b[0] + t * c[0]),
-            -(shares[0] * a[1] + s * b[1] + t * c[1]),
-            -(shares[0] * a[2] + s * b[2] + t * c[2]),
-        )
-        outside = min(shares[0], s, t) < ON_EDGE and dot(off, off) > ON_FOOT
+        weights = 1.0 - s - t, s, t
+        off = minus((0.0, 0.0, 0.0), point_in(a, b, c, s, t))
+        outside = min(weights[0], s, t) < 1e-9 and dot(off, off) > 1e-24  # the foot is on an edge, the point off it
         across = unit(off if outside else area_vector(a, b, c))
         along = (1.0 - SLIDE) * dot(off, across)
         for k in range(3):
             h = 3 * f + k
-            v, share = mesh.origin[h], shares[k]
-            _add_block(sums.own[v], share * share, across)
-            _add_block(sums.beside[h], share * shares[(k + 1) % 3], across)
+            v, weight = mesh.origin[h], weights[k]
+            _add_block(diagonal[v], weight * weight, across)
+            _add_block(beside[h], weight * weights[(k + 1) % 3], across)
             for axis in range(3):
-                sums.right[v, axis] += share * (along * across[axis] + SLIDE * off[axis])
-            sums.totals[v] += share * share
-            sums.largest[v] = max(sums.largest[v], share)
+                right[v, axis] += weight * (along * across[axis] + SLIDE * off[axis])
+            totals[v] += weight * weight
+            largest[v] = max(largest[v], weight)
 
 
 @kernel(allocates=False)
 def _add_block(block, weight, across):
-    """Add what a point asks of two vertices to their block, (3, 3)."""
+    """Add the part of a point in the block of two vertices, (3, 3)."""
     for i in range(3):
         for j in range(3):
             block[i, j] += (1.0 - SLIDE) * weight * across[i] * across[j]
@@ -111,8 +126,8 @@ def _add_block(block, weight, across):
 
 
 @kernel(allocates=False)
-def _add_beside(mesh, beside, steps, found):
-    """Add the products of the blocks of half-edges, (3 F, 3, 3), with steps of vertices, (V, 3), to `found`, (V, 3)."""
+def _add_beside(mesh, beside, steps, product):
+    """Add the products of the blocks of half-edges, (3 F, 3, 3), with steps of vertices, (V, 3), to `product`."""
     for h in range(len(beside)):
         v = mesh.origin[h]
         if v < 0:
@@ -120,28 +135,28 @@ def _add_beside(mesh, beside, steps, found):
         w = mesh.origin[following(h)]
         for i in range(3):
             for j in range(3):
-                found[v, i] += beside[h, i, j] * steps[w, j]
-                found[w, i] += beside[h, i, j] * steps[v, j]
+                product[v, i] += beside[h, i, j] * steps[w, j]
+                product[w, i] += beside[h, i, j] * steps[v, j]
 
 
 def undo_turns(faces: Ints, vertices: Floats, normals: Floats, moved: Floats) -> None:
     """Halve steps in `moved`, (V, 3), that make triangles thin; also undo those that turn them against the normals."""
-    cosines, qualities = _shapes(faces, vertices, normals)
-    least, thinnest = np.minimum(LEAST_COSINE, cosines), np.minimum(THIN, qualities)
-    for share in (*[0.5] * HALVINGS, *[0.0] * UNDO_ROUNDS):
-        cosines, qualities = _shapes(faces, moved, normals)
-        worse = np.unique(faces[(cosines < least) | ((qualities < thinnest) & (share > 0.0))])
+    min_cosines = np.minimum(0.2, _cosines(faces, vertices, normals))
+    min_qualities = np.minimum(0.2, qualities(vertices, faces))
+    for factor in (0.5, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0):
+        turned = _cosines(faces, moved, normals) < min_cosines
+        if factor > 0.0:
+            turned |= qualities(moved, faces) < min_qualities
+        worse = np.unique(faces[turned])
         if not len(worse):  # nor are any in a later round
             return
-        moved[worse] = vertices[worse] + share * (moved[worse] - vertices[worse])
+        moved[worse] = vertices[worse] + factor * (moved[worse] - vertices[worse])
 
 
-def _shapes(faces: Ints, vertices: Floats, normals: Floats) -> tuple[Floats, Floats]:
-    """Return the cosine between the normal of each triangle and the mean of its corners' normals, and its quality."""
+def _cosines(faces: Ints, vertices: Floats, normals: Floats) -> Floats:
+    """Return the cosine between the normal of each triangle and the mean of its corners' normals."""
     a, b, c = (vertices[corner] for corner in faces.T)
     upright, mean = np.cross(b - a, c - a), normals[faces].sum(axis=1)
-    area = np.linalg.norm(upright, axis=1)
-    length = area * np.linalg.norm(mean, axis=1)
-    squared = ((b - a) ** 2 + (c - b) ** 2 + (a - c) ** 2).sum(axis=1)
-    cosines = np.einsum("ij,ij->i", upright, mean) / np.where(length > 0.0, length, 1.0)
-    return cosines, 2.0 * np.sqrt(3.0) * area / np.where(squared > 0.0, squared, 1.0)
+    length = np.linalg.norm(upright, axis=1) * np.linalg.norm(mean, axis=1)
+    cosines: Floats = np.einsum("ij,ij->i", upright, mean) / np.where(length > 0.0, length, 1.0)
+    return cosines

@@ -6,60 +6,80 @@ import numpy as np
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
-from gppcs.meshing.halfedges import MOST_AROUND, Floats, HalfEdges, around, following, leave_by, preceding
-from gppcs.spatial.triangles import area_vector, dot, minus, nearest_in_triangle, quality, row, squared_distance
+from gppcs.meshing.cuts import TriangleTree, any_cut, follow
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.energy import FittedMesh, price, thinness
+from gppcs.meshing.halfedges import MAX_VALENCE, around, following, half_edge, leave_by, preceding
+from gppcs.spatial.triangles import (
+    agreement,
+    area_vector,
+    dot,
+    minus,
+    nearest_in_triangle,
+    qualities,
+    row,
+    squared_distance,
+)
 
-SWEEPS = 8  # tries of each edge at most, on average
-UPRIGHT = 0.1  # least cosine between a new triangle's normal and the mean of its corners'
-THIN_IN_FLIPS = 0.22  # triangles below this quality cost extra
-SHARP = 0.5  # a point at the limit of distances costs 1 + SHARP^3 times its squared distance
-LESS = 1.0 - 1e-7  # an energy counts as lower if it is below this share: rounding flips nothing
+THIN = 0.2  # triangles below this quality are thin
 
 
-def flip(mesh: HalfEdges, vertices: Floats, normals: Floats, points: Floats, assigned: Assignment, extra: float) -> int:
-    """Flip edges while the energy falls.
+def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
+    """Flip edges while the energy falls; return the triangles of the dense points.
 
-    The energy is the sum of the squared distances of the dense points to their triangles, and a cost of thin
-    triangles. A point stays with the two triangles of an edge that is flipped.
+    While many triangles are thin, they cost more next time.
     """
-    first = np.full(len(mesh.origin) // 3, -1)
-    after = np.full(len(points), -1)
-    return int(_flip_all(mesh, vertices, normals, points, assigned, extra, first, after))
+    assigned = assigned or draft.assigned()
+    if draft.thin_cost == 0.0:  # at first, five mean squared distances of the points of a triangle
+        draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
+    fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.places, assigned)
+    flip_all(fitted, TriangleTree.empty(), draft.normals, draft.thin_cost, 8)
+    if fraction_of_thin(draft) > 0.012:
+        draft.thin_cost *= 2.0
+    return assigned
+
+
+def fraction_of_thin(draft: Draft) -> float:
+    """Return the fraction of triangles that are thin."""
+    return float((qualities(draft.vertices, draft.mesh.faces()) < THIN).mean())
 
 
 @kernel
-def _flip_all(mesh, vertices, normals, points, assigned, extra, first, after):
-    """See `flip`; the points of a triangle are a list that starts at `first`, (F,), and goes on by `after`, (N,)."""
-    for i in range(len(points)):
-        if assigned.face[i] >= 0:
-            after[i] = first[assigned.face[i]]
-            first[assigned.face[i]] = i
-    size = len(mesh.origin)
+def flip_all(fitted, tree, normals, thin_cost, sweeps):
+    """Flip edges while the energy falls and, with a tree, no triangle comes to cut another; return how many were.
+
+    Each edge is tried `sweeps` times at most, on average: again when a triangle beside it has changed.
+    """
+    mesh, size = fitted.mesh, len(fitted.mesh.origin)
     queue, waiting = np.empty(size, dtype=np.int64), np.zeros(size, dtype=np.bool_)
     count = begin = flips = 0
     for h in range(size):
         if mesh.origin[h] >= 0 and mesh.opposite[h] > h:
             queue[count], waiting[h] = h, True
             count += 1
-    tries = SWEEPS * count
-    halves = np.empty(MOST_AROUND, dtype=np.int64)
+    tries = sweeps * count
+    halves = np.empty(MAX_VALENCE, dtype=np.int64)
+    inside = np.zeros(size // 3, dtype=np.bool_)
     while count and tries:
         h = queue[begin]
         begin, count, tries = (begin + 1) % size, count - 1, tries - 1
         waiting[h] = False
-        if not is_flippable(mesh, vertices, normals, h, halves):
+        if (
+            not is_flippable(mesh, fitted.vertices, normals, h, halves)
+            or not _is_better(fitted, thin_cost, h)
+            or not _is_free(fitted, tree, inside, h)
+        ):
             continue
         f, g = h // 3, mesh.opposite[h] // 3
-        if not is_better(mesh, vertices, points, assigned, extra, first, after, np.inf, h):
-            continue
         flip_edge(mesh, h)
-        share_out(mesh, vertices, points, assigned, first, after, f, g)
+        _share_out(fitted, f, g)
         flips += 1
         for side in (f, g):
+            follow(mesh, fitted.vertices, tree, side)
             for k in range(3):
-                other = mesh.opposite[3 * side + k]
-                e = min(3 * side + k, other)
-                if other >= 0 and not waiting[e]:
+                opposite = mesh.opposite[3 * side + k]
+                e = min(3 * side + k, opposite)
+                if opposite >= 0 and not waiting[e]:
                     queue[(begin + count) % size], waiting[e] = e, True
                     count += 1
     return flips
@@ -74,11 +94,8 @@ def is_flippable(mesh, vertices, normals, h, halves):
     a, b = mesh.origin[h], mesh.origin[o]
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
     edges_c, _ = around(mesh, c, halves)
-    for slot in range(edges_c):
-        if mesh.origin[following(halves[slot])] == d or mesh.origin[preceding(halves[slot])] == d:
-            return False
     edges_d, _ = around(mesh, d, halves)
-    if c == d or max(edges_c, edges_d) == MOST_AROUND:
+    if c == d or max(edges_c, edges_d) == MAX_VALENCE or half_edge(mesh, c, d) >= 0 or half_edge(mesh, d, c) >= 0:
         return False
     for v in (a, b):
         edges, closed = around(mesh, v, halves)
@@ -86,56 +103,59 @@ def is_flippable(mesh, vertices, normals, h, halves):
             return False
     for v, w in ((a, d), (d, b)):
         normal = area_vector(row(vertices, v), row(vertices, w), row(vertices, c))
-        length = np.sqrt(dot(normal, normal))
-        cosine = dot(normal, row(normals, v)) + dot(normal, row(normals, w)) + dot(normal, row(normals, c))
-        if not cosine > 3.0 * UPRIGHT * length:
+        # The cosine between the normal and the mean of those of the corners must be above 0.1.
+        if not agreement(normal, normals, v, w, c) > 0.3 * np.sqrt(dot(normal, normal)):
             return False
     return True
 
 
 @kernel(allocates=False)
-def is_better(mesh, vertices, points, assigned, extra, first, after, limit, h):
+def _is_better(fitted, thin_cost, h):
     """Return whether the energy of the two triangles of an edge is lower after its flip.
 
     No point may be beyond the limit of squared distances, unless one already was as far.
     """
+    mesh, vertices, limit = fitted.mesh, fitted.vertices, fitted.limit
     o = mesh.opposite[h]
-    a, b = mesh.origin[h], mesh.origin[o]
-    c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
-    pa, pb, pc, pd = row(vertices, a), row(vertices, b), row(vertices, c), row(vertices, d)
-    old, most = extra * (thinness(pa, pb, pc) + thinness(pb, pa, pd)), limit
+    pa, pb = row(vertices, mesh.origin[h]), row(vertices, mesh.origin[o])
+    pc, pd = row(vertices, mesh.origin[preceding(h)]), row(vertices, mesh.origin[preceding(o)])
+    old, farthest = thin_cost * (thinness(pa, pb, pc) + thinness(pb, pa, pd)), limit
     for side in (h // 3, o // 3):
-        i = first[side]
+        i = fitted.first[side]
         while i >= 0:
-            old += price(assigned.squared[i], limit)
-            most = max(most, assigned.squared[i])
-            i = after[i]
-    new = extra * (thinness(pa, pd, pc) + thinness(pd, pb, pc))
+            old += price(fitted.assigned.squared[i], limit)
+            farthest = max(farthest, fitted.assigned.squared[i])
+            i = fitted.after[i]
+    new, enough = thin_cost * (thinness(pa, pd, pc) + thinness(pd, pb, pc)), (1.0 - 1e-7) * old  # rounding flips none
     for side in (h // 3, o // 3):
-        i = first[side]
-        while i >= 0 and new < LESS * old:
-            point = row(points, i)
+        i = fitted.first[side]
+        while i >= 0 and new < enough:
+            point = row(fitted.points, i)
             fa, fb, fc, fd = minus(pa, point), minus(pb, point), minus(pc, point), minus(pd, point)
             s, t = nearest_in_triangle(fa, fd, fc)
             u, v = nearest_in_triangle(fd, fb, fc)
             squared = min(squared_distance(fa, fd, fc, s, t), squared_distance(fd, fb, fc, u, v))
-            if squared > most:
+            if squared > farthest:
                 return False
             new += price(squared, limit)
-            i = after[i]
-    return new < LESS * old
+            i = fitted.after[i]
+    return new < enough
 
 
 @kernel
-def price(squared, limit):
-    """Return what a squared distance costs: itself, and more the nearer it is to the limit."""
-    return squared * (1.0 + (SHARP * squared / limit) ** 3)
-
-
-@kernel
-def thinness(a, b, c):
-    """Return how far the quality of a triangle is below `THIN_IN_FLIPS`, as a share of this."""
-    return max(0.0, 1.0 - quality(a, b, c) / THIN_IN_FLIPS)
+def _is_free(fitted, tree, inside, h):
+    """Return whether the triangles of an edge cut no triangle of a tree after its flip."""
+    if len(tree.order) == 0:
+        return True
+    mesh = fitted.mesh
+    o = mesh.opposite[h]
+    a, b = mesh.origin[h], mesh.origin[o]
+    c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
+    new = np.array([[a, d, c], [d, b, c]])
+    inside[h // 3] = inside[o // 3] = True
+    cut = any_cut(mesh, fitted.vertices, tree, inside, new)
+    inside[h // 3] = inside[o // 3] = False
+    return not cut
 
 
 @kernel(allocates=False)
@@ -154,14 +174,9 @@ def flip_edge(mesh, h):
     mesh.origin[g], mesh.origin[g + 1], mesh.origin[g + 2] = d, b, c
     mesh.opposite[f], mesh.opposite[f + 1], mesh.opposite[f + 2] = ad, g + 2, ca
     mesh.opposite[g], mesh.opposite[g + 1], mesh.opposite[g + 2] = db, bc, f + 1
-    if ad >= 0:
-        mesh.opposite[ad] = f
-    if ca >= 0:
-        mesh.opposite[ca] = f + 2
-    if db >= 0:
-        mesh.opposite[db] = g
-    if bc >= 0:
-        mesh.opposite[bc] = g + 1
+    for outer, inner in ((ad, f), (ca, f + 2), (db, g), (bc, g + 1)):
+        if outer >= 0:
+            mesh.opposite[outer] = inner
     leave_by(mesh, a, f)
     leave_by(mesh, b, g + 1)
     leave_by(mesh, c, f + 2)
@@ -169,32 +184,23 @@ def flip_edge(mesh, h):
 
 
 @kernel(allocates=False)
-def share_out(mesh, vertices, points, assigned, first, after, f, g):
+def _share_out(fitted, f, g):
     """Give each point of two triangles to the nearer one."""
-    heads = first[f], first[g]
-    first[f] = first[g] = -1
-    for head in heads:
-        i = head
+    assigned, begins = fitted.assigned, (fitted.first[f], fitted.first[g])
+    fitted.first[f] = fitted.first[g] = -1
+    for begin in begins:
+        i = begin
         while i >= 0:
-            behind = after[i]
-            point = row(points, i)
-            least = np.inf
+            behind = fitted.after[i]
+            point = row(fitted.points, i)
+            assigned.squared[i] = np.inf
             for side in (f, g):
-                a, b, c = corners_from(mesh, vertices, side, point)
+                a, b, c = corners_from(fitted.mesh, fitted.vertices, side, point)
                 s, t = nearest_in_triangle(a, b, c)
                 squared = squared_distance(a, b, c, s, t)
-                if squared < least:
-                    least = squared
+                if squared < assigned.squared[i]:
                     assigned.face[i], assigned.squared[i] = side, squared
                     assigned.weights[i, 0], assigned.weights[i, 1] = s, t
-            after[i] = first[assigned.face[i]]
-            first[assigned.face[i]] = i
+            fitted.after[i] = fitted.first[assigned.face[i]]
+            fitted.first[assigned.face[i]] = i
             i = behind
-
-
-def qualities(mesh: HalfEdges, vertices: Floats) -> Floats:
-    """Return the qualities of the triangles, as `triangles.quality` defines them."""
-    a, b, c = (vertices[corner] for corner in mesh.faces().T)
-    squared = sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
-    found: Floats = 2.0 * np.sqrt(3.0) * np.linalg.norm(np.cross(b - a, c - a), axis=1) / squared
-    return found

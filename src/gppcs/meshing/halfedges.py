@@ -1,4 +1,4 @@
-"""Oriented triangles as half-edges, and the ways around a vertex.
+"""Oriented triangles as half-edges, and the way around a vertex.
 
 Half-edge 3 f + k leads from corner k of triangle f to its next corner. The triangle lies to the left.
 """
@@ -19,30 +19,37 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-MOST_AROUND = 64  # triangles around a vertex at most: buffers have this size, and no operation exceeds it
+MAX_VALENCE = 64  # triangles around a vertex: buffers have this size, and no operation exceeds it
 
 
 class HalfEdges(NamedTuple):
-    """Triangles of an oriented manifold, perhaps with borders. Kernels change them in place."""
+    """Triangles of an oriented manifold, perhaps with boundaries. Kernels change them in place."""
 
     origin: Ints  # (3 F,): vertex at which each half-edge begins; -1 for triangles that were removed
-    opposite: Ints  # (3 F,): the half-edge of the neighbouring triangle that leads the other way; -1 on a border
-    # (V,): for each vertex, a half-edge that begins there; on a border, the one from which all others follow
+    opposite: Ints  # (3 F,): the half-edge of the neighbouring triangle that leads the other way; -1 on a boundary
+    # (V,): for each vertex, a half-edge that begins there; on a boundary, the one from which all others follow
     # counter-clockwise; -1 for a vertex without triangles
     leaving: Ints
 
     @classmethod
-    def of(cls, faces: Ints, n: int) -> Self:
-        """Connect triangles."""
+    def from_faces(cls, faces: Ints, n: int) -> Self:
+        """Connect triangles between n vertices."""
         origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
         mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
-        _connect(mesh, EdgeTable.of(n, len(origin)))
+        _connect(mesh, EdgeTable.empty(n, len(origin)))
         return mesh
+
+    def corners(self) -> Ints:
+        """Return the corners of all triangles, (F, 3), -1 for those that were removed."""
+        return self.origin.reshape(-1, 3)
+
+    def targets(self) -> Ints:
+        """Return the vertex at which each half-edge ends, (3 F,)."""
+        return np.roll(self.corners(), -1, axis=1).ravel()
 
     def faces(self) -> Ints:
         """Return the triangles that are left."""
-        faces = self.origin.reshape(-1, 3)
-        return faces[faces[:, 0] >= 0]
+        return self.corners()[self.origin[::3] >= 0]
 
     def edges(self) -> Ints:
         """Return a half-edge of each edge."""
@@ -54,6 +61,10 @@ class HalfEdges(NamedTuple):
         edges = self.edges()
         return edges[self.opposite[edges] >= 0]
 
+    def boundary_edges(self) -> Ints:
+        """Return the half-edges without an opposite one."""
+        return np.flatnonzero((self.opposite < 0) & (self.origin >= 0))
+
 
 class EdgeTable(NamedTuple):
     """Directed edges, listed by the vertex at which they begin. Kernels add to them."""
@@ -63,8 +74,8 @@ class EdgeTable(NamedTuple):
     target: Ints  # (edges,): vertex at which each edge ends
 
     @classmethod
-    def of(cls, n: int, count: int) -> Self:
-        """Make a table without edges."""
+    def empty(cls, n: int, count: int) -> Self:
+        """Make a table without edges, with room for so many."""
         return cls(np.full(n, -1), np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64))
 
 
@@ -109,15 +120,21 @@ def _connect(mesh, table):
             mesh.leaving[v] = h
 
 
+@kernel
+def room_for_ring():
+    """Return buffers for the half-edges that leave a vertex, and for its neighbours."""
+    return np.empty(MAX_VALENCE, dtype=np.int64), np.empty(MAX_VALENCE + 1, dtype=np.int64)
+
+
 @kernel(allocates=False)
-def around(mesh, v, found):
+def around(mesh, v, halves):
     """List the half-edges that leave a vertex, counter-clockwise; return their number, and whether they close."""
     first = mesh.leaving[v]
     if first < 0:
         return 0, False
     h, count = first, 0
     while True:
-        found[count] = h
+        halves[count] = h
         count += 1
         h = mesh.opposite[preceding(h)]
         if h < 0:
@@ -127,20 +144,31 @@ def around(mesh, v, found):
 
 
 @kernel(allocates=False)
-def neighbours(mesh, v, halves, found):
+def neighbours(mesh, v, halves, ring):
     """List the vertices around a vertex, counter-clockwise; return their number, and what `around` does."""
     edges, closed = around(mesh, v, halves)
     for slot in range(edges):
-        found[slot] = mesh.origin[following(halves[slot])]
+        ring[slot] = mesh.origin[following(halves[slot])]
     if closed or edges == 0:
         return edges, edges, closed
-    found[edges] = mesh.origin[preceding(halves[edges - 1])]
+    ring[edges] = mesh.origin[preceding(halves[edges - 1])]
     return edges + 1, edges, False
 
 
 @kernel(allocates=False)
+def half_edge(mesh, v, w):
+    """Return the half-edge from a vertex to another, -1 if there is none."""
+    h = first = mesh.leaving[v]
+    while h >= 0 and mesh.origin[following(h)] != w:
+        h = mesh.opposite[preceding(h)]
+        if h == first:
+            return -1
+    return h
+
+
+@kernel(allocates=False)
 def leave_by(mesh, v, h):
-    """Let a vertex be left by a half-edge, or on a border by the first one."""
+    """Let a vertex be left by a half-edge, or on a boundary by the first one."""
     mesh.leaving[v] = h
     if h < 0:
         return
@@ -153,29 +181,35 @@ def leave_by(mesh, v, h):
 
 
 @kernel(allocates=False)
-def add_triangle(patch, size, f):
-    """Add a triangle to a patch of some size, unless it is there or the patch is full; return the new size."""
+def position_of(values, size, value):
+    """Return the position of a value among the first ones of a list, -1 if it is not there."""
     for slot in range(size):
-        if patch[slot] == f:
-            return size
-    if size == len(patch):
+        if values[slot] == value:
+            return slot
+    return -1
+
+
+@kernel(allocates=False)
+def add_to_patch(patch, size, f):
+    """Add a triangle to a patch of some size, unless it is there or the patch is full; return the new size."""
+    if size == len(patch) or position_of(patch, size, f) >= 0:
         return size
     patch[size] = f
     return size + 1
 
 
-def without_bow_ties(faces: Ints, n: int) -> Ints:
-    """Leave out triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
+def without_bow_ties(faces: Ints, n: int) -> HalfEdges:
+    """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
-        mesh = HalfEdges.of(faces, n)
-        other = mesh.opposite[mesh.opposite >= 0]
-        after = np.where(other % 3 == 2, other - 2, other + 1)  # they leave the same vertex
+        mesh = HalfEdges.from_faces(faces, n)
+        opposite = mesh.opposite[mesh.opposite >= 0]
+        after = np.where(opposite % 3 == 2, opposite - 2, opposite + 1)  # they leave the same vertex
         begins = np.concatenate([[0], np.cumsum(mesh.opposite >= 0)])
         size = len(mesh.origin)
         _, fan = connected_components(csr_array((np.ones(len(after)), after, begins), shape=(size, size)))
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
-            return faces
+            return mesh
         vertex = np.empty(len(sizes), dtype=np.int64)
         vertex[fan] = mesh.origin
         several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)

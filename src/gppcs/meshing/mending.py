@@ -7,72 +7,116 @@ import numpy as np
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
-from gppcs.meshing.filling import border_loops, fill, fillings, without_cutting
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.filling import boundary_loops, fill, fillings, with_fillings
 from gppcs.meshing.halfedges import (
-    MOST_AROUND,
     Flags,
     Floats,
     HalfEdges,
     Ints,
-    add_triangle,
+    add_to_patch,
     around,
     following,
     leave_by,
     neighbours,
+    position_of,
+    room_for_ring,
     without_bow_ties,
 )
+from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
 from gppcs.spatial.triangles import dot, minus, row
 
-ROUNDS = 4  # of mending all triangles that cut others
 PATCHES = 11  # patches around a triangle that are tried
-MOST_TRIANGLES = 120  # of a patch
-LONGEST_LOOP = 36  # corners of a patch
-RELAXED = 0.25  # of the way to the middle of its neighbours, how far a vertex goes
+RELAXED = 0.25  # fraction of the way to the mean of its neighbours by which a vertex moves
 
 
-def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, kept: Flags, rounds: int = ROUNDS) -> tuple[Ints, Ints]:
+def mend_draft(draft: Draft, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
+    """Mend triangles that cut others, so that none does; vertices are added for those removed, in all but the last try.
+
+    Return the number of holes that stay open.
+    """
+    n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
+    for last in (*[False] * (tries - 1), True):
+        if len(_mended(draft, relaxations if draft.moved else 0)):
+            draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
+            holes += opened
+        missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
+        if missing <= 0 or last or draft.fixed.any():
+            break
+        _add(draft, missing)
+    return holes
+
+
+def _mended(draft: Draft, relaxations: int) -> Ints:
+    """Mend triangles that cut others, and relax what still does; return the triangles that no round has helped.
+
+    Their corners go back.
+    """
+    before = draft.vertices.copy()
+    for last in (*[False] * relaxations, True):
+        into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed)
+        draft.merge(into)
+        if not len(cut) or last:
+            break
+        relax(draft.mesh, draft.vertices, np.unique(draft.mesh.corners()[cut]))
+    corners = draft.mesh.corners()[cut]
+    draft.vertices[corners] = before[corners]
+    return cut
+
+
+def _add(draft: Draft, count: int) -> None:
+    """Add vertices where the dense points are farthest off, and where the new triangles cut none."""
+    assigned, n = draft.assigned(), len(draft.dense_index)
+    faces, points = farthest_points_of(draft.mesh, assigned, unused_points(draft), 4 * count)
+    positions = draft.dense.places if draft.moved else draft.dense.raw
+    trial = split(draft.mesh, faces, n)
+    cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
+    spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])
+    covered = assigned.face >= 0
+    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(draft.mesh.corners()))
+    worst_first = np.argsort(-sums[faces], kind="stable")
+    best = np.sort(worst_first[~spoilt[worst_first]][:count])
+    insert(draft, assigned, faces[best], points[best])
+
+
+def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags, rounds: int = 4) -> tuple[Ints, Ints]:
     """Replace patches around triangles that cut others by triangles that cut nothing, where that can be done.
 
     The patches are two triangles with a common edge, then those around a vertex or some vertices. A patch is a disc,
-    and its border stays, so the topology does, too. The vertices inside are removed.
+    and its boundary stays, so the topology does, too. The vertices inside are removed.
     """
     into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
     if len(mesh.faces()):
-        tree = TriangleTree.of(mesh, vertices)
+        tree = TriangleTree.from_mesh(mesh, vertices)
         cut = cutting(mesh, vertices, tree)
         for _ in range(rounds):
-            if not len(cut) or _mend_all(mesh, vertices, normals, kept, tree, cut, into) == 0:
+            if not len(cut) or _mend_all(mesh, vertices, normals, fixed, tree, cut, into) == 0:
                 break
             cut = cutting(mesh, vertices, tree, cut)  # new triangles cut none
     return ends(into), cut
 
 
-def relax(mesh: HalfEdges, vertices: Floats, faces: Ints) -> None:
-    """Move the corners of some triangles a part of the way to the middle of their neighbours.
+@kernel
+def relax(mesh, vertices, corners):
+    """Move some vertices, (m,), one after another, a part of the way to the mean of their neighbours.
 
-    On borders, these are the two on the border.
+    On boundaries, these are the two on the boundary.
     """
-    _relax_all(mesh, vertices, np.unique(mesh.origin.reshape(-1, 3)[faces]))
-
-
-@kernel
-def _relax_all(mesh, vertices, corners):
-    """Move some vertices, (m,), one after another."""
-    halves, found = np.empty(MOST_AROUND, dtype=np.int64), np.empty(MOST_AROUND + 1, dtype=np.int64)
+    halves, ring = room_for_ring()
     for v in corners:
-        count, _, closed = neighbours(mesh, v, halves, found)
-        others = found[:count] if closed else found[: count : count - 1]
+        count, _, closed = neighbours(mesh, v, halves, ring)
+        beside = ring[:count] if closed else ring[: count : count - 1]
         for axis in range(3):
-            vertices[v, axis] += RELAXED * (vertices[others, axis].mean() - vertices[v, axis])
+            vertices[v, axis] += RELAXED * (vertices[beside, axis].mean() - vertices[v, axis])
 
 
 @kernel
-def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
+def _mend_all(mesh, vertices, normals, fixed, tree, faces, into):
     """Mend the triangles `faces`, (m,), one after another; return how many patches were replaced."""
     inside = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    patch, loop = np.empty(MOST_TRIANGLES, dtype=np.int64), np.empty(LONGEST_LOOP, dtype=np.int64)
-    halves, new = np.empty(MOST_AROUND, dtype=np.int64), np.empty((LONGEST_LOOP, 3), dtype=np.int64)
-    changes = 0
+    patch, loop = np.empty(120, dtype=np.int64), np.empty(36, dtype=np.int64)  # larger ones are not tried
+    new, changes = np.empty((len(loop), 3), dtype=np.int64), 0
+    halves, _ = room_for_ring()
     for f in faces:
         if mesh.origin[3 * f] < 0 or not is_cut(mesh, vertices, tree, inside, f):
             continue
@@ -80,7 +124,7 @@ def _mend_all(mesh, vertices, normals, kept, tree, faces, into):
             size = _patch(mesh, f, which, halves, patch)
             for i in range(size):
                 inside[patch[i]] = True
-            length = _border(mesh, patch[:size], inside, kept, loop) if size else 0
+            length = _boundary(mesh, patch[:size], inside, fixed, loop) if size else 0
             count = 0
             if length:
                 count = fill(mesh, vertices, normals, tree, inside, mesh.origin[loop[:length]], halves, True, new)
@@ -105,28 +149,21 @@ def _patch(mesh, f, which, halves, patch):
         h = 3 * f + k
         if which in (k, 3):
             if mesh.opposite[h] >= 0:
-                size = add_triangle(patch, size, mesh.opposite[h] // 3)
+                size = add_to_patch(patch, size, mesh.opposite[h] // 3)
             elif which == k:
                 return 0
         if which in (4 + k, 7 + k, 7 + (k + 2) % 3, 10):
-            size = _add_around(mesh, mesh.origin[h], halves, patch, size)
-    return size if size < MOST_TRIANGLES else 0
-
-
-@kernel(allocates=False)
-def _add_around(mesh, v, halves, patch, size):
-    """Add the triangles around a vertex to a patch of some size; return the new size."""
-    edges, _ = around(mesh, v, halves)
-    for slot in range(edges):
-        size = add_triangle(patch, size, halves[slot] // 3)
-    return size
+            edges, _ = around(mesh, mesh.origin[h], halves)
+            for slot in range(edges):
+                size = add_to_patch(patch, size, halves[slot] // 3)
+    return size if size < len(patch) else 0
 
 
 @kernel
-def _border(mesh, patch, inside, kept, loop):
+def _boundary(mesh, patch, inside, fixed, loop):
     """Fill `loop` with the half-edges around a patch, counter-clockwise; return their number.
 
-    It is 0 if the patch is not a disc, has too long a border, or has a kept vertex inside.
+    It is 0 if the patch is not a disc, has too long a boundary, or has a fixed vertex inside.
     """
     first, outer = -1, 0
     for f in patch:
@@ -147,13 +184,13 @@ def _border(mesh, patch, inside, kept, loop):
             h = following(mesh.opposite[h])
     if length < outer or (len(patch) - length) % 2:
         return 0
-    inner = 0
+    inner, corners = 0, mesh.origin[loop[:length]]
     vertices = np.unique(
         np.concatenate((mesh.origin[3 * patch], mesh.origin[3 * patch + 1], mesh.origin[3 * patch + 2]))
     )
     for v in vertices:
-        if not (mesh.origin[loop[:length]] == v).any():
-            if kept[v]:
+        if position_of(corners, length, v) < 0:
+            if fixed[v]:
                 return 0
             inner += 1
     return length if inner == (len(patch) - length + 2) // 2 else 0
@@ -161,7 +198,7 @@ def _border(mesh, patch, inside, kept, loop):
 
 @kernel
 def _replace(mesh, vertices, tree, patch, loop, new, into):
-    """Put the triangles `new`, (L - 2, 3), in the place of a patch with a border of half-edges, (L,)."""
+    """Put the triangles `new`, (L - 2, 3), in the place of a patch with a boundary of half-edges, (L,)."""
     outer, corners = mesh.opposite[loop], mesh.origin[loop]
     for f in patch:
         for h in range(3 * f, 3 * f + 3):
@@ -193,54 +230,50 @@ def _replace(mesh, vertices, tree, patch, loop, new, into):
 @kernel(allocates=False)
 def _nearest(vertices, v, corners):
     """Return the corner nearest to a vertex: itself if it is one."""
-    best, least = v, np.inf
+    nearest, lowest = v, np.inf
     for u in corners:
+        if u == v:
+            return v
         step = minus(row(vertices, u), row(vertices, v))
-        if u == v or dot(step, step) < least:
-            best, least = u, -1.0 if u == v else dot(step, step)
-    return best
+        if dot(step, step) < lowest:
+            nearest, lowest = u, dot(step, step)
+    return nearest
 
 
-def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[Ints, int]:
-    """Leave out triangles until none cuts another, and close the holes by triangles that cut nothing.
+def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:
+    """Drop triangles until none cuts another, and close the holes by triangles that cut nothing.
 
-    This may change the topology: a handle that is no part of the surface often cuts it. Return the triangles, and the
+    This may change the topology: a handle that is no part of the surface often cuts it. Return the mesh, and the
     number of holes that stay open.
     """
-    old, faces = _border_edges(mesh), _without_cuts(mesh, vertices)
-    loops = border_loops(HalfEdges.of(faces, len(vertices)))
-    loops = [loop for loop in loops if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]
-    new, hole = without_cutting(faces, vertices, *fillings(faces, vertices, normals, loops, careful=True))
-    return np.concatenate([faces, new]), len(loops) - len(np.unique(hole))
+    boundary, left = mesh.boundary_edges(), _without_cuts(mesh, vertices)
+    old = mesh.origin[boundary] * len(vertices) + mesh.targets()[boundary]
+    loops = [
+        loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()
+    ]  # fmt: skip
+    filled, numbers = with_fillings(left, vertices, *fillings(left, vertices, normals, loops, careful=True))
+    return filled, len(loops) - len(numbers)
 
 
-def _border_edges(mesh: HalfEdges) -> Ints:
-    """Return the half-edges on borders, from p to q, as p V + q."""
-    h = np.flatnonzero((mesh.origin >= 0) & (mesh.opposite < 0))
-    return mesh.origin[h] * len(mesh.leaving) + mesh.origin[np.where(h % 3 == 2, h - 2, h + 1)]
+def without_cuts(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags) -> HalfEdges:
+    """Mend triangles that cut others once, then drop those that still do: a first mesh has others beside them."""
+    _, cut = mend(mesh, vertices, normals, fixed, rounds=1)
+    return _without_cuts(mesh, vertices) if len(cut) else HalfEdges.from_faces(mesh.faces(), len(vertices))
 
 
-def without_cuts(faces: Ints, vertices: Floats, normals: Floats, kept: Flags) -> Ints:
-    """Mend triangles that cut others once, then leave out those that still do: a first mesh has others beside them."""
-    mesh = HalfEdges.of(faces, len(vertices))
-    _, cut = mend(mesh, vertices, normals, kept, rounds=1)
-    return _without_cuts(mesh, vertices) if len(cut) else mesh.faces()
-
-
-def _without_cuts(mesh: HalfEdges, vertices: Floats) -> Ints:
-    """Leave out triangles until none cuts another, large ones first; return the corners of the others, a manifold."""
-    tree = TriangleTree.of(mesh, vertices)
+def _without_cuts(mesh: HalfEdges, vertices: Floats) -> HalfEdges:
+    """Drop triangles until none cuts another, large ones first."""
+    tree = TriangleTree.from_mesh(mesh, vertices)
     cut = cutting(mesh, vertices, tree)
-    a, b, c = (vertices[corner] for corner in mesh.origin.reshape(-1, 3)[cut].T)
+    a, b, c = (vertices[corner] for corner in mesh.corners()[cut].T)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    left_out = np.zeros(len(mesh.origin) // 3, dtype=np.bool_)
-    _leave_out(mesh, vertices, tree, cut[np.argsort(-areas, kind="stable")], left_out)
-    faces = mesh.origin.reshape(-1, 3)[~left_out]
-    return without_bow_ties(faces[faces[:, 0] >= 0], len(vertices))
+    dropped = mesh.origin[::3] < 0
+    _drop(mesh, vertices, tree, cut[np.argsort(-areas, kind="stable")], dropped)
+    return without_bow_ties(mesh.corners()[~dropped], len(vertices))
 
 
 @kernel
-def _leave_out(mesh, vertices, tree, faces, left_out):
-    """Mark in `left_out`, (F,), those of some triangles that cut one that is not marked."""
+def _drop(mesh, vertices, tree, faces, dropped):
+    """Mark in `dropped`, (F,), those of some triangles that cut one that is not marked."""
     for f in faces:
-        left_out[f] = is_cut(mesh, vertices, tree, left_out, f)
+        dropped[f] = is_cut(mesh, vertices, tree, dropped, f)

@@ -1,4 +1,4 @@
-"""Signs of normals, told by patches: parts of a surface that many neighbours join, where one alone may err."""
+"""Signs of normals, by patches: parts of a surface that many neighbours join, where one alone may err."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ from gppcs.meshing.halfedges import Flags, Floats, Ints
 
 
 def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints) -> Flags:
-    """Tell which normals of points, (n, 3), must be turned so that patches agree where they meet.
+    """Return which normals of points, (n, 3), must be turned so that patches agree where they meet.
 
     Triangles, on which all fans agree, join points to patches, whose normals agree; any other point is a patch by
-    itself. Whether two patches agree is told by all points of one whose nearest ones, (n, k), are of the other. Signs
-    are passed on along a spanning tree, first where most points tell the same. The largest patch of a tree keeps its
-    sign.
+    itself. All points of one patch whose nearest ones, (n, k), are of another decide whether the two agree. Signs are
+    passed on along a spanning tree, first where the most points agree. The largest patch of a tree keeps its sign.
     """
     patches, patch = connected(triangles[:, :2].ravel(), triangles[:, 1:].ravel(), len(points))
     pairs, agreement = _agreements(patch, points, normals, near)
@@ -38,8 +37,8 @@ def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints)
 def _agreements(patch: NDArray[np.int32], points: Floats, normals: Floats, near: Ints) -> tuple[Ints, Floats]:
     """Return pairs of near points of different patches, (2, p), on one sheet, and the cosines between their normals."""
     i, j = np.repeat(np.arange(len(points)), near.shape[1]), near.ravel()
-    met = patch[i] != patch[j]
-    i, j = i[met], j[met]
+    differ = patch[i] != patch[j]
+    i, j = i[differ], j[differ]
     step = points[j] - points[i]
     flat = np.einsum("ij,ij->i", step, normals[i]) ** 2 <= STEEPEST**2 * (step**2).sum(axis=1)
     i, j = i[flat], j[flat]

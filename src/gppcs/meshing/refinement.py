@@ -5,19 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.meshing.assignment import Assignment
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import Flags, HalfEdges, Ints
 
-INSIDE = 0.05  # least barycentric coordinate of a new vertex in its triangle
+
+def refine(draft: Draft, count: int, assigned: Assignment) -> None:
+    """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
+    insert(draft, assigned, *farthest_points_of(draft.mesh, assigned, unused_points(draft), count))
+    assigned = flip(draft)
+    covered = np.flatnonzero(assigned.face >= 0)
+    corners = draft.mesh.corners()[assigned.face[covered]]
+    squared = ((draft.vertices[corners] - draft.dense.places[covered, None]) ** 2).sum(axis=2)
+    draft.nearest[covered] = np.take_along_axis(corners, squared.argmin(axis=1)[:, None], axis=1)[:, 0]
 
 
-def worst_places(mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int) -> tuple[Ints, Ints]:
-    """Return the triangles with the largest sums of squared distances, and the farthest dense point of each."""
-    there = assigned.face >= 0
-    size = len(mesh.origin) // 3
-    sums = np.bincount(assigned.face[there], assigned.squared[there], minlength=size)
+def farthest_points_of(
+    mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int, min_weight: float = 0.05
+) -> tuple[Ints, Ints]:
+    """Return the triangles with the largest sums of squared distances, and the farthest dense point of each.
+
+    All barycentric coordinates of such a point are at least `min_weight`.
+    """
+    covered = assigned.face >= 0
+    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(mesh.corners()))
     s, t = assigned.weights.T
-    inner = np.flatnonzero(there & usable & (np.minimum(np.minimum(s, t), 1.0 - s - t) > INSIDE))
-    farthest = np.full(size, -1)
+    inner = np.flatnonzero(covered & usable & (np.minimum(np.minimum(s, t), 1.0 - s - t) > min_weight))
+    farthest = np.full(len(mesh.corners()), -1)
     inner = inner[np.argsort(assigned.squared[inner], kind="stable")]
     farthest[assigned.face[inner]] = inner  # of several points of a triangle, the last one stays
     faces = np.flatnonzero(farthest >= 0)
@@ -25,11 +39,32 @@ def worst_places(mesh: HalfEdges, assigned: Assignment, usable: Flags, count: in
     return faces, farthest[faces]
 
 
+def unused_points(draft: Draft) -> Flags:
+    """Return which dense points are not vertices of the mesh, (n,)."""
+    unused = np.ones(len(draft.nearest), dtype=np.bool_)
+    unused[draft.dense_index[draft.mesh.leaving >= 0]] = False
+    return unused
+
+
+def insert(draft: Draft, assigned: Assignment, faces: Ints, points: Ints) -> None:
+    """Split triangles, ascending, each by a dense point."""
+    first = len(draft.dense_index)
+    new = np.full(len(draft.mesh.corners()), -1)
+    new[faces] = first + np.arange(len(faces))
+    inside = (assigned.face >= 0) & (new[assigned.face] >= 0)
+    draft.nearest[inside] = new[assigned.face[inside]]
+    draft.mesh = split(draft.mesh, faces, first)
+    positions = draft.dense.places if draft.moved else draft.dense.raw
+    draft.dense_index = np.concatenate([draft.dense_index, points])
+    draft.fixed = np.concatenate([draft.fixed, np.zeros(len(points), dtype=np.bool_)])
+    draft.vertices = np.concatenate([draft.vertices, positions[points]])
+    draft.normals = np.concatenate([draft.normals, draft.dense.normals[points]])
+
+
 def split(mesh: HalfEdges, faces: Ints, first: int) -> HalfEdges:
     """Return a mesh in which some triangles are split in three by a new vertex each."""
-    corners = mesh.origin.reshape(-1, 3)
-    a, b, c = corners[faces].T
+    a, b, c = mesh.corners()[faces].T
     new = first + np.arange(len(faces))
-    left = np.delete(corners, faces, axis=0)
+    left = np.delete(mesh.corners(), faces, axis=0)
     thirds = [np.column_stack(triangle) for triangle in ((a, b, new), (b, c, new), (c, a, new))]
-    return HalfEdges.of(np.concatenate([left[left[:, 0] >= 0], *thirds]), first + len(faces))
+    return HalfEdges.from_faces(np.concatenate([left[left[:, 0] >= 0], *thirds]), first + len(faces))

@@ -19,8 +19,6 @@ from gppcs.spatial.kdtree import (
     squared_distance_to_box,
 )
 
-LEAST_AREA = 1e-9  # twice the area of a triangle, in its sum of squared edges
-
 
 @kernel
 def dot(a, b):
@@ -61,9 +59,15 @@ def area_vector(a, b, c):
 
 @kernel
 def has_area(a, b, c):
-    """Return whether a triangle has an area that rounding cannot explain."""
+    """Return whether a triangle has an area that rounding cannot explain: 1e-9 of its sum of squared edges."""
     normal, ab, bc, ca = area_vector(a, b, c), minus(b, a), minus(c, b), minus(a, c)
-    return dot(normal, normal) > (LEAST_AREA * (dot(ab, ab) + dot(bc, bc) + dot(ca, ca))) ** 2
+    return dot(normal, normal) > (1e-9 * (dot(ab, ab) + dot(bc, bc) + dot(ca, ca))) ** 2
+
+
+@kernel(allocates=False)
+def agreement(normal, normals, a, b, c):
+    """Return the sum of the dot products of a triangle's normal with those of its corners, of (V, 3)."""
+    return dot(normal, row(normals, a)) + dot(normal, row(normals, b)) + dot(normal, row(normals, c))
 
 
 @kernel
@@ -73,6 +77,15 @@ def quality(a, b, c):
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
     return 3.4641016151377544 * dot(normal, normal) ** 0.5 / squared if squared > 0.0 else 0.0
+
+
+@kernel
+def qualities(vertices, faces):
+    """Return the qualities of triangles, (F,)."""
+    values = np.empty(len(faces))
+    for f in range(len(faces)):
+        values[f] = quality(row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2]))
+    return values
 
 
 @kernel
@@ -109,12 +122,20 @@ def nearest_in_triangle(a, b, c):
 
 
 @kernel
+def point_in(a, b, c, v, w):
+    """Return the point a + v (b - a) + w (c - a) of a triangle."""
+    return (
+        a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0]),
+        a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1]),
+        a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2]),
+    )
+
+
+@kernel
 def squared_distance(a, b, c, v, w):
     """Return the squared length of a + v (b - a) + w (c - a)."""
-    x = a[0] + v * (b[0] - a[0]) + w * (c[0] - a[0])
-    y = a[1] + v * (b[1] - a[1]) + w * (c[1] - a[1])
-    z = a[2] + v * (b[2] - a[2]) + w * (c[2] - a[2])
-    return x * x + y * y + z * z
+    point = point_in(a, b, c, v, w)
+    return dot(point, point)
 
 
 def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[Ints, Floats, Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,12 @@ from gppcs.app.printing import emit, names_of, note_left_out, print_error, recor
 from gppcs.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
+    from gppcs.meshing.result import MeshDiagnostics
 
 EPILOG = (
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
@@ -68,7 +70,7 @@ def mesh(
     unit: options.Unit = None,
     fill_holes: Annotated[
         str | None,
-        option("Also close holes up to this size: the diagonal of the box around the border.", metavar="LENGTH"),
+        option("Also close holes up to this size: the diagonal of the box around the boundary loop.", metavar="LENGTH"),
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
@@ -89,13 +91,13 @@ def mesh(
     from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import check_mesh_storable, mesh_format_of, write_mesh
-    from gppcs.meshing.pipeline import Size
+    from gppcs.meshing.arguments import Size
     from gppcs.meshing.pipeline import mesh as meshed
 
     timer = started(quiet, threads)
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
-    task = Size.of(**size, keep=keep_points)
+    task = Size.from_arguments(**size, keep=keep_points)
     mesh_format_of(output)
     files = [cloud, *filter(None, [keep_points])]
     io.check_distinct([output], files)
@@ -113,16 +115,17 @@ def mesh(
     note_left_out(output, dropped)
     for note in _notes(result.diagnostics, len(result.indices), task.n_points, bool(moved or effort)):
         print_error(f"note: {cloud}: {note}")
+    diagnostics = {name: value for name, value in asdict(result.diagnostics).items() if value is not None}
     record = {
         "input": str(cloud),
         "output": str(output),
         "points_in": len(original),
         "vertices": len(result.mesh.vertices),
         "triangles": len(result.mesh.faces),
-        **record_of_run(result.diagnostics, result.seconds),
+        **record_of_run(diagnostics, result.seconds),
     }
     rows = {name: record[name] for name in ("points_in", "vertices", "triangles")}
-    rows |= {name: value for name, value in result.diagnostics.items() if value}
+    rows |= {name: value for name, value in diagnostics.items() if value}
     rows |= {"unit of lengths": unit_of(original.header, unit) or "that of the coordinates"}
     emit(record, as_json, quiet, f"{cloud} → {output}", rows | {"time": time_in_words(result.seconds)})
 
@@ -146,26 +149,24 @@ def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[A
     return finite[nearest[:, 0]]
 
 
-def _notes(diagnostics: Mapping[str, float], made: int, n_points: int | None, moved: bool) -> Iterator[str]:
+def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved: bool) -> Iterator[str]:
     """Yield what the mesh lacks, what its tolerance does not hold for, and that it has the noise of the points."""
-    missing, added, opened, outliers, off_surface = (
-        int(diagnostics.get(name, 0)) for name in ("missing", "added", "opened", "outliers", "off_surface")
-    )
-    noise, tolerance = diagnostics["noise"], diagnostics.get("tolerance")
+    noise, tolerance = diagnostics.noise, diagnostics.tolerance
     if n_points is not None and made < n_points:
         yield f"the mesh has {made:,} vertices, fewer than the {n_points:,} asked for"
-    if missing:
-        yield f"{missing:,} of the points to keep are on no piece of the surface, so they are left out"
-    if added:
-        yield f"vertices that are no points to keep: {added:,}, as holes, handles and small pieces need them"
-    if (excluded := diagnostics["left_out"]) > 0.001 and "off_surface" not in diagnostics:
-        yield f"{excluded:.1%} of the points are on no piece of the surface that is large enough"
-    if opened:
-        yield f"the mesh has small holes ({opened:,}) where triangles would cut others"
-    if outliers or off_surface:
+    if diagnostics.missing:
+        yield f"{diagnostics.missing:,} of the points to keep are on no piece of the surface"
+    if diagnostics.added:
+        yield f"{diagnostics.added:,} vertices are no points to keep, as holes, handles and small pieces need them"
+    if diagnostics.excluded > 0.001 and tolerance is None:
+        yield f"{diagnostics.excluded:.1%} of the points are on no piece of the surface that is large enough"
+    if diagnostics.open_holes:
+        yield f"the mesh has small holes ({diagnostics.open_holes:,}) where triangles would cut others"
+    if diagnostics.outliers or diagnostics.off_surface:
         yield (
-            f"points that the tolerance does not cover: {outliers:,} outliers, and {off_surface:,} that the full mesh "
-            "misses, too; gppcs evaluate IN --simplified-mesh OUT measures all points"
+            f"points that the tolerance does not cover: {diagnostics.outliers:,} outliers, and "
+            f"{diagnostics.off_surface:,} that the full mesh misses, too; gppcs evaluate IN --simplified-mesh OUT "
+            "measures all points"
         )
     if tolerance is None and noise and not moved:
         yield f"the points have noise of about {noise:.4g}, and so has their mesh; --moved removes it"

@@ -1,0 +1,106 @@
+"""The first mesh: some of the dense points, evenly spread, joined by the triangles of their fans."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gppcs.engine.timer import Timer
+from gppcs.errors import NoSurfaceError
+from gppcs.meshing.assembly import assembled, without_scraps
+from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
+from gppcs.meshing.draft import Draft
+from gppcs.meshing.fans import fans_of
+from gppcs.meshing.halfedges import Floats, Ints
+from gppcs.meshing.mending import without_cuts
+from gppcs.meshing.patches import turned_patches
+from gppcs.spatial.farthest_points import farthest_points
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.fans import ON_CIRCLE
+from gppcs.surface.normals import EDGES
+
+MIN_PIECE = 12  # triangles of a piece; smaller ones are scraps
+
+
+def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool, timer: Timer) -> Draft:
+    """Return the first mesh of points, (N, 3), for a result of so many vertices; the indices `fixed` are vertices.
+
+    Where its triangles hardly agree, thick noise is tried as the reason.
+    """
+    best, best_agreed = None, 0.0
+    errors: list[NoSurfaceError] = []
+    for thick in (False, True):
+        try:
+            with timer("normals"):
+                dense = DensePoints.from_points(points, n_vertices, fixed, thick)
+            if dense is None:  # there is no thick noise
+                continue
+            with timer("first mesh"):
+                draft, agreed = _joined(dense, _spread(dense, n_vertices, fixed), fixed, moved)
+        except NoSurfaceError as error:
+            errors.append(error)
+            continue
+        if best is None or excluded(draft) < excluded(best):
+            best, best_agreed = draft, agreed
+        if best_agreed >= 0.5:  # the fraction in thick noise may be below; in that of scans, it is at least 0.56
+            break
+    if best is None:
+        raise errors[-1]
+    return best
+
+
+def excluded(first: Draft) -> float:
+    """Return the fraction of the points of a first mesh that no triangle joins."""
+    return 1.0 - first.n_vertices / len(first.dense_index)
+
+
+def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
+    """Return which dense points the first mesh joins, ascending."""
+    count = (LEVEL_OF_NOISY if dense.noise else 8) * n_vertices
+    if count >= len(dense.rows):
+        return np.arange(len(dense.rows))
+    forced = np.flatnonzero(np.isin(dense.rows, fixed))
+    tree = KdTree.over(np.ascontiguousarray(dense.places.T))
+    before = dense.places[forced] if len(forced) else None
+    even, _ = farthest_points(dense.places, max(1, count - len(forced)), tree, before=before)
+    return np.union1d(even, forced)
+
+
+def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple[Draft, float]:
+    """Join some dense points; raise an error if they lie on no surface.
+
+    Return also the fraction of the fans' triangles that another fan has too.
+    """
+    n, positions, reaches = len(joined), dense.places[joined], dense.cover.reaches[joined]
+    tree = KdTree.over(np.ascontiguousarray(positions.T))
+    near, _ = tree.neighbours(min(24, n - 1))
+    for on_circle in ON_CIRCLE:
+        triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
+        if (agreed := _agreed(votes)) >= 0.38:
+            break
+    else:
+        raise NoSurfaceError(
+            f"expected points on a surface, found {n} points of whose triangles only {agreed:.0%} fit together: they "
+            "fill a volume, are too few, or have noise thicker than their spacing"
+        )
+    if dense.uneven:
+        turned = turned_patches(triangles[votes == 3], positions, dense.normals[joined], near[:, :EDGES])
+        dense = dense.turned(joined, turned, tree)
+        triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
+        agreed = _agreed(votes)
+    normals, is_fixed = dense.normals[joined], np.isin(dense.rows[joined], fixed)
+    mesh = assembled(triangles, votes, radii, positions, normals, reaches, dense.cover, dense.uneven)
+    min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface
+    mesh = without_scraps(mesh, min_piece)
+    mesh = without_cuts(mesh, positions if moved else dense.raw[joined], normals, is_fixed)
+    mesh = without_scraps(mesh, min_piece)  # cuts leave some, too
+    n_faces, n_joined = len(mesh.faces()), int(np.count_nonzero(mesh.leaving >= 0))
+    if not n_faces or (n_faces < MIN_PIECE and 2 * n_joined < n):
+        raise NoSurfaceError(
+            f"expected points on a surface, found {n} points of which triangles join {n_joined or 'none'}"
+        )
+    return Draft.from_mesh(mesh, dense, joined, is_fixed, moved), agreed
+
+
+def _agreed(votes: Ints) -> float:
+    """Return the fraction of triangles of fans that another fan has too, from how many have each."""
+    return np.count_nonzero(votes > 1) / max(1, len(votes))
