@@ -73,17 +73,12 @@ def open_off(file: BufferedReader) -> Reader:
     if len(face_lines) < n_faces:
         raise ends_early("face", len(face_lines), n_faces)
 
-    def triangles() -> Faces:
-        polygons = []
-        for line in face_lines:
-            n_corners, *corners = line.split()
-            polygon = _corners(line, corners[: as_count(n_corners)])
-            if len(polygon) != as_count(n_corners) or not all(0 <= corner < n_vertices for corner in polygon):
-                raise _wrong_face(line)
-            polygons.append(polygon)
-        return _fans(polygons)
+    def corners(line: str, _: int) -> list[int]:
+        n_corners, *fields = line.split()
+        indices = [int(field) for field in fields[: as_count(n_corners)]]
+        return indices if len(indices) == as_count(n_corners) else [-1]
 
-    return _reader(cloud, n_faces, triangles, [])
+    return _reader(cloud, n_faces, lambda: _triangles(((n_vertices, line) for line in face_lines), corners), [])
 
 
 def open_obj(file: BufferedReader) -> Reader:
@@ -102,14 +97,9 @@ def open_obj(file: BufferedReader) -> Reader:
         elif keyword in counts:
             counts[keyword] += 1
 
-    def triangles() -> Faces:
-        polygons = []
-        for n_vertices, text in face_lines:
-            polygon = _corners(text, [field.partition("/")[0] for field in text.split()])
-            if not all(1 <= abs(corner) <= n_vertices for corner in polygon):
-                raise _wrong_face(text)
-            polygons.append([corner - 1 if corner > 0 else n_vertices + corner for corner in polygon])
-        return _fans(polygons)
+    def corners(line: str, n_vertices: int) -> list[int]:
+        indices = [int(field.partition("/")[0]) for field in line.split()]
+        return [index - 1 if index > 0 else n_vertices + index for index in indices]
 
     def names(width: int) -> list[str]:
         extras = {3: (), 4: ("w",), 6: COLOUR, 7: ("w", *COLOUR)}.get(width)
@@ -119,7 +109,8 @@ def open_obj(file: BufferedReader) -> Reader:
 
     nouns = {"vn": "normals", "vt": "texture coordinates"}
     skipped = [f"{nouns[keyword]} ({count:,})" for keyword, count in counts.items() if count]
-    return _reader(_cloud(read_rows(iter(vertices), what="vertex"), names), len(face_lines), triangles, skipped)
+    cloud = _cloud(read_rows(iter(vertices), what="vertex"), names)
+    return _reader(cloud, len(face_lines), lambda: _triangles(face_lines, corners), skipped)
 
 
 def _cloud(blocks: Iterable[list[Column]], names: Callable[[int], list[str]]) -> PointCloud:
@@ -128,21 +119,19 @@ def _cloud(blocks: Iterable[list[Column]], names: Callable[[int], list[str]]) ->
     return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))
 
 
-def _corners(line: str, fields: list[str]) -> list[int]:
-    """Return the indices of a face, given its line for a message."""
-    try:
-        return [int(field) for field in fields]
-    except ValueError as error:
-        raise _wrong_face(line) from error
-
-
-def _wrong_face(line: str) -> FileFormatError:
-    return FileFormatError(f"expected a face of indices of earlier vertices, found {shortened(line)}")
-
-
-def _fans(polygons: list[list[int]]) -> Faces:
-    corners = [corner for polygon in polygons for corner in polygon]
-    return triangles_of(np.array([len(polygon) for polygon in polygons], np.int64), np.array(corners, np.int64))
+def _triangles(lines: Iterable[tuple[int, str]], corners: Callable[[str, int], list[int]]) -> Faces:
+    """Return the faces of lines, each with the number of vertices that it may refer to, as triangles."""
+    polygons = []
+    for n_vertices, line in lines:
+        try:
+            polygon = corners(line, n_vertices)
+        except ValueError:
+            polygon = [-1]
+        if not all(0 <= corner < n_vertices for corner in polygon):
+            raise FileFormatError(f"expected a face of indices of earlier vertices, found {shortened(line)}")
+        polygons.append(polygon)
+    indices = [corner for polygon in polygons for corner in polygon]
+    return triangles_of(np.array([len(polygon) for polygon in polygons], np.int64), np.array(indices, np.int64))
 
 
 def triangles_of(sizes: NDArray[np.int64], corners: NDArray[np.int64]) -> Faces:
