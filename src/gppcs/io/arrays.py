@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from functools import partial
 from io import BufferedReader
-from itertools import pairwise
 from typing import BinaryIO
 
 import numpy as np
@@ -17,28 +15,16 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, Reader, Span, keeping
-from gppcs.io.rows import reported
+from gppcs.io.format import Format, Reader, keeping
+from gppcs.io.rows import column_chunks, equal_spans, reported
 
 
 def open_npy(file: BufferedReader) -> Reader:
     """Open an NPY file: an array of at least three columns, or a structured array with fields x, y and z."""
     with _reported():
         columns = _columns(_mapped(file))
-    axes = coordinate_names(columns)
-    n_points = len(columns[axes[0]])
-
-    def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-        first, last = span or (0, n_points)
-        for start in range(first, max(last, first + 1), n):
-            part = slice(start, min(start + n, last))
-            # Copies, since the file may change.
-            yield cloud_of_columns({name: np.array(columns[name][part]) for name in (columns if attributes else axes)})
-
-    def spans(n: int) -> list[Span]:
-        return list(pairwise([*range(0, max(1, n_points - n + 1), n), n_points]))
-
-    return Reader(chunks, n_points, spans=spans)
+    n_points = len(columns[coordinate_names(columns)[0]])
+    return Reader(partial(column_chunks, columns), n_points, spans=partial(equal_spans, n_points))
 
 
 def _mapped(file: BufferedReader) -> Column:

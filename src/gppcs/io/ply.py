@@ -24,6 +24,7 @@ from gppcs.io.meshes import NO_FACES, triangles_of
 from gppcs.io.rows import (
     as_count,
     at_most,
+    bytes_left,
     cast,
     check_length,
     ends_early,
@@ -154,7 +155,8 @@ def open_ply(file: BufferedReader) -> Reader:
             return []
         file.seek(start)
         _skip_to(file, header, vertices)
-        return equal_spans(file, vertices.record(header.order).itemsize, vertices.count, n)
+        is_complete = bytes_left(file) >= vertices.count * vertices.record(header.order).itemsize
+        return equal_spans(vertices.count, n) if is_complete else []
 
     def triangles() -> NDArray[np.int64]:
         faces = header.element("face")

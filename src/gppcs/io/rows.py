@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader, StringIO, TextIOWrapper
@@ -270,11 +270,21 @@ def at_most(n: int, clouds: Iterable[PointCloud]) -> Iterator[PointCloud]:
             yield cloud if len(cloud) <= n else cloud[start : start + n]
 
 
-def equal_spans(file: BufferedReader, record_size: int, count: int, n: int) -> list[Span]:
-    """Divide the records of a file, which is at the first, into spans of n; the last may be twice as long."""
-    if bytes_left(file) < count * record_size:
-        return []
+def equal_spans(count: int, n: int) -> list[Span]:
+    """Divide records into spans of n; the last may be twice as long."""
     return list(pairwise([*range(0, max(1, count - n + 1), n), count]))
+
+
+def column_chunks(
+    columns: Mapping[str, Column], n: int, attributes: bool = True, span: Span | None = None
+) -> Iterator[PointCloud]:
+    """Yield the clouds of n values each of columns that are mapped into memory."""
+    axes = coordinate_names(columns)
+    first, last = span or (0, len(columns[axes[0]]))
+    for start in range(first, max(last, first + 1), n):
+        part = slice(start, min(start + n, last))
+        # Copies, since the file may change.
+        yield cloud_of_columns({name: np.array(columns[name][part]) for name in (columns if attributes else axes)})
 
 
 def read_records(
@@ -290,16 +300,8 @@ def read_records(
     check_length(file, record.itemsize, count, what)
     table = np.memmap(file, record, "r", file.tell(), count) if count else np.empty(0, record)
     names = record.names or ()
-    read = [name for name in names if name in kept or name in coordinate_names(names)]
-    first, last = span or (0, count)
-    for start in range(first, max(last, first + 1), n):
-        part = table[start : min(start + n, last)]
-        yield cloud_of_columns({name: np.array(part[name]) for name in read})  # copies, since the file may change
-
-
-def type_and_shape(dtype: np.dtype[Any]) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Return the type and the shape of a field of a structured type."""
-    return dtype.subdtype or (dtype, ())
+    axes = coordinate_names(names)
+    return column_chunks({name: table[name] for name in names if name in kept or name in axes}, n, span=span)
 
 
 def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:
