@@ -78,12 +78,14 @@ class Options:
     detail: str | Mapping[str, float] | None = _option(
         None,
         "Let this attribute count beside the shape: rgb (red, green and blue), a number such as intensity, or classes. "
-        "The weight, from 0 to 1000, is 1 if none is given (method gp).",
+        "The weight, from 0 to 1000, is 1 if none is given; in Python, several names have weights in a mapping (method "
+        "gp).",
     )
     quota: Mapping[str, float | str] | None = _option(
         None,
-        "Keep exactly this number of points that meet a condition, or this share of the kept points, such as "
-        "10% with 'classification == 6'. The other points share the rest (methods that rank their points).",
+        "Keep exactly this number of points that meet a condition, or this fraction of the kept points, such as "
+        "'classification == 6: 10%', in Python {'classification == 6': '10%'}. The other points share the rest (methods "
+        "that rank their points).",
     )
     group: str | None = _option(
         None,
@@ -155,7 +157,6 @@ class Options:
             raise ParameterError(f"expected group to be the name of an attribute, found {shown(self.group)}")
         self._check_size()
         self._check_features()
-        self._check_denoised()
         if self.unit is not None:
             metres_of(self.unit, None)
         if isinstance(self.keep, str):
@@ -258,7 +259,7 @@ class Options:
     def check_in_memory(self) -> None:
         """Check that no option is given that is only for clouds in files."""
         for option in fields(self):
-            if option.metadata["for_files"] and getattr(self, option.name) != option.default:
+            if option.metadata["for_files"] and getattr(self, option.name) is not option.default:
                 raise ParameterError(f"expected {option.name} with a cloud in files, found one in memory")
 
     def _check_size(self) -> None:
@@ -283,20 +284,13 @@ class Options:
             if is_needed:
                 require(self.algorithm, feature)
         if self.spacing is not None and (self.keep is not None or self.weight is not None):
-            raise ParameterError(
-                "expected a number, a share, a tolerance or a largest gap with points to keep or weights, found a "
-                "spacing"
-            )
+            raise ParameterError("expected spacing without keep and weight, found both")
         if features[Feature.RANKING] and (self.size is None or self.max_gap is not None):
             raise ParameterError(
-                "expected a number or a share of the points with quotas or groups, and no tolerance, spacing or "
-                "largest gap"
+                "expected ratio or n_points with quota or group, without spacing, tolerance and max_gap"
             )
         if self.quotas and self.group:
-            raise ParameterError("expected either quotas or a group, found both; ask for one")
-
-    def _check_denoised(self) -> None:
-        """Check that what is asked for can be had of denoised points."""
+            raise ParameterError("expected quota without group, found both")
         refused = ("tolerance", "max_gap", "keep", "quota", "group")  # of denoised points, all are off the surface
         for name in refused if self.denoises else ():
             if getattr(self, name) is not None:
