@@ -8,7 +8,7 @@ import struct
 from copy import deepcopy
 from dataclasses import dataclass
 from io import BufferedReader, BytesIO
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,6 @@ _PROJECTION = "LASF_Projection"  # user of the records of the coordinate system
 _WKT, _GEO_KEYS, _GEO_TEXTS = 2112, 34735, 34737  # their numbers
 # Records of the compression and of indices of the points, which hold for one file only.
 _OF_ONE_FILE = {("laszip encoded", 22204), ("copc", 1), ("copc", 1000), ("LAStools", 30)}
-_Value = TypeVar("_Value", str, float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +78,15 @@ class LasHeader(Header):
     @property
     def crs(self) -> str | None:
         """The coordinate reference system, by its name and code; None if it is not known."""
-        return self._first_of(_crs_of_wkt(self.wkt), self._crs_of_keys())
+        by_wkt, by_keys = _crs_of_wkt(self.wkt), self._crs_of_keys()
+        return (by_wkt or by_keys) if self.las.global_encoding.wkt else (by_keys or by_wkt)
 
     @property
     def metres(self) -> float | None:
         """The unit of x and y in metres; None if it is not known, or if they are angles."""
         location, _, unit = self._geo_keys().get(3076, (0, 0, 0))  # ProjLinearUnitsGeoKey
         units = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # metre, foot, foot of the US survey
-        return self._first_of(metres_of_wkt(self.wkt), None if location else units.get(unit))
-
-    def _first_of(self, by_wkt: _Value | None, by_keys: _Value | None) -> _Value | None:
-        """Return what the header says by WKT or by keys; if by both, as its global encoding tells."""
+        by_wkt, by_keys = metres_of_wkt(self.wkt), None if location else units.get(unit)
         return (by_wkt or by_keys) if self.las.global_encoding.wkt else (by_keys or by_wkt)
 
     def _geo_keys(self) -> dict[int, tuple[int, int, int]]:
