@@ -38,7 +38,7 @@ def by_pye57(tmp_path):
 def by_libe57(tmp_path):
     """Write one scan of given nodes and values by libE57Format; return the path."""
 
-    def make(fields, pose=None, **strings):
+    def make(fields):
         path = tmp_path / "scan.e57"
         image = libe57.ImageFile(str(path), "w")
         image.extensionsAdd("", libe57.E57_V1_0_URI)
@@ -46,8 +46,6 @@ def by_libe57(tmp_path):
         scans, scan = libe57.VectorNode(image, True), libe57.StructureNode(image)
         image.root().set("data3D", scans)
         scans.append(scan)
-        for name, value in strings.items():
-            scan.set(name, libe57.StringNode(image, value))
         prototype, buffers = libe57.StructureNode(image), libe57.VectorSourceDestBuffer()
         for name, (kind, arguments, values) in fields.items():
             prototype.set(name, getattr(libe57, kind)(image, *arguments))
@@ -107,48 +105,35 @@ def test_invalid_points_are_left_out_with_a_word(by_pye57):
 
 
 def test_spherical_coordinates_are_converted(by_libe57):
-    values = {"Range": [2.0, 1], "Azimuth": [0.5, -1], "Elevation": [0.25, 1]}
-    fields = {f"spherical{name}": ("FloatNode", (), np.array(each)) for name, each in values.items()}
-    distance, azimuth, elevation = map(np.array, values.values())
-    points = read(by_libe57(fields)).points
+    distance, azimuth, elevation = np.array([2.0, 1]), np.array([0.5, -1]), np.array([0.25, 1])
+    values = {"Range": distance, "Azimuth": azimuth, "Elevation": elevation}
+    points = read(by_libe57({f"spherical{name}": ("FloatNode", (), each) for name, each in values.items()})).points
     assert np.allclose(np.linalg.norm(points, axis=1), distance, rtol=1e-15)
     assert np.allclose(np.arctan2(points[:, 1], points[:, 0]), azimuth, rtol=1e-15)
     assert np.allclose(np.arcsin(points[:, 2] / distance), elevation, rtol=1e-15)
 
 
 def test_scaled_integers_and_fields_of_extensions(by_libe57):
-    raws = np.array([-5, 7], np.int16)
-    scaled = {
-        f"cartesian{axis}": ("ScaledIntegerNode", (0, -9, 9, 0.001, 500_000.0), raws * 0.001 + 500_000)
-        for axis in "XYZ"
-    }
+    metres = np.array([-5, 7], np.int16) * 0.001 + 500_000
+    scaled = {f"cartesian{axis}": ("ScaledIntegerNode", (0, -9, 9, 0.001, 500_000.0), metres) for axis in "XYZ"}
     own = {"other:class": ("IntegerNode", (0, 0, 300), np.array([300, 2], np.uint16))}
     cloud = read(by_libe57(scaled | own))
-    assert np.array_equal(cloud.points[:, 0], raws * 0.001 + 500_000.0)
-    assert cloud.coordinate_dtype == np.float64
+    assert np.array_equal(cloud.points[:, 0], metres)
     assert cloud.attributes["other_class"].tolist() == [300, 2]
     assert cloud.attributes["other_class"].dtype == np.uint16
 
 
 def test_coordinate_systems_are_kept(tmp_path):
     cloud = PointCloud(POINTS, header=E57Header('PROJCS["UTM"]'))
-    assert (cloud.header.crs, E57Header().crs) == ('PROJCS["UTM"]', None)
-    assert losses("a.ply", cloud) == ["the coordinate system"]
     write(tmp_path / "cloud.e57", cloud)
     assert read(tmp_path / "cloud.e57") == cloud
+    assert (cloud.header.crs, losses("a.ply", cloud)) == ('PROJCS["UTM"]', ["the coordinate system"])
 
 
 def test_attributes_that_e57_cannot_hold_are_refused(tmp_path):
-    attributes = {
-        "a b": np.zeros(3),
-        "é": np.zeros(3),
-        "big": np.array([0, 0, 2**63 + 1], np.uint64),
-        "t": np.array(["a"] * 3),
-    }
-    cloud = PointCloud(POINTS, attributes)
-    lost = ["attribute é (float64)", "attribute big (uint64)", "attribute t (text)"]
-    assert losses("a.e57", cloud) == [*lost, "the name 'a b' (it becomes a_b)"]
-    with pytest.raises(OutputError, match="cannot hold: attribute é"):
+    attributes = {"a b": np.zeros(3), "é": np.zeros(3), "big": np.array([0, 0, 2**63 + 1], np.uint64)}
+    cloud = PointCloud(POINTS, attributes | {"t": np.array(["a"] * 3)})
+    with pytest.raises(OutputError, match=r"cannot hold: attribute é .*, attribute big .*, attribute t \(text\)"):
         write(tmp_path / "cloud.e57", cloud)
     assert not any(tmp_path.iterdir())
     write(tmp_path / "cloud.e57", cloud, lossy=True)
