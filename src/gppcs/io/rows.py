@@ -196,7 +196,8 @@ class _Block:
             raise FileFormatError(f"expected rows of {self.width} columns, but pandas reports: {reason}") from error
         if table.shape != (len(self.lines), self.width):
             self._check_widths(range(len(self.lines)))
-            raise FileFormatError(f"expected a {self.what} in each line, found quotes that are open at its end")
+            size = f"{len(self.lines):,} lines of {self.width} columns"
+            raise FileFormatError(f"expected {size}, but pandas reads {len(table):,} lines of {table.shape[1]} columns")
         last = table[self.width - 1]  # in which fields that lack at the end of a row are empty
         self._check_widths(np.flatnonzero(last.isna() | (last == "")).tolist())
         return table
