@@ -17,7 +17,7 @@ import gppcs
 import report
 from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
-from gppcs.evaluation.mesh_pipelines import PIPELINES, MeshTask
+from gppcs.evaluation.mesh_comparison import PIPELINES, MeshTask
 
 CLOUDS = {  # file: the number or share of vertices, and the file of the original mesh, if there is one
     "dragon": (0.03, "dragon"),

@@ -136,26 +136,26 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def one_of(name: str, value: Any, known: tuple[str, ...]) -> str:
+def one_of(name: str, value: Any, choices: tuple[str, ...]) -> str:
     """Check that a value is one of several words."""
-    if not (isinstance(value, str) and value in known):
-        raise ParameterError(f"expected {name} to be {' or '.join(map(repr, known))}, found {shown(value)}")
+    if not (isinstance(value, str) and value in choices):
+        raise ParameterError(f"expected {name} to be {' or '.join(map(repr, choices))}, found {shown(value)}")
     return value
 
 
-def whole_number(name: str, value: Any, least: int) -> int:
+def whole_number(name: str, value: Any, minimum: int) -> int:
     """Check that a value is a whole number of at least a given size."""
     try:
-        whole = least - 1 if isinstance(value, bool) else operator.index(value)
+        integer = minimum - 1 if isinstance(value, bool) else operator.index(value)
     except TypeError:
-        whole = least - 1
-    if whole < least:
-        raise ParameterError(f"expected {name} to be a whole number from {least} on, found {shown(value)}")
-    return whole
+        integer = minimum - 1
+    if integer < minimum:
+        raise ParameterError(f"expected {name} to be a whole number from {minimum} on, found {shown(value)}")
+    return integer
 
 
-def nearest_name(name: Any, known: Iterable[str]) -> str:
+def nearest_name(name: Any, names: Iterable[str]) -> str:
     """Return the end of an error message about an unknown name."""
-    known = list(known)
-    near = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(known)}"
+    choices = list(names)
+    near = difflib.get_close_matches(name, choices, n=1) if isinstance(name, str) else []
+    return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(choices)}"

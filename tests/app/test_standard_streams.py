@@ -52,7 +52,7 @@ def test_a_file_may_be_called_like_standard_output(printed, record, refused, sca
     assert files() == ["-", "scan.ply"]
     assert record("info", "./-")["points"] == 30
     for command in (("convert", "./-", ".//-"), ("simplify", "./-", "-o", ".//-", *SMALL)):
-        refused((*command, "--to", "csv", "--force"), "expected a file other than the input")
+        refused((*command, "--to", "csv", "--force"), "found an input")
     assert printed("simplify", "scan.ply", "-o", "././-", "--to", "csv", "--force", "-q", *SMALL) == ""
     assert len(gppcs.read("./-", "csv")) == 60
     gppcs.write("./-", gppcs.read("scan.ply"), "ply", force=True)

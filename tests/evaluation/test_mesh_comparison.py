@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.evaluation import mesh_pipelines, reconstruction
+from gppcs.evaluation import mesh_comparison, reconstruction
 from gppcs.evaluation.mesh_comparison import checked_pipelines
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
 from gppcs.spatial.kdtree import KdTree
@@ -35,7 +35,7 @@ def test_entries_are_what_mesh_and_evaluate_mesh_give(bracket):
 
 @pytest.mark.parametrize("pipeline", ["poisson-kept", "poisson-decimated", "ball-pivoting", "advancing-front"])
 def test_the_other_pipelines_find_a_sphere_wherever_it_lies(sphere, pipeline, shallow):
-    if pipeline not in mesh_pipelines.installed_pipelines():
+    if pipeline not in mesh_comparison.installed_pipelines():
         pytest.skip("no CGAL")
     place = np.array([500_000.0, 5_400_000.0, 0.0])
     (entry,) = gppcs.compare_meshes(sphere[:2000] + place, n_points=300, pipelines=[pipeline])
@@ -72,9 +72,9 @@ def test_all_pipelines_whose_packages_are_there_by_default(monkeypatch):
     def missing(module):
         raise gppcs.errors.MissingExtraError("no CGAL")
 
-    monkeypatch.setattr(mesh_pipelines, "require_cgal", missing)
+    monkeypatch.setattr(mesh_comparison, "require_cgal", missing)
     assert checked_pipelines(None, 0.1, None) == [
-        name for name in mesh_pipelines.PIPELINES if name != "advancing-front"
+        name for name in mesh_comparison.PIPELINES if name != "advancing-front"
     ]
     with pytest.raises(gppcs.errors.MissingExtraError):
         checked_pipelines(["mesh", "advancing-front"], 0.1, None)

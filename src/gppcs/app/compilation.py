@@ -29,9 +29,6 @@ from gppcs.streaming.plan import make_plan
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.surface_variation import features_in_radius
 
-ROOM = 40_000  # Points of a scene that makes most steps of a mesh necessary.
-STRAY = 30_000  # Points of a scan with noise and outliers.
-
 
 def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     """Compile every kernel for all types of arrays that the package passes to it."""
@@ -45,11 +42,11 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     light = mesh(original, n_points=100, effort=1).mesh
     evaluate_mesh(original, light)
     mesh(original, tolerance="2%")
-    mesh(sample("room", ROOM), n_points=ROOM // 10, moved=True)
-    mesh(sample("fan", STRAY // 3, noise=0.002), n_points=STRAY // 30, moved=True)  # some triangles of which relax
+    mesh(sample("room", 40_000), n_points=4_000, moved=True)  # which takes most steps of a mesh
+    mesh(sample("fan", 10_000, noise=0.002), n_points=1_000, moved=True)  # some triangles of which relax
     mesh(sample("bracket", PREPARATION_POINTS), n_points=500)  # whose drilled holes are tried as small handles
-    stray = sample("statue", STRAY, noise=0.001, outliers=0.01)
-    mesh(stray, n_faces=STRAY // 15, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
+    stray = sample("statue", 30_000, noise=0.001, outliers=0.01)
+    mesh(stray, n_faces=2_000, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))

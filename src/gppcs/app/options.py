@@ -51,41 +51,20 @@ Seed = Annotated[int | None, from_field("seed", METHOD)]
 Measured = Annotated[
     list[str] | None,
     option(
-        "Measure the error of this attribute, too: rgb, a number or classes. Can be repeated.",
-        None,
-        "--detail",
-        metavar="NAME",
+        "Measure the error of this attribute: rgb, numbers or classes. Repeatable.", None, "--detail", metavar="NAME"
     ),
 ]
 From = Annotated[
-    str | None,
-    option(
-        "Format of the input, such as xyz. By default, the content tells; for text and OBJ, the name.",
-        INPUT,
-        "--from",
-        metavar="SUFFIX",
-    ),
+    str | None, option("Format of the input, if its content or name does not tell.", INPUT, "--from", metavar="SUFFIX")
 ]
 To = Annotated[
-    str | None,
-    option("Format of the output, such as ply. By default, the name tells.", None, "--to", metavar="SUFFIX"),
+    str | None, option("Format of the output, such as ply, if its name does not tell.", None, "--to", metavar="SUFFIX")
 ]
 Ascii = Annotated[
-    bool | None,
-    option(
-        "Write PLY or PCD as text, or as binary data. By default, only PCD that comes from such text is text.",
-        None,
-        "--ascii/--binary",
-        show_default=False,
-    ),
+    bool | None, option("Write PLY or PCD as text, or as binary data.", None, "--ascii/--binary", show_default=False)
 ]
 Columns = Annotated[
-    str | None,
-    option(
-        "Names of the columns of a text table, such as x,y,z,red,green,blue. They replace those in the file.",
-        INPUT,
-        metavar="NAME,...",
-    ),
+    str | None, option("Names of the columns of a text table, such as x,y,z,red,green,blue.", INPUT, metavar="NAME,...")
 ]
 Inside = Annotated[list[str] | None, from_field("inside", INPUT, "BOX|FILE")]
 Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
@@ -95,12 +74,7 @@ Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
 Workers = Annotated[str | None, from_field("workers", LARGE, "COUNT|ADDRESS")]
 Colour = Annotated[
     str | None,
-    option(
-        "What the colours of the points in the picture show: rgb, variation (surface variation), or an attribute of "
-        "the input. By default surface variation, which shows where a method should keep more points.",
-        LOOK,
-        metavar="NAME",
-    ),
+    option("Colour the points of the picture by rgb, variation or an attribute of the input.", LOOK, metavar="NAME"),
 ]
 View = Annotated[
     str | None,
@@ -112,25 +86,12 @@ View = Annotated[
     ),
 ]
 Up = Annotated[
-    Literal["x", "y", "z", "-x", "-y", "-z"] | None,
-    option("The axis that points up in the picture. Guessed by default.", LOOK),
+    Literal["x", "y", "z", "-x", "-y", "-z"] | None, option("The axis that points up. Guessed by default.", LOOK)
 ]
-Threads = Annotated[
-    int | None, option("Number of threads. By default, as many as this process may use cores.", metavar="N")
-]
+Threads = Annotated[int | None, option("Number of threads. By default, that of the usable cores.", metavar="N")]
 Force = Annotated[bool, option("Overwrite existing files, but never an input.", None, "--force")]
-Lossy = Annotated[
-    bool,
-    option(
-        "Leave out values that the output format cannot hold, and round coordinates. Otherwise this is an error.",
-        None,
-        "--lossy",
-    ),
-]
-Quiet = Annotated[
-    bool,
-    option("Show no progress and print no table. Errors and notes are still printed.", None, "--quiet", "-q"),
-]
+Lossy = Annotated[bool, option("Leave out values that the output format cannot hold.", None, "--lossy")]
+Quiet = Annotated[bool, option("Show no progress and no table, but errors and notes.", None, "--quiet", "-q")]
 Json = Annotated[bool, option("Print JSON, one object per line.", None, "--json")]
 
 

@@ -30,10 +30,7 @@ def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = ""
     from gppcs.evaluation.comparison import rebuilt_mesh
 
     if len(cloud) > MOST_TO_REBUILD:
-        print_error(
-            f"note: there is no mesh of {name}: it has {len(cloud):,} points, and a mesh is rebuilt from at most "
-            f"{MOST_TO_REBUILD:,}{advice}"
-        )
+        print_error(f"note: there is no mesh of {name}, as it has more than {MOST_TO_REBUILD:,} points{advice}")
         return None
     return rebuilt_mesh(cloud, original)
 
@@ -42,23 +39,14 @@ def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, 
     """Return how a page was made, so that anybody can make it again."""
     from gppcs.io import is_standard
 
-    digests = [
-        (f"SHA-256 of {name}", _digest(path))
-        for name, path in zip(different_names(inputs), inputs, strict=True)
-        if not is_standard(path)
-    ]
-    return [
-        *how_run(command),
-        *digests,
-        ("views", "Coordinates in 16 bits of each bounding box, values in 16 bits of their range, normals in 16 bits."),
-    ]
+    made = how_run(command)
+    for name, path in zip(different_names(inputs), inputs, strict=True):
+        if not is_standard(path):
+            with open(path, "rb") as file:
+                made.append((f"SHA-256 of {name}", hashlib.file_digest(file, "sha256").hexdigest()))
+    return [*made, ("views", "Coordinates and values in 16 bits of their range, normals in 16 bits.")]
 
 
 def how_run(command: Sequence[str]) -> list[tuple[str, str]]:
     """Return what has made a page."""
     return [("gppcs", __version__), ("command", shlex.join(command))]
-
-
-def _digest(path: Path) -> str:
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -49,7 +49,7 @@ def note_left_out(path: Path, names: list[str]) -> None:
         print_error(f"note: {path}: left out: {', '.join(names)}")
 
 
-def tell(error: BaseException, source: Path | None = None) -> None:
+def print_failure(error: BaseException, source: Path | None = None) -> None:
     """Print an error as one line on stderr, behind the file that it is about."""
     if isinstance(error, InputError) and source:
         print_error(f"{source}: {error}")
@@ -68,7 +68,7 @@ def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
         try:
             work(file)
         except FAILURES as error:
-            tell(error, file)
+            print_failure(error, file)
             failed = True
     if failed:
         raise typer.Exit(BAD_INPUT)
@@ -86,14 +86,14 @@ def started(quiet: bool, threads: int | None = None) -> Timer:
 
 
 def emit(
-    record: Any, as_json: bool, quiet: bool = False, title: str = "", rows: Mapping[str, Any] | None = None
+    record: Any, as_json: bool, quiet: bool = False, title: str = "", table: Mapping[str, Any] | None = None
 ) -> None:
-    """Print a result, a dataclass or a dictionary, as one line of JSON, or it or other rows as a table."""
+    """Print a result, a dataclass or a dictionary, as one line of JSON, or it or other table as a table."""
     record = dataclasses.asdict(record) if dataclasses.is_dataclass(record) else record  # type: ignore[arg-type]
     if as_json:
         say(strict_json(record))
     elif not quiet:
-        texts = {visible(name.replace("_", " ")): text_of(value) for name, value in (rows or record).items()}
+        texts = {visible(name.replace("_", " ")): text_of(value) for name, value in (table or record).items()}
         width = max(map(len, texts))
         typer.secho(visible(title), bold=True)
         for name, text in texts.items():

@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from gppcs import __version__
-from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, say, tell
+from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, print_failure, say
 
 COMMANDS = (
     "simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert", "sample", "methods",
@@ -60,10 +60,10 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # a terminal may not show all characters of file names
     try:
         with _messages_on_stderr():
-            words = list(arguments) or ["--help"]
-            code = app(words, prog_name="gppcs", standalone_mode=False, obj=["gppcs", *words])  # obj: shown by pages
+            line = list(arguments) or ["--help"]
+            code = app(line, prog_name="gppcs", standalone_mode=False, obj=["gppcs", *line])  # obj: shown by pages
     except FAILURES as error:
-        tell(error)
+        print_failure(error)
         return BAD_INPUT
     except Exception as error:
         if not hasattr(error, "format_message"):  # errors of Typer about the command line have it

@@ -6,7 +6,7 @@ import csv
 import dataclasses
 from collections.abc import Sequence
 from io import StringIO
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
-FACTORS = (1.0, 1e4, 1e6)  # of relative figures, by the power of the length in their unit
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
     "points_out", "vertices", "triangles", "seconds",
@@ -31,11 +30,7 @@ SHOWN = (
 )  # fmt: skip
 
 
-class Cell(NamedTuple):
-    """A value of a table as text, and whether it is the best of its column."""
-
-    text: str
-    is_best: bool
+Cell = tuple[str, bool]  # a value as text, and whether it is the best of its column
 
 
 def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
@@ -75,9 +70,9 @@ def columns_of(records: Sequence[dict[str, Any]]) -> dict[str, list[Cell]]:
         figure = None if name == "seconds" else definition_of(name)
         better = figure.better if figure else "less"
         best = (max if better == "more" else min)(measured) if better and len(set(measured)) > 1 else None
-        factor = FACTORS[figure.power] if figure else 1.0
+        factor = (1.0, 1e4, 1e6)[figure.power] if figure else 1.0  # as the units say
         title = "points" if name == "points_out" else name.replace("_", " ")
-        columns[title] = [Cell(_text(value, factor), value is not None and value == best) for value in values]
+        columns[title] = [(_text(value, factor), value is not None and value == best) for value in values]
     return columns
 
 
@@ -95,7 +90,7 @@ def print_table(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]
     """Print a comparison, wider than the terminal rather than cut. The best value of each column is bold."""
     table = Table(kind, box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for title, cells in columns.items():
-        width = max(len(word) for word in (*title.split(), *(cell.text for cell in cells)))
+        width = max(len(word) for word in (*title.split(), *(text for text, _ in cells)))
         table.add_column(title, justify="right", width=width)
     for number, label in enumerate(labels):
         row = [cells[number] for cells in columns.values()]
@@ -117,7 +112,7 @@ def as_markdown(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:
     """Return a comparison as CSV, with all figures."""
-    rows = []
+    flat = []
     for record in records:
         row = {name: value for name, value in record.items() if name not in ("figures", "relative", "failure")}
         if "parameters" in row:
@@ -127,11 +122,11 @@ def as_csv(records: Sequence[dict[str, Any]]) -> str:
             for name, value in record["relative"].items()
             if name != "diagonal" and definition_of(name).power
         }
-        rows.append(row | record["figures"] | relative)
-    names = [*dict.fromkeys(name for row in rows for name in row), "failure"]
+        flat.append(row | record["figures"] | relative)
+    names = [*dict.fromkeys(name for row in flat for name in row), "failure"]
     file = StringIO()
     writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writeheader()
-    for row, record in zip(rows, records, strict=True):
+    for row, record in zip(flat, records, strict=True):
         writer.writerow(row | {"failure": " ".join((record["failure"] or "").split())})
     return file.getvalue()

@@ -52,8 +52,10 @@ class Colourable:
         """Raise an error if the cloud cannot be coloured so."""
         names = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
         if colour not in names:
-            found = f"{shown(colour)}{nearest_name(colour, names)}"
-            raise ParameterError(f"expected a colour or an attribute of numbers that the cloud has, found {found}")
+            raise ParameterError(
+                "expected a colour or an attribute of numbers that the cloud has, found "
+                f"{shown(colour)}{nearest_name(colour, names)}"
+            )
 
 
 def kinds_of(values: NDArray[Any], maximum: int = len(KINDS)) -> NDArray[Any] | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,23 +11,21 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
 
-
-class AttributeErrors(NamedTuple):
-    """How far an attribute of each of N original points is from that of the simplified cloud there, in ranges."""
-
-    # (N,), from the values interpolated linearly in the nearest triangle of the local surface.
-    interpolated: NDArray[np.float64]
-    nearest: NDArray[np.float64]  # (N,), from the value of the nearest kept point
+Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, AttributeErrors]:
-    """Return the errors of some attributes. Both clouds have finite coordinates."""
+def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, Pair]:
+    """Return how far attributes of the original are from those of the simplified cloud, in ranges, (N,) each.
+
+    First from the values interpolated in the nearest triangle of the local surface, then from the nearest kept point.
+    Both clouds have finite coordinates.
+    """
     ranges = [AttributeRange.from_cloud(original, name) for name in names]
     points, frame = normalised(simplified.points)
     first = first_occurrences(points)
     kept = simplified.take(np.flatnonzero(first))
     surface = LocalSurface.from_points(points[first])
-    errors = {name: AttributeErrors(np.empty(len(original)), np.empty(len(original))) for name in names}
+    errors = {name: (np.empty(len(original)), np.empty(len(original))) for name in names}
     of_kept = [attribute.values(kept).astype(np.float64) for attribute in ranges]
     at_once = 1 << 20  # points, to bound the memory
     for start in range(0, len(original), at_once):
@@ -38,9 +34,7 @@ def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[s
         queries = frame.near(chunk.points)
         nearest = surface.tree.nearest_of(queries, 1)[0][:, 0]
         for attribute, values in zip(ranges, of_kept, strict=True):
-            true = attribute.values(chunk)
-            errors[attribute.name].interpolated[part] = np.linalg.norm(
-                surface.values_at(queries, values) - true, axis=1
-            )
-            errors[attribute.name].nearest[part] = np.linalg.norm(values[nearest] - true, axis=1)
+            true, (interpolated, of_nearest) = attribute.values(chunk), errors[attribute.name]
+            interpolated[part] = np.linalg.norm(surface.values_at(queries, values) - true, axis=1)
+            of_nearest[part] = np.linalg.norm(values[nearest] - true, axis=1)
     return errors

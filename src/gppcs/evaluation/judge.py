@@ -141,8 +141,8 @@ def evaluate_mesh(
     original = as_cloud(original)
     require_original(original, mesh)
     before = usable(original, "original cloud")
-    frame = _frame(before, simplified.vertices, *([] if mesh is None else [mesh.vertices]))
-    before = frame.local(before[first_occurrences(before)])
+    frame = Frame.from_bounds(*bounds(before))
+    before = frame.near(before[first_occurrences(before)])
     simplified, mesh = _local_mesh(simplified, frame), mesh and _local_mesh(mesh, frame)
     with timer_of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
@@ -176,8 +176,8 @@ def require_original(original: CloudLike, mesh: Mesh | None) -> None:
     _require_measurable(points, "original cloud")
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
-        frame = _frame(points, mesh.vertices)
-        local = frame.local(points)
+        frame = Frame.from_bounds(*bounds(points))
+        local = frame.near(points)
         _require_mesh_near(_local_mesh(mesh, frame), local, local, frame)
 
 
@@ -202,9 +202,9 @@ def judged(
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
         normals = _carried_normals(simplified)
-    frame = _frame(before, after, *([] if mesh is None else [mesh.vertices]))
+    frame = Frame.from_bounds(*bounds(before))
     counts, first = (len(before), len(after)), first_occurrences(after)
-    before, after = (frame.local(points) for points in (before[first_occurrences(before)], after[first]))
+    before, after = (frame.near(points) for points in (before[first_occurrences(before)], after[first]))
     with timer("distances"):
         report = _without_mesh(before, after, frame, counts).in_unit(_unit_in(frame))
     if detail:
@@ -250,14 +250,8 @@ def require_mesh(mesh: Any) -> Mesh:
     return mesh
 
 
-def _frame(*clouds: Points) -> Frame:
-    """Return the coordinates in which figures are computed: those in which all points, (K, 3) each, are below 1."""
-    lower, upper = zip(*map(bounds, clouds), strict=True)
-    return Frame.from_bounds(np.min(lower, axis=0), np.max(upper, axis=0))
-
-
 def _local_mesh(mesh: Mesh, frame: Frame) -> Mesh:
-    return Mesh(frame.local(mesh.vertices), mesh.faces)
+    return Mesh(frame.near(mesh.vertices), mesh.faces)
 
 
 def _unit_in(frame: Frame) -> float:
@@ -271,10 +265,10 @@ def _require_measurable(points: Points, name: str) -> None:
     farthest = float(np.abs(points).max())
     size = float(np.ptp(points, axis=0).max()) if farthest <= largest else np.inf
     if size > largest or 0 < size < smallest:
-        found = f"coordinates up to {farthest:.3g}" if farthest > largest else f"a size of {size:.3g}"
+        actual = f"coordinates up to {farthest:.3g}" if farthest > largest else f"a size of {size:.3g}"
         raise InputError(
-            f"expected the {name} to have a size of {smallest:g} to {largest:g}, found {found}: change the unit of all "
-            "inputs"
+            f"expected the {name} to have a size of {smallest:g} to {largest:g}, found {actual}: change the "
+            "unit of all inputs"
         )
 
 

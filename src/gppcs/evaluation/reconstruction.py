@@ -25,16 +25,16 @@ MEMBRANE = 4.0  # distance from all points beyond which a rebuilt surface is cut
 
 def estimated_normals(
     points: NDArray[np.float64],
-    places: NDArray[np.float64] | None = None,
+    positions: NDArray[np.float64] | None = None,
     guides: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return normals, (M, 3), from planes fitted to the nearest points, with the signs of guides at places, (V, 3)."""
+    """Return normals, (M, 3), from planes fitted to the nearest points, signed as guides at positions, (V, 3)."""
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
     normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
-    if places is None or guides is None:
+    if positions is None or guides is None:
         return normals
-    nearest, _ = KdTree.build(places).nearest_of(points, 1)
+    nearest, _ = KdTree.build(positions).nearest_of(points, 1)
     opposed = np.einsum("ij,ij->i", normals, guides[nearest[:, 0]]) < 0
     return np.where(opposed[:, None], -normals, normals)
 

@@ -15,7 +15,6 @@ from gppcs.app.options import option
 from gppcs.app.pages import how_made, rebuilt
 from gppcs.app.panels import LOOK, METHOD
 from gppcs.app.printing import emit, names_of, print_error, say, started
-from gppcs.clouds.quantities import count_of, ratio_of
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
 
@@ -46,46 +45,26 @@ def compare(
     cloud: options.Cloud,
     output: Annotated[
         Path,
-        options.output(
-            "DIR",
-            "The folder for table.csv, table.md, picture.png and report.html. It is created if it does not exist.",
-        ),
+        options.output("DIR", "The folder for table.csv, table.md, picture.png and report.html; it may be new."),
     ],
     ratio: options.Ratio = None,
     points: options.Points = None,
     meshes: Annotated[
         bool,
-        option(
-            "Compare pipelines to a light mesh instead of methods. They are listed below. Needs the extra evaluate.",
-            METHOD,
-            "--meshes",
-        ),
+        option("Compare pipelines to a light mesh instead of methods. Needs the extra evaluate.", METHOD, "--meshes"),
     ] = False,
     methods: Annotated[
         str | None,
-        option(
-            "Names of the methods, separated by commas, in the order of the table. See gppcs methods. With --meshes, "
-            "names of pipelines. By default all methods that memory suffices for, and all pipelines whose packages "
-            "are installed.",
-            METHOD,
-            metavar="NAME,...",
-        ),
+        option("Names of methods or pipelines, in the order of the table. By default all.", METHOD, metavar="NAME,..."),
     ] = None,
     mesh: Annotated[
         Path | None,
-        option(
-            "A mesh file of the true surface of IN. The meshes that are made or rebuilt are compared with it.", LOOK
-        ),
+        option("A mesh file of the true surface of IN, to compare meshes with.", LOOK),
     ] = None,
     seed: options.Seed = None,
     detail: Annotated[
         list[str] | None,
-        option(
-            "Measure the error of this attribute, too, and let it count in the choice of gp: rgb, a number or "
-            "classes. Can be repeated.",
-            METHOD,
-            metavar="NAME[:WEIGHT]",
-        ),
+        option("Let this attribute count in the choice of gp, and measure its error.", METHOD, metavar="NAME[:WEIGHT]"),
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
@@ -96,12 +75,7 @@ def compare(
     colour: options.Colour = None,
     report: Annotated[
         bool,
-        option(
-            "Also write report.html, a page that shows all clouds and the meshes of the picture in the browser; see "
-            "gppcs report.",
-            LOOK,
-            "--report",
-        ),
+        option("Also write report.html, a page for the browser; see gppcs report.", LOOK, "--report"),
     ] = False,
     view: options.View = None,
     up: options.Up = None,
@@ -116,24 +90,22 @@ def compare(
     """
     from gppcs import io
     from gppcs.app.tables import as_csv, as_markdown, columns_of, label_of, print_table, record_of
+    from gppcs.drawing.colours import Colourable
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.comparison import compare as compared
     from gppcs.evaluation.mesh_comparison import checked_pipelines, compare_meshes
     from gppcs.io.mesh_files import read_mesh
 
-    timer = started(quiet, threads)
-    fraction = None if ratio is None else ratio_of("ratio", ratio)
-    count = None if points is None else count_of("n_points", points)
-    weights = options.weights_of(detail)
+    timer, weights = started(quiet, threads), options.weights_of(detail)
     _check_options(meshes, seed, weights, picture, report, view or up, colour)
     if picture:
         _require_extras(names_of(methods) or ())
     work: Any
     if meshes:
-        work = partial(compare_meshes, pipelines=checked_pipelines(names_of(methods), fraction, count))
+        work = partial(compare_meshes, pipelines=checked_pipelines(names_of(methods), ratio, points))
     else:
-        checked_methods(names_of(methods) or METHODS, fraction, count, seed)
+        checked_methods(names_of(methods) or METHODS, ratio, points, seed)
         work = partial(compared, methods=names_of(methods) or None, seed=seed, detail=weights)
     viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
@@ -141,8 +113,8 @@ def compare(
     surface = read_mesh(mesh) if mesh else None
     original = io.read(cloud, input_format, names_of(columns))
     if colour is not None:
-        _require_colour(original, colour)
-    entries = work(original, ratio=fraction, n_points=count, mesh=surface, invalid=invalid, timer=timer)
+        Colourable.from_cloud(original).require(colour)
+    entries = work(original, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, timer=timer)
     kind, labels, records = "pipeline" if meshes else "method", [*map(label_of, entries)], [*map(record_of, entries)]
     if not (meshes or methods) and (missing := METHODS.keys() - {record["method"] for record in records}):
         print_error(f"note: {cloud}: left out, as memory is too small: {', '.join(sorted(missing))}")
@@ -179,33 +151,21 @@ def _check_options(
     meshes: bool, seed: int | None, detail: object, picture: bool, report: bool, viewpoint: object, colour: object
 ) -> None:
     """Check that the options go together."""
-    for is_wrong, message in (
-        (meshes and seed is not None, "expected --seed without --meshes, whose pipelines draw no random numbers"),
-        (meshes and detail, "expected --detail without --meshes, whose pipelines look at no attributes"),
-        (
-            viewpoint and not (picture or report),
-            "expected a picture or --report to turn with --view and --up, found neither; leave out --no-picture",
-        ),
-        (colour and not picture, "expected a picture to colour by --colour, found none; leave out --no-picture"),
-    ):
-        if is_wrong:
-            raise ParameterError(message)
+    if meshes and (seed is not None or detail):
+        raise ParameterError("expected --meshes without --seed and --detail, which pipelines do not use")
+    if viewpoint and not (picture or report):
+        raise ParameterError("expected a picture or --report to turn by --view and --up; leave out --no-picture")
+    if colour and not picture:
+        raise ParameterError("expected a picture to colour by --colour; leave out --no-picture")
 
 
 def _require_extras(pipelines: Sequence[str]) -> None:
     """Raise an error that names all packages that a picture lacks."""
     from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab, require_pyvista
-    from gppcs.evaluation.mesh_pipelines import require_pipeline
+    from gppcs.evaluation.mesh_comparison import require_pipeline
 
     needed = (partial(require_pipeline, name) for name in pipelines)
     require_all(require_pymeshlab, require_matplotlib, require_pyvista, *needed)
-
-
-def _require_colour(original: PointCloud, colour: str) -> None:
-    """Raise an error if a cloud cannot be coloured so."""
-    from gppcs.drawing.colours import Colourable
-
-    Colourable.from_cloud(original).require(colour)
 
 
 def _clouds(entries: Sequence[Entry], original: PointCloud, surface: Mesh | None, drawn: bool) -> list[Named]:
@@ -268,19 +228,12 @@ def _check_folder(folder: Path, names: list[str], inputs: list[Path], force: boo
     """Check that files of these names can be written in a folder."""
     from gppcs.io import check_distinct, check_writable, is_standard
 
-    for wrong, message in (
-        (is_standard(folder), "expected a folder, found the name of standard output; name a folder"),
-        (folder.exists() and not folder.is_dir(), "expected a folder, found a file; name a folder"),
-        (folder.is_symlink() and not folder.exists(), "expected a folder, found a link to nothing; name a folder"),
-        (
-            not force and folder.is_dir() and any(folder.iterdir()),
-            "expected a new or empty folder, found one with files; choose another, or use --force to overwrite earlier "
-            "tables and pictures in it",
-        ),
-        (not folder.absolute().parent.is_dir(), "expected an existing parent folder, found none; make it first"),
-    ):
-        if wrong:
-            raise OutputError(f"{folder}: {message}")
+    if is_standard(folder) or ((folder.exists() or folder.is_symlink()) and not folder.is_dir()):
+        raise OutputError(f"{folder}: expected a folder, found something else; name a folder")
+    if not force and folder.is_dir() and any(folder.iterdir()):
+        raise OutputError(f"{folder}: expected a new or empty folder; choose another, or overwrite tables with force")
+    if not folder.absolute().parent.is_dir():
+        raise OutputError(f"{folder}: expected an existing parent folder, found none; make it first")
     targets = [folder / name for name in names]
     check_distinct(targets, inputs)
     for target in targets:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from gppcs.app import options
+from gppcs.app.options import option
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, note_left_out, started
 from gppcs.errors import ParameterError
@@ -19,12 +20,7 @@ EPILOG = (
 
 
 def convert(
-    source: Annotated[
-        Path,
-        options.files(
-            "IN", "A point cloud file, or a virtual point cloud (.vpc): the files that it lists become one cloud."
-        ),
-    ],
+    source: Annotated[Path, options.files("IN", "A point cloud file, or the list of one in several files (.vpc).")],
     target: Annotated[Path, options.files("OUT", "The file to write.")],
     input_format: options.From = None,
     output_format: options.To = None,
@@ -35,23 +31,12 @@ def convert(
     resolution: options.Resolution = None,
     levels_by: Annotated[
         Literal["order", "random"] | None,
-        options.option(
-            "Which points are on the coarse levels of a .copc.laz file: the first ones in the order of the input, as "
-            "without this option, or random ones."
-        ),
+        option("Points on the coarse levels of a .copc.laz file: the first ones, as by default, or random ones."),
     ] = None,
-    invalid: Annotated[
-        Literal["error", "drop"],
-        options.option("Whether to drop points with NaN or infinite coordinates, which LAS, LAZ and COPC cannot hold."),
-    ] = "error",
+    invalid: options.Invalid = "error",
     assume_same_crs: Annotated[
         bool,
-        options.option(
-            "If several files are one cloud, give all of them the coordinate system of the first file. Without this "
-            "option, files with different coordinate systems are an error.",
-            None,
-            "--assume-same-crs",
-        ),
+        option("Give all files of one cloud the coordinate system of the first file.", None, "--assume-same-crs"),
     ] = False,
     memory: options.Memory = None,
     force: options.Force = False,
@@ -77,9 +62,9 @@ def convert(
     if has_levels and not io.is_standard(source):
         limit = None if memory is None else bytes_of(memory)
         with io.open_clouds([source], *part) as clouds:
-            left_out = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
-        if left_out is not None:
-            note_left_out(target, left_out)
+            dropped = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
+        if dropped is not None:
+            note_left_out(target, dropped)
             return
     with timer("reading"), io.open_clouds([source], *part) as clouds:
         cloud, unread = clouds.read(), clouds.skipped()
@@ -87,5 +72,5 @@ def convert(
         cloud = cloud.take(cloud.finite_rows())
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     with timer("levels and writing" if has_levels else "writing"):
-        lost = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
-    note_left_out(target, [*unread, *lost])
+        dropped = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
+    note_left_out(target, [*unread, *dropped])

@@ -63,8 +63,7 @@ def evaluate(
 
     timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
-        found = "neither" if simplified is None else "both"
-        raise ParameterError(f"expected either SIMPLIFIED or --simplified-mesh, found {found}")
+        raise ParameterError("expected either SIMPLIFIED or --simplified-mesh, found both or neither")
     if detail and simplified_mesh:
         raise ParameterError("expected --detail with SIMPLIFIED, found --simplified-mesh")
     surface = read_mesh(mesh) if mesh else None
@@ -90,16 +89,16 @@ def evaluate(
         "figures": report.figures(),
         "relative": report.figures(relative=True),
     }
-    rows = _rows(report, unit_of(clouds[0].header))
-    emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", rows)
+    table = _table(report, unit_of(clouds[0].header))
+    emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", table)
     if isinstance(report, Report):
         _note_strays(report)
 
 
-def _rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
-    """Return the figures as rows of a table, with units."""
+def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
+    """Return the figures as table of a table, with units."""
     figures, relative = report.figures(), report.figures(relative=True)
-    rows = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
+    table = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
     for name, value in figures.items():
         known_unit = definition_of(name).unit
         if known_unit == "length":
@@ -110,8 +109,8 @@ def _rows(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
             text = f"{100 * value:.4g} %"
         else:
             text = text_of(value) + (" degrees" if known_unit == "degrees" else "")
-        rows[name] = text
-    return rows
+        table[name] = text
+    return table
 
 
 def _note_strays(report: Report) -> None:

@@ -46,19 +46,18 @@ def _print(file: Path, cloud: PointCloud, faces: int, as_json: bool) -> None:
 
     summary = summarise(cloud)
     record = {"file": str(file), **dataclasses.asdict(summary), "faces": faces}
-    rows = {
+    table = {
         name: value
         for name, value in record.items()
         if value is not None and name not in ("file", "attributes", "ranges")
     }
-    rows |= {
-        name: "  ".join(f"{value:.9g}" for value in rows[name]) for name in ("minimum", "maximum")
-    }  # may be far away
-    rows |= {"unit": summary.unit or "the file does not say it"}
+    for name in ("minimum", "maximum"):
+        table[name] = "  ".join(f"{value:.9g}" for value in table[name])  # may be far away
+    table["unit"] = summary.unit or "the file does not say it"
     for name, kind in summary.attributes.items():
         kind = re.sub(r"^[<>]U\d+", "text", kind)
-        rows[f"attribute {name}"] = f"{kind:<8}  {_written(summary.ranges[name])}"
-    emit(record, as_json, False, str(file), rows)
+        table[f"attribute {name}"] = f"{kind:<8}  {_written(summary.ranges[name])}"
+    emit(record, as_json, False, str(file), table)
 
 
 def _written(limits: tuple[float, float] | None) -> str:

@@ -41,31 +41,21 @@ def mesh(
     tolerance: Annotated[
         str | None,
         option(
-            "Largest distance from the points to the mesh, without outliers: 0.5 (in the unit of the coordinates), "
-            "0.5mm, or 0.2% of the diagonal. Vertices leave the points as with --moved. 0.5mm:mean is for the mean "
-            "distance.",
+            "Largest distance from the points to the mesh, without outliers: 0.5, 0.5mm, or 0.2% of the diagonal; or "
+            "with :mean behind it, the mean distance. Vertices leave the points as with --moved.",
             SIZE,
             metavar="LENGTH",
         ),
     ] = None,
     keep_points: Annotated[
-        Path | None,
-        option(
-            "A file of points of IN: they become the vertices. They may come from gppcs simplify.",
-            SIZE,
-            metavar="FILE",
-        ),
+        Path | None, option("A file of points of IN, such as of gppcs simplify: the vertices.", SIZE, metavar="FILE")
     ] = None,
     moved: Annotated[
         bool, option("Let the vertices leave the points, so that the mesh fits these better.", None, "--moved")
     ] = False,
     effort: Annotated[
         int,
-        option(
-            "0, 1 or 2: take more time for a mesh that fits the points better. With 1 or 2, vertices leave the points "
-            "as with --moved.",
-            metavar="E",
-        ),
+        option("0, 1 or 2: more time for a mesh that fits better; from 1 on, vertices move.", metavar="E"),
     ] = 0,
     unit: options.Unit = None,
     fill_holes: Annotated[
@@ -103,8 +93,9 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = (read for read, _ in io.read_each(files, input_format, names_of(columns)))
-        kept = _indices_of(original, others[0], keep_points) if keep_points else None
+        clouds = [read for read, _ in io.read_each(files, input_format, names_of(columns))]
+        original = clouds[0]
+        kept = _indices_of(original, clouds[1], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
         result = meshed(
@@ -124,10 +115,10 @@ def mesh(
         "triangles": len(result.mesh.faces),
         **record_of_run(diagnostics, result.seconds),
     }
-    rows = {name: record[name] for name in ("points_in", "vertices", "triangles")}
-    rows |= {name: value for name, value in diagnostics.items() if value}
-    rows |= {"unit of lengths": unit_of(original.header, unit) or "that of the coordinates"}
-    emit(record, as_json, quiet, f"{cloud} → {output}", rows | {"time": time_in_words(result.seconds)})
+    table = {name: record[name] for name in ("points_in", "vertices", "triangles")}
+    table |= {name: value for name, value in diagnostics.items() if value}
+    table |= {"unit of lengths": unit_of(original.header, unit) or "that of the coordinates"}
+    emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(result.seconds)})
 
 
 def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:

@@ -46,8 +46,8 @@ def methods(
             _explain(method)
             continue
         defaults = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
-        rows = {"source": method.source, "parameters": defaults or "none"}
-        emit(record, as_json, False, f"{method.name}: {method.summary}", rows)
+        table = {"source": method.source, "parameters": defaults or "none"}
+        emit(record, as_json, False, f"{method.name}: {method.summary}", table)
     if name is None and not as_json:
         say("\ngppcs methods NAME explains a method and its parameters.")
 

@@ -28,21 +28,12 @@ EPILOG = (
 def render(
     sources: Annotated[
         list[Path],
-        options.files(
-            "IN [SIMPLIFIED]",
-            "A point cloud file, and a simplified cloud to draw beside it. If there is one PLY, OBJ, OFF or STL "
-            "file and it holds triangles, the mesh is drawn. That needs the extras view and evaluate.",
-        ),
+        options.files("IN [SIMPLIFIED]", "A cloud, and a simplified cloud to draw beside it; or a mesh (extra view)."),
     ],
     output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
     colour: Annotated[
         str | None,
-        options.option(
-            "What the colours show: rgb, variation (surface variation), or the name of an attribute. By default "
-            "rgb if IN has colours. If not, a cloud shows surface variation, and a mesh is white. Two clouds show "
-            "surface variation.",
-            metavar="NAME",
-        ),
+        options.option("What the colours show: rgb, variation (surface variation), or an attribute.", metavar="NAME"),
     ] = None,
     size: Annotated[str, options.option("Size in pixels, of one cloud or mesh.", metavar="WIDTHxHEIGHT")] = "1280x960",
     view: options.View = None,
@@ -56,7 +47,8 @@ def render(
     """Draw a picture of a cloud or a mesh. It needs no display.
 
     A cloud is drawn as a surface without gaps between its points, lines of a sparse scan as points. Points whose
-    value is unknown are grey. Of a simplified cloud, single points are drawn, in the colours of the original.
+    value is unknown are grey. Of a simplified cloud, single points are drawn, in the colours of the original. By
+    default, one cloud or mesh has its RGB; a cloud without it, and two clouds, show surface variation.
     """
     from gppcs import io
     from gppcs.drawing.single import checked_size, draw_single
@@ -72,11 +64,11 @@ def render(
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
-        original, simplified = (io.read(source, input_format, names_of(columns)) for source in sources)
+        clouds = [io.read(source, input_format, names_of(columns)) for source in sources]
         with io.whole_output(output, force) as file:
-            _draw_beside(file, original, simplified, [*map(visible, different_names(sources))], viewpoint, colour)
+            _draw_beside(file, clouds, [*map(visible, different_names(sources))], viewpoint, colour)
         if not quiet and not io.is_standard(output):
-            say(f"{output}: {len(original):,} and {len(simplified):,} points beside each other")
+            say(f"{output}: {len(clouds[0]):,} and {len(clouds[1]):,} points beside each other")
         return
     (source,) = sources
     with io.open_clouds([source], input_format, names_of(columns)) as files:
@@ -96,27 +88,22 @@ def render(
 
 
 def _draw_beside(
-    file: BinaryIO,
-    cloud: PointCloud,
-    simplified: PointCloud,
-    names: Sequence[str],
-    viewpoint: Viewpoint,
-    colour: str | None,
+    file: BinaryIO, clouds: Sequence[PointCloud], names: Sequence[str], viewpoint: Viewpoint, colour: str | None
 ) -> None:
     """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
     from gppcs.drawing.cloud_images import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
-    original, legend = painted(cloud.take(cloud.finite_rows()), colour)
-    kept = original.at(simplified.points[simplified.finite_rows()])
-    share = f"{len(kept.points) / len(original.points):.1%} of the points"
-    columns = [Column(names[0], original, "", None), Column(names[1], kept, share, None)]
+    finite = [cloud.take(cloud.finite_rows()) for cloud in clouds]
+    original, legend = painted(finite[0], colour)
+    caption = f"{len(finite[1]) / len(finite[0]):.1%} of the points"
+    columns = [Column(names[0], original, "", None), Column(names[1], original.at(finite[1].points), caption, None)]
     draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def _numbers(size: str) -> tuple[int, int]:
     """Return width and height of a text such as 1280x960."""
-    found = re.fullmatch(r"(\d{1,9})[xX](\d{1,9})", size.strip(), re.ASCII)
-    if not found:
+    numbers = re.fullmatch(r"(\d{1,9})[xX](\d{1,9})", size.strip(), re.ASCII)
+    if not numbers:
         raise ParameterError(f"expected --size WIDTHxHEIGHT in pixels, such as 1280x960, found {shown(size)}")
-    return int(found[1]), int(found[2])
+    return int(numbers[1]), int(numbers[2])

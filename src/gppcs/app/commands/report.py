@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gppcs.app import options
+from gppcs.app.options import option
 from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
+
+if TYPE_CHECKING:
+    from gppcs.clouds.mesh import Mesh
 
 EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
@@ -25,22 +28,11 @@ def report(
     context: typer.Context,
     original: Annotated[Path, options.files("ORIGINAL", "The original cloud.")],
     simplified: Annotated[
-        list[Path],
-        options.files(
-            "SIMPLIFIED...",
-            "Simplified clouds. Their points should be in the order of choice, as gppcs simplify writes them without "
-            "--mark kept.",
-        ),
+        list[Path], options.files("SIMPLIFIED...", "Simplified clouds, best with their points in the order of choice.")
     ],
     output: Annotated[Path, options.output("HTML", "The page to write; - is standard output.")],
     meshes: Annotated[
-        bool,
-        options.option(
-            "Also rebuild a mesh from each cloud. The page can show the meshes in place of the points. Needs the "
-            "extra evaluate.",
-            None,
-            "--meshes",
-        ),
+        bool, option("Also rebuild a mesh from each cloud, to show. Needs the extra evaluate.", None, "--meshes")
     ] = False,
     detail: options.Measured = None,
     input_format: options.From = None,
@@ -68,14 +60,14 @@ def report(
     if meshes:
         require_pymeshlab()
     with timer("reading"):
-        read = io.read_each(inputs, input_format, names_of(columns))
-        clouds = [Named(name, cloud) for name, (cloud, _) in zip(different_names(inputs), read, strict=True)]
-    if meshes:
-        with timer("meshes", len(clouds)) as on_progress:
-            finite = [named.cloud.take(named.cloud.finite_rows()) for named in clouds]
-            for number, cloud in enumerate(finite if all(map(len, finite)) else []):  # the page refuses empty clouds
-                clouds[number] = replace(clouds[number], mesh=rebuilt(clouds[number].name, cloud, finite[0]))
-                on_progress(1)
+        read = [cloud for cloud, _ in io.read_each(inputs, input_format, names_of(columns))]
+    surfaces: list[Mesh | None] = [None] * len(read)
+    finite = [cloud.take(cloud.finite_rows()) for cloud in read]
+    names = different_names(inputs)
+    if meshes and all(map(len, finite)):  # the page refuses empty clouds
+        with timer("meshes"):
+            surfaces = [rebuilt(name, cloud, finite[0]) for name, cloud in zip(names, finite, strict=True)]
+    clouds = [Named(*named) for named in zip(names, read, surfaces, strict=True)]
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
         page.write(file)

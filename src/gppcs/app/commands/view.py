@@ -24,12 +24,7 @@ def view(
     context: typer.Context,
     inputs: Annotated[list[Path], options.files("FILE...", "Point cloud files.")],
     output: Annotated[
-        Path | None,
-        options.output(
-            "HTML",
-            "The page to write. By default, a temporary file. With -, the page goes to standard output and is not "
-            "opened.",
-        ),
+        Path | None, options.output("HTML", "The page to write, - for standard output; by default a temporary file.")
     ] = None,
     opened: Annotated[bool, options.option("Open the page in the browser.", None, "--open/--no-open")] = True,
     input_format: options.From = None,
@@ -69,9 +64,10 @@ def view(
                 return
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        meshes = [mesh_of(path, faces) for path, (_, faces) in zip(inputs, read, strict=True)]
-    named = zip(different_names(inputs), read, meshes, strict=True)
-    clouds = [Named(name, cloud, mesh) for name, (cloud, _), mesh in named]
+        clouds = [
+            Named(name, cloud, mesh_of(path, faces))
+            for name, path, (cloud, faces) in zip(different_names(inputs), inputs, read, strict=True)
+        ]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
@@ -81,22 +77,24 @@ def view(
         return
     if not quiet:
         say(str(output))
-    if opened and not webbrowser.open(output.absolute().as_uri()):
-        print_error(f"note: no browser was found; open {output} yourself")
+    if opened:
+        _open(output.absolute().as_uri(), str(output))
+
+
+def _open(address: str, name: str) -> None:
+    """Open a page in the browser, or print where it is."""
+    if not webbrowser.open(address):
+        print_error(f"note: no browser was found; open {name} yourself")
 
 
 def _serve(server: LevelsServer, opened: bool, quiet: bool) -> None:
     """Answer the browser until Ctrl-C."""
-
-    def open_page() -> None:
-        if not webbrowser.open(server.url):
-            print_error(f"note: no browser was found; open {server.url} yourself")
-
     if not (quiet and opened):
         say(server.url)
     if not quiet:
         print_error("note: the page asks for points as they are looked at, until Ctrl-C ends this command")
     if opened:
-        Thread(target=open_page, daemon=True).start()  # a browser in this terminal comes back only when it is closed
+        # In a thread, as a browser in this terminal comes back only when it is closed.
+        Thread(target=_open, args=(server.url, server.url), daemon=True).start()
     with server:
         server.serve_forever()

@@ -100,7 +100,7 @@ def report_page(
                 layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
                 for name, errors in attribute_errors(first.cloud, kept.cloud, list(detail)).items():
                     title, unit = f"error of {name} in {result.name}", "in shares of its range"
-                    first.add_values(f"error:{name}:{number}", title, unit, errors.interpolated, True)
+                    first.add_values(f"error:{name}:{number}", title, unit, errors[0], True)
         except InputError as error:
             layer.note(f"there are no figures: {error}.")
     extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))

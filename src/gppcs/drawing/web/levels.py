@@ -35,7 +35,7 @@ class Levels:
         first, blocks = range(self.inside), Blocks()
         _, cloud = nodes.read(first)
         self._names = [key for key, values in cloud.attributes.items() if (values != values[0]).any()]
-        named = Named(name, self._telling(cloud))
+        named = Named(name, self._varying(cloud))
         layer = _FirstLevels(blocks, named, "original", Surface.of(named))
         indices = np.concatenate([nodes.rows[i] + np.arange(counts[i]) for i in first])
         layer.described["blocks"]["rows"] = blocks.add(indices[layer.shown].astype(np.uint32))
@@ -77,7 +77,7 @@ class Levels:
             integers, cloud = self._nodes.read([number])
             surface = Surface.of(Named(self._name, cloud))
             usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
-        attributes, lower = Colourable.from_cloud(self._telling(cloud), self._full), integers.min(axis=0)
+        attributes, lower = Colourable.from_cloud(self._varying(cloud), self._full), integers.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
         parts = [
             np.array([*lower, usual], "<f8"),
@@ -89,7 +89,7 @@ class Levels:
         ]
         return b"".join(part.tobytes() for part in parts)
 
-    def _telling(self, cloud: PointCloud) -> PointCloud:
+    def _varying(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud without the attributes that are the same at all points of the first levels."""
         return PointCloud(cloud.points, {name: cloud.attributes[name] for name in self._names}, header=cloud.header)
 
