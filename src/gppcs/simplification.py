@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gppcs.amounts.choice import choose
 from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
 from gppcs.amounts.options import Options, described_options, require
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.quantities import Scale, count_of, metres_of
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError
@@ -63,12 +64,12 @@ class Result(ComparedByValue):
     ((100,), 100, 'random')
     """
 
-    indices: NDArray[np.int64]
+    indices: Ints
     cloud: PointCloud
     method: Method
     seconds: Mapping[str, float]
     diagnostics: Mapping[str, float]
-    outliers: NDArray[np.int64] | None = None
+    outliers: Ints | None = None
     ranked: bool = field(default=True, repr=False, compare=False)
     points_in: int = field(default=0, repr=False, compare=False)
 
@@ -275,16 +276,14 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     return _result(selection, kept, outliers, len(points), options, timer)
 
 
-def _finite_indices(cloud: PointCloud, invalid: str) -> NDArray[np.int64]:
+def _finite_indices(cloud: PointCloud, invalid: str) -> Ints:
     """Return the indices of the points with finite coordinates, if the others may be dropped."""
     bad = cloud.non_finite()
     check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
     return np.delete(np.arange(len(cloud)), bad)
 
 
-def _without_outliers(
-    cloud: PointCloud, indices: NDArray[np.int64] | None, timer: Timer
-) -> tuple[NDArray[np.int64] | None, NDArray[np.int64]]:
+def _without_outliers(cloud: PointCloud, indices: Ints | None, timer: Timer) -> tuple[Ints | None, Ints]:
     """Return the indices without those of outliers, and the latter."""
     from gppcs.surface.outliers import find_outliers
 
@@ -296,7 +295,7 @@ def _without_outliers(
     return indices, outliers
 
 
-def _with_estimated_normals(kept: PointCloud, points: NDArray[np.float64], selection: Selection) -> PointCloud:
+def _with_estimated_normals(kept: PointCloud, points: Floats, selection: Selection) -> PointCloud:
     """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
     from gppcs.surface.normals import estimate_normals
 
@@ -305,7 +304,7 @@ def _with_estimated_normals(kept: PointCloud, points: NDArray[np.float64], selec
     return with_normals(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
 
 
-def _with_shifts(selection: Selection, points: NDArray[np.float64], exponent: int) -> Selection:
+def _with_shifts(selection: Selection, points: Floats, exponent: int) -> Selection:
     """Return a selection that also says how far its points have moved, from `points`, (N, 3)."""
     if selection.points is None:
         raise InputError(
@@ -317,7 +316,7 @@ def _with_shifts(selection: Selection, points: NDArray[np.float64], exponent: in
     return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
 
 
-def _with_signs(normals: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_signs(normals: Floats, reference: Floats) -> Floats:
     """Return normals, (M, 3), with the signs of others, (M, 3)."""
     return np.where(np.einsum("ij,ij->i", normals, reference)[:, None] < 0.0, -normals, normals)
 
@@ -342,7 +341,7 @@ def _check_scores(cloud: PointCloud) -> None:
 def _result(
     selection: Selection,
     kept: PointCloud,
-    outliers: NDArray[np.int64] | None,
+    outliers: Ints | None,
     n: int,
     options: Options,
     timer: Timer,

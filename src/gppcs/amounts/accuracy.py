@@ -9,9 +9,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.quantities import MEASURES, Measure, Scale, Tolerance
+from gppcs.engine.arrays import Floats
 from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
 
@@ -22,11 +22,9 @@ MINIMUM_EXPONENT, MAXIMUM_EXPONENT = 0.25, 4.0  # Bounds on the estimated expone
 MAXIMUM_STEP = 100.0  # Growth of the number of points from one estimate to the next.
 RESOLUTION = 1.02  # The result is at most this factor above the smallest number that reaches the tolerance.
 
-Points = NDArray[np.float64]
-
 
 def fewest_points(
-    points: Points,
+    points: Floats,
     tolerance: Tolerance,
     scale: Scale,
     choose: Callable[[int], Selection],
@@ -69,14 +67,14 @@ def fewest_points(
     return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
 
 
-def in_tree_order(points: Points) -> Points:
+def in_tree_order(points: Floats) -> Floats:
     """Return points, (N, 3), so that neighbours follow each other: they find each other's surface in the cache."""
     from gppcs.spatial.kdtree import KdTree
 
     return points[KdTree.build(points).order]
 
 
-def surface_of(kept: Points) -> LocalSurface:
+def surface_of(kept: Floats) -> LocalSurface:
     """Return the local surface of positions, (M, 3), which may repeat each other."""
     from gppcs.spatial.cells import first_occurrences
     from gppcs.surface.local_surface import LocalSurface
@@ -84,12 +82,12 @@ def surface_of(kept: Points) -> LocalSurface:
     return LocalSurface.from_points(kept[first_occurrences(kept)])
 
 
-def distances_to(kept: Points, points: Points) -> NDArray[np.float64]:
+def distances_to(kept: Floats, points: Floats) -> Floats:
     """Return the distance of points, (N, 3), to the local surface of others, (M, 3). Shapes: returns (N,)."""
     return surface_of(kept).nearest_to(points)[0]
 
 
-def errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
+def errors_of(distances: Floats) -> dict[Measure, float]:
     """Return the errors that distances, (N,), make."""
     return {
         "mean": float(distances.mean()),
@@ -99,7 +97,7 @@ def errors_of(distances: NDArray[np.float64]) -> dict[Measure, float]:
     }
 
 
-def _sample(points: Points) -> Points:
+def _sample(points: Floats) -> Floats:
     """Return at most 20,000 points at random, from which an error is estimated."""
     if len(points) <= 20_000:
         return points
@@ -107,7 +105,7 @@ def _sample(points: Points) -> Points:
     return points[np.sort(indices)]
 
 
-def _lower_bound(distances: NDArray[np.float64], n: int, measure: Measure) -> float:
+def _lower_bound(distances: Floats, n: int, measure: Measure) -> float:
     """Return a lower bound of the 95th percentile or maximum of n distances, given the distances of a subset."""
     rank = 1 if measure == "max" else n - math.floor(0.95 * (n - 1))
     return float(np.partition(distances, -rank)[-rank]) if rank <= len(distances) else 0.0
@@ -117,21 +115,21 @@ def _lower_bound(distances: NDArray[np.float64], n: int, measure: Measure) -> fl
 class _Search:
     """The search for the fewest points, of which the local surface misses the original by at most a tolerance."""
 
-    points: Points  # (N, 3), among which is chosen
-    judged: Points  # whose distances count
-    sample: Points  # of these
+    points: Floats  # (N, 3), among which is chosen
+    judged: Floats  # whose distances count
+    sample: Floats  # of these
     tolerance: float
     measure: Measure
     choose: Callable[[int], Selection]
     minimum: int
     timer: Timer
-    farthest: Points | None = None  # of the judged points, at the last exact measurement: mostly farthest again
+    farthest: Floats | None = None  # of the judged points, at the last exact measurement: mostly farthest again
 
-    def positions(self, selection: Selection) -> Points:
+    def positions(self, selection: Selection) -> Floats:
         """Return the positions of the chosen points, (M, 3)."""
         return self.points[selection.indices] if selection.points is None else selection.points
 
-    def errors(self, kept: Points) -> dict[Measure, float]:
+    def errors(self, kept: Floats) -> dict[Measure, float]:
         """Return the errors of a choice; only a lower bound of one of them if that misses the tolerance already."""
         n = len(self.judged)
         with self.timer("accuracy"):
@@ -145,7 +143,7 @@ class _Search:
                 self.farthest = self.judged[np.sort(np.argpartition(distances, nearer)[nearer:])]
             return errors_of(distances)
 
-    def estimated_error(self, kept: Points) -> float:
+    def estimated_error(self, kept: Floats) -> float:
         """Return the error at the sample."""
         if not len(kept):
             return math.inf
@@ -181,7 +179,7 @@ class _Search:
         """Search among choices of all numbers of points."""
         selections: dict[int, Selection] = {}
 
-        def positions(m: int) -> Points:
+        def positions(m: int) -> Floats:
             if m not in selections:
                 selections[m] = self.choose(m)
             return self.positions(selections[m])
@@ -190,7 +188,7 @@ class _Search:
         return selections[enough], errors
 
     def _fewest(
-        self, positions: Callable[[int], Points], start: float, maximum: int, exponent: float
+        self, positions: Callable[[int], Floats], start: float, maximum: int, exponent: float
     ) -> tuple[int, dict[Measure, float]]:
         """Return the fewest points that reach the tolerance, if `maximum` do, and their errors."""
         cache: dict[int, dict[Measure, float]] = {}
@@ -239,7 +237,7 @@ class _Search:
         return count * min(max((error / self.tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
 
 
-def _first(positions: Points, count: int) -> Points:
+def _first(positions: Floats, count: int) -> Floats:
     """Return the first positions."""
     return positions[:count]
 

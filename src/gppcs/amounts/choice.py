@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import fewest_points
 from gppcs.amounts.constraints import Constraints, WeightRange
@@ -19,6 +18,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.lookup import numbers_in
 from gppcs.clouds.quantities import Length, Scale
 from gppcs.clouds.ranges import Details
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.methods import Feature, Selection, Task
@@ -26,11 +26,8 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree, surface_area
 
-Points = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
-
-def choose(points: Points, options: Options, constraints: Constraints, scale: Scale, timer: Timer) -> Selection:
+def choose(points: Floats, options: Options, constraints: Constraints, scale: Scale, timer: Timer) -> Selection:
     """Let the method choose as many of the points, (N, 3), as the options mean."""
     method, max_gap = options.algorithm, options.lengths.get("max_gap")
     count = options.count(len(points))
@@ -81,9 +78,9 @@ def choose_number(
     count: int,
     options: Options,
     constraints: Constraints,
-    repeats: Indices,
+    repeats: Ints,
     rank: Callable[[int], Selection],
-    unchosen: Callable[[Indices, int], Indices],
+    unchosen: Callable[[Ints, int], Ints],
 ) -> Selection:
     """Choose a number of points: by quotas, in whole groups, or the first of a ranking.
 
@@ -113,7 +110,7 @@ def check_count(count: int, n_keep: int, n_usable: int) -> None:
         )
 
 
-def with_repeats(selection: Selection, repeats: Indices, fixed: int) -> Selection:
+def with_repeats(selection: Selection, repeats: Ints, fixed: int) -> Selection:
     """Return a selection with repeats to keep after its first `fixed` points, and the number of points to keep."""
     if not fixed:
         return selection
@@ -126,7 +123,7 @@ def with_repeats(selection: Selection, repeats: Indices, fixed: int) -> Selectio
     )
 
 
-def extended(selection: Selection, indices: Indices) -> Selection:
+def extended(selection: Selection, indices: Ints) -> Selection:
     """Return a selection with further points at its end, which the method did not choose."""
     return replace(
         selection,
@@ -136,7 +133,7 @@ def extended(selection: Selection, indices: Indices) -> Selection:
     )
 
 
-def _groups(constraints: Constraints) -> tuple[Indices, int]:
+def _groups(constraints: Constraints) -> tuple[Ints, int]:
     """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
     if constraints.labels is None:
         groups = group_numbers(constraints.groups)
@@ -148,7 +145,7 @@ def _groups(constraints: Constraints) -> tuple[Indices, int]:
     return groups, int(numbers.max()) + 1
 
 
-def _distinct(points: Points, constraints: Constraints) -> tuple[Indices, Indices]:
+def _distinct(points: Floats, constraints: Constraints) -> tuple[Ints, Ints]:
     """Return the indices of the distinct positions among which is chosen, those to keep first, and of repeats to keep.
 
     Of several points at a position, it is the first one, or the first one to keep.
@@ -161,9 +158,7 @@ def _distinct(points: Points, constraints: Constraints) -> tuple[Indices, Indice
     return indices[is_first], keep[~is_first[: len(keep)]]
 
 
-def _task(
-    points: Points, indices: Indices, fixed: int, options: Options, constraints: Constraints, timer: Timer
-) -> Task:
+def _task(points: Floats, indices: Ints, fixed: int, options: Options, constraints: Constraints, timer: Timer) -> Task:
     """Return the task to choose among the points at some indices, (n,), the first of which are kept."""
     cloud, attribute = PointCloud(points, constraints.columns), options.algorithm.reads_attribute
     arrays: dict[str, Any] = {}
@@ -179,7 +174,7 @@ def _task(
     return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays)
 
 
-def _number_of_discs(points: Points, radius: float, minimum: int) -> int:
+def _number_of_discs(points: Floats, radius: float, minimum: int) -> int:
     """Return how many discs of a radius cover the surface of the points, in a hexagonal lattice."""
     density = 2.0 / (3.0 * math.sqrt(3.0))  # discs of radius 1 for each unit of area
     n = math.ceil(min(density * surface_area(KdTree.build(points)) / radius / radius, 1e18))
@@ -187,7 +182,7 @@ def _number_of_discs(points: Points, radius: float, minimum: int) -> int:
 
 
 def _without_gaps(
-    points: Points, usable: Indices, selection: Selection, max_gap: Length, scale: Scale, timer: Timer
+    points: Floats, usable: Ints, selection: Selection, max_gap: Length, scale: Scale, timer: Timer
 ) -> Selection:
     """Add usable points, each the farthest from all others, until none is farther from one than a length."""
     kept = points[selection.indices] if selection.points is None else selection.points

@@ -16,6 +16,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lookup import as_floats, check_named, numbers_in
 from gppcs.clouds.ranges import columns_of_detail
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.errors import InputError, ParameterError, shown
 
 MINIMUM_WEIGHT = 1e-4  # Relative to the largest. Smaller ones count as this: wider spacings would only take time.
@@ -26,16 +27,16 @@ class Constraints:
     """What the options require of n points. Methods that only choose a number of points need not know of them."""
 
     # (K,), ascending: indices of the points that are kept whatever happens.
-    keep: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    keep: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     # (n,), as the user gives them: points of weight 0 are kept only if they are in `keep`.
-    weights: NDArray[np.float64] | None = None
+    weights: Floats | None = None
     # (n, ...), the attributes that count as detail, or that the method reads.
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: NDArray[np.uint8] | None = None  # (n,), the quota of each point; see `quota_labels`
     groups: Sequence[NDArray[Any]] = ()  # (n,) each, the attributes whose equal values make groups
 
     @classmethod
-    def from_cloud(cls, cloud: PointCloud, indices: NDArray[np.int64], options: Options) -> Constraints:
+    def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
         """Look up what the options require of the points of a cloud at some indices, (n,)."""
         keep = _keep_mask(cloud, options.keep)[indices]
         weights, usable = None, indices
@@ -47,7 +48,7 @@ class Constraints:
         groups = group_columns(cloud, options.group) if options.group is not None else []
         return cls(np.flatnonzero(keep), weights, columns, labels, [values[indices] for values in groups])
 
-    def usable(self, n: int) -> NDArray[np.int64]:
+    def usable(self, n: int) -> Ints:
         """Return the indices, ascending, of those of the n points that may be kept."""
         if self.weights is None:
             return np.arange(n)
@@ -64,7 +65,7 @@ class WeightRange(NamedTuple):
     total: float = 0.0  # relative to the maximum
 
     @classmethod
-    def from_weights(cls, weights: NDArray[np.float64] | None) -> WeightRange:
+    def from_weights(cls, weights: Floats | None) -> WeightRange:
         """Measure weights, (n,), after checking that they are finite and not negative."""
         if weights is None:
             return cls()
@@ -88,7 +89,7 @@ class WeightRange(NamedTuple):
         """Mean of the positive weights, relative to the maximum."""
         return self.total / self.n_positive if self.n_positive else 1.0
 
-    def relative(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    def relative(self, weights: Floats) -> Floats:
         """Return weights, (n,), relative to the maximum, 0 or at least `MINIMUM_WEIGHT`."""
         return np.where(weights > 0.0, np.maximum(weights / self.maximum, MINIMUM_WEIGHT), 0.0)
 
@@ -126,7 +127,7 @@ def required_columns(cloud: PointCloud, options: Options) -> dict[str, NDArray[A
     return {name: cloud.attributes[name] for name in names}
 
 
-def _keep_mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
+def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
     """Return which points, (N,), are to be kept."""
     mask = np.zeros(len(cloud), dtype=np.bool_)
     if keep is None:
@@ -149,7 +150,7 @@ def _keep_mask(cloud: PointCloud, keep: Any) -> NDArray[np.bool_]:
     return mask
 
 
-def _weights(cloud: PointCloud, weight: Any) -> NDArray[np.float64]:
+def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
     if isinstance(weight, str):
         return numbers_in(cloud, weight, "to weigh its points by")

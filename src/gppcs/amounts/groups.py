@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.lookup import check_named
+from gppcs.engine.arrays import Ints
 from gppcs.errors import InputError, shown
 from gppcs.methods import Selection
-
-Indices = NDArray[np.int64]
 
 
 def group_columns(cloud: PointCloud, name: str) -> list[NDArray[Any]]:
@@ -31,7 +30,7 @@ def group_columns(cloud: PointCloud, name: str) -> list[NDArray[Any]]:
     return [values]
 
 
-def group_numbers(columns: Sequence[NDArray[Any]]) -> Indices:
+def group_numbers(columns: Sequence[NDArray[Any]]) -> Ints:
     """Return the group of each point, (N,), from 0: points with equal values in all columns, each (N,)."""
     groups = np.unique(columns[0], return_inverse=True)[1]
     for values in columns[1:]:
@@ -40,7 +39,7 @@ def group_numbers(columns: Sequence[NDArray[Any]]) -> Indices:
     return groups
 
 
-def choose_groups(groups: Indices, number: int, fixed: int, count: int, rank: Callable[[int], Selection]) -> Selection:
+def choose_groups(groups: Ints, number: int, fixed: int, count: int, rank: Callable[[int], Selection]) -> Selection:
     """Choose whole groups with as near to a number of points as they allow.
 
     `rank` ranks a number of points; the first `fixed` ones are kept. A group is taken when the ranking meets one of its
@@ -62,7 +61,7 @@ def choose_groups(groups: Indices, number: int, fixed: int, count: int, rank: Ca
     return _members(selection, groups, number, ranked[order][:n_groups])
 
 
-def _members(selection: Selection, groups: Indices, number: int, taken: Indices) -> Selection:
+def _members(selection: Selection, groups: Ints, number: int, taken: Ints) -> Selection:
     """Return all points of the groups that are taken, in their order."""
     rank = np.full(number + 1, len(taken))
     rank[taken] = np.arange(len(taken))

@@ -84,8 +84,8 @@ class Options:
     quota: Mapping[str, float | str] | None = _option(
         None,
         "Keep exactly this number of points that meet a condition, or this fraction of the kept points, such as "
-        "'classification == 6: 10%', in Python {'classification == 6': '10%'}. The other points share the rest (methods "
-        "that rank their points).",
+        "'classification == 6: 10%', in Python {'classification == 6': '10%'}. The other points share the rest "
+        "(methods that rank their points).",
     )
     group: str | None = _option(
         None,

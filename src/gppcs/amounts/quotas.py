@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import size_of
+from gppcs.engine.arrays import Ints
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.methods import Selection
 
 EXCLUDED = np.uint8(255)  # label of points that must not be kept
 
-Indices = NDArray[np.int64]
 Labels = NDArray[np.uint8]
 
 
@@ -52,7 +52,7 @@ def _size(value: Any) -> float | int:
     return 0 if is_zero else size_of("quota", value)
 
 
-def quota_labels(cloud: PointCloud, usable: Indices, quotas: Sequence[Quota]) -> Labels:
+def quota_labels(cloud: PointCloud, usable: Ints, quotas: Sequence[Quota]) -> Labels:
     """Return the index of the quota of each point, (N,): `len(quotas)` for none, `EXCLUDED` for unusable points."""
     labels = np.full(len(cloud), EXCLUDED)
     labels[usable] = len(quotas)
@@ -73,10 +73,10 @@ def choose_quotas(
     quotas: Sequence[Quota],
     labels: Labels,
     count: int,
-    keep: Indices,
-    repeats: Indices,
+    keep: Ints,
+    repeats: Ints,
     rank: Callable[[int], Selection],
-) -> tuple[Selection, Indices]:
+) -> tuple[Selection, Ints]:
     """Choose points so that each quota gets its own; return also the indices that fill it with repeats.
 
     `rank` ranks a number of points, the first of which are those of `keep` that do not repeat positions of others; the
@@ -104,13 +104,13 @@ def choose_quotas(
     return selection, np.concatenate(fill)
 
 
-def _count(labels: Labels, parts: int) -> Indices:
+def _count(labels: Labels, parts: int) -> Ints:
     """Return how many labels each part has, (parts,), counted in blocks to save memory."""
     blocks = np.array_split(labels, 1 + len(labels) // (1 << 20))
     return sum((np.bincount(block, minlength=parts)[:parts] for block in blocks), start=np.zeros(parts, dtype=np.int64))
 
 
-def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Indices) -> Indices:
+def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Ints) -> Ints:
     """Return how many points each part gets, the last one what the quotas leave; check that this is possible."""
     numbers = np.array([quota.number(count) for quota in quotas] + [0])
     rest = count - int(numbers.sum())
@@ -130,7 +130,7 @@ def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Indices)
     return numbers
 
 
-def _first_of_parts(selection: Selection, labels: Labels, numbers: Indices) -> Selection:
+def _first_of_parts(selection: Selection, labels: Labels, numbers: Ints) -> Selection:
     """Return a selection without those points that are more than the number of their part, the last ones."""
     parts = labels[selection.indices]
     order = np.argsort(parts, kind="stable")

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.amounts.choice import check_count, choose_number
 from gppcs.amounts.constraints import Constraints, check_constraints, check_finite
@@ -14,6 +13,7 @@ from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import EXCLUDED
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import Scale, metres_of
+from gppcs.engine.arrays import Ints
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection, Task
@@ -25,12 +25,10 @@ from gppcs.streaming.plan import Plan
 from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, take
 from gppcs.surface.outliers import outliers_in_parts
 
-Indices = NDArray[np.int64]
-
 
 def choose_beyond_memory(
     files: CloudFiles, options: Options, plan: Plan, folder: Path, map_parts: MapParts, timer: Timer
-) -> tuple[Selection, PointCloud, Indices | None, int]:
+) -> tuple[Selection, PointCloud, Ints | None, int]:
     """Choose points of files, with temporary files in a folder.
 
     Returns the selection, the kept points as they are in the files, the outliers, if any are dropped, and the number of
@@ -57,7 +55,7 @@ def choose_beyond_memory(
 def _chosen(
     stored: StoredPoints,
     overview: Overview,
-    outliers: Indices | None,
+    outliers: Ints | None,
     options: Options,
     frame: Frame,
     map_parts: MapParts,

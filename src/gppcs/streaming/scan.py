@@ -21,6 +21,7 @@ from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import EXCLUDED
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.ranges import Details
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
@@ -36,8 +37,6 @@ SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one needed, so that there are hardly ever too few.
 RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
 
-Indices = NDArray[np.int64]
-
 
 @dataclass
 class Overview:
@@ -47,18 +46,18 @@ class Overview:
     n_bad: int = 0  # points that are not finite
     first_bad: int = 0  # the index of the first of these
     # (3,), corners of the bounding box of the stored points.
-    lower: NDArray[np.float64] = field(default_factory=lambda: np.full(3, np.inf))
-    upper: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
+    lower: Floats = field(default_factory=lambda: np.full(3, np.inf))
+    upper: Floats = field(default_factory=lambda: np.full(3, -np.inf))
     columns: JointColumns = field(default_factory=JointColumns)
-    # Indices (k,) and positions (k, 3) of the points to keep.
-    keep: Indices = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    keep_points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    # Ints (k,) and positions (k, 3) of the points to keep.
+    keep: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    keep_points: Floats = field(default_factory=lambda: np.empty((0, 3)))
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
     # The files of the chunks on disk, each with the index of its first point and the number of its stored points.
     chunks: list[tuple[str, int, int]] = field(default_factory=list)
     # A random sample (m, 3) of the stored points with their attributes, and the numbers (m,) by which it was drawn.
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
-    sample: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    sample: Floats = field(default_factory=lambda: np.empty((0, 3)))
     sample_columns: dict[str, NDArray[Any]] = field(default_factory=dict)
     # Of each chunk: the quotas of its points, and what makes groups. Of each source: the number of points.
     labels: list[NDArray[np.uint8]] = field(default_factory=list)
@@ -237,7 +236,7 @@ def _sort(
     raw: np.dtype[Any],
     fill: Any,
     group: Sequence[tuple[str, int, int]],
-) -> tuple[Run, Indices]:
+) -> tuple[Run, Ints]:
     """Sort some chunks into a run, and return it with the number of its points in each box."""
     records, begin = np.empty(sum(count for _, _, count in group), record), 0
     for name, first, count in group:
@@ -250,7 +249,7 @@ def _sort(
 
 
 def take(
-    sources: Sequence[CloudFiles], overview: Overview, indices: Indices, map_parts: MapParts, timer: Timer
+    sources: Sequence[CloudFiles], overview: Overview, indices: Ints, map_parts: MapParts, timer: Timer
 ) -> PointCloud:
     """Read the points at some indices, (n,), with all their attributes, in this order."""
     order = np.argsort(indices)
@@ -267,7 +266,7 @@ def take(
     return overview.columns.joined(clouds).take(np.argsort(order))
 
 
-def _take(task: tuple[CloudFiles, int, Indices, int]) -> PointCloud | None:
+def _take(task: tuple[CloudFiles, int, Ints, int]) -> PointCloud | None:
     """Read the points of a source at some indices, (n,), ascending; None if there are none."""
     files, count, indices, n = task
     if not len(indices):
