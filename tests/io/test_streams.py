@@ -1,10 +1,13 @@
-"""Compressed files, standard input and standard output."""
+"""Files are complete or not there and nothing is overwritten unasked; compressed files, standard input and output."""
 
+import errno
 import gzip
 import io
 import os
+import stat
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,20 +15,22 @@ import pytest
 
 from gppcs import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import FORMATS, read, write
+from gppcs.io import FORMATS, check_distinct, check_writable, read, whole_output, write
 
-WRITABLE = [known.suffixes[0] for known in FORMATS if known.write]
+WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 CLOUD = PointCloud([[0.5, 1, 2], [3, 4, 5e30]])
 TEXT = b"# x y z label\n0.5 1 2 7\n3 4 5 8\n"
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)
-def test_compressed_files_hold_what_plain_ones_do(tmp_path, suffix):
+def test_compressed_files_and_standard_input_hold_what_plain_files_do(tmp_path, stdin, suffix):
     plain, packed = tmp_path / f"cloud{suffix}", tmp_path / f"cloud{suffix}.gz"
     for path in (plain, packed):
         write(path, CLOUD, lossy=True)
     assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
     assert read(packed) == read(plain)
+    stdin(plain.read_bytes())
+    assert read("-", suffix) == read(plain)
 
 
 def test_compression_is_found_by_content_and_streams_are_read_one_after_another(tmp_path):
@@ -36,16 +41,9 @@ def test_compression_is_found_by_content_and_streams_are_read_one_after_another(
 @pytest.mark.parametrize("damage", [lambda data: data[:-6], lambda data: data[:14] + b"junk" + data[18:]])
 def test_damaged_compression_is_refused(tmp_path, damage):
     path = tmp_path / "cloud.xyz.gz"
-    packed = gzip.compress(os.urandom(300).hex().encode())
-    path.write_bytes(damage(packed))
+    path.write_bytes(damage(gzip.compress(os.urandom(300).hex().encode())))
     with pytest.raises(FileFormatError, match=r"cloud\.xyz\.gz: expected"):
         read(path)
-
-
-def test_a_cloud_that_breaks_off_leaves_no_compressed_file(tmp_path):
-    with pytest.raises(OutputError, match="Unicode"):
-        write(tmp_path / "cloud.npz.gz", PointCloud(CLOUD.points, {"\ud800": np.zeros(2)}))
-    assert not any(tmp_path.iterdir())
 
 
 @pytest.fixture
@@ -56,13 +54,6 @@ def stdin(monkeypatch):
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BufferedReader(io.BytesIO(content))))
 
     return hold
-
-
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_standard_input_gives_any_format(tmp_path, stdin, suffix):
-    write(tmp_path / f"a{suffix}", CLOUD, lossy=True)
-    stdin((tmp_path / f"a{suffix}").read_bytes())
-    assert read("-", suffix) == read(tmp_path / f"a{suffix}")
 
 
 @pytest.mark.parametrize("pack", [bytes, gzip.compress])
@@ -88,8 +79,128 @@ def test_standard_streams_need_a_known_format_and_to_be_open(stdin, monkeypatch)
 
 
 def test_convert_is_a_filter():
-    words = ["convert", "-", "-", "--from", "xyz", "--to", "csv"]
+    arguments = ["convert", "-", "-", "--from", "xyz", "--to", "csv"]
     program = "from gppcs.app.cli import main; main()"
-    run = subprocess.run([sys.executable, "-c", program, *words], input=TEXT, capture_output=True, check=True)
+    run = subprocess.run([sys.executable, "-c", program, *arguments], input=TEXT, capture_output=True, check=True)
     assert run.stdout == b"x,y,z,label\n0.5,1.0,2.0,7\n3.0,4.0,5.0,8\n"
     assert run.stderr == b""
+
+
+@pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt, SystemExit, OSError])
+@pytest.mark.parametrize("existing", [None, b"precious"])
+@pytest.mark.parametrize("name", ["result.png", "result.csv.gz"])
+def test_nothing_is_left_of_a_failed_write(tmp_path, failure, existing, name):
+    path = tmp_path / name
+    if existing:
+        path.write_bytes(existing)
+
+    def fail():
+        with whole_output(path, force=True) as file:
+            file.write(b"half")
+            file.flush()
+            raise failure
+
+    with pytest.raises(failure):
+        fail()
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == ([existing] if existing else [])
+
+
+def test_existing_files_are_kept_unless_forced(tmp_path):
+    path = tmp_path / "cloud.xyz"
+    path.write_text("precious")
+    for attempt in (lambda: write(path, CLOUD), lambda: check_writable(path)):
+        with pytest.raises(OutputError, match=r"cloud\.xyz: expected a new file, found one"):
+            attempt()
+    assert path.read_text() == "precious"
+    write(path, CLOUD, force=True)
+    assert path.read_text().startswith("0.5 1.0 2.0\n")
+    for target in (tmp_path / "missing" / "cloud.ply", tmp_path):
+        with pytest.raises(OutputError, match="a folder"):
+            check_writable(target, force=True)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links as on Unix")
+def test_a_link_stays_a_link(tmp_path):
+    real, link = tmp_path / "real.ply", tmp_path / "link.ply"
+    link.symlink_to(real)
+    write(link, CLOUD)
+    write(link, PointCloud(np.zeros((3, 3))), force=True)
+    assert link.is_symlink()
+    assert b"element vertex 3\n" in real.read_bytes()
+
+
+def test_of_two_that_write_at_the_same_time_one_wins(tmp_path):
+    path, both_began = tmp_path / "cloud.xyz", threading.Barrier(8)
+    ends = []
+
+    def run(name):
+        try:
+            with whole_output(path) as file:
+                both_began.wait()  # all have found no file of that name
+                file.write(name)
+            ends.append(name)
+        except OutputError as error:
+            ends.append(str(error))
+
+    runs = [threading.Thread(target=run, args=(bytes([letter]),)) for letter in b"abcdefgh"]
+    for thread in runs:
+        thread.start()
+    for thread in runs:
+        thread.join()
+    (winner,) = [end for end in ends if isinstance(end, bytes)]
+    assert path.read_bytes() == winner
+    assert sum("expected a new file, found one" in end for end in ends if end != winner) == 7
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_a_file_that_appears_during_the_work_is_kept(tmp_path, monkeypatch, has_links):
+    def refuse(*arguments):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    if not has_links:
+        monkeypatch.setattr(os, "link", refuse)
+    path = tmp_path / "cloud.xyz"
+
+    def late():
+        with whole_output(path) as file:
+            file.write(b"ours")
+            path.write_text("theirs")
+
+    with pytest.raises(OutputError, match=r"cloud\.xyz: expected a new file, found one"):
+        late()
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["theirs"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions as on Unix")
+@pytest.mark.parametrize("mode", [0o600, 0o444, 0o664])
+def test_a_new_file_follows_the_umask_and_a_replaced_one_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "cloud.ply"
+    before = os.umask(0o027)
+    try:
+        write(path, CLOUD)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    path.chmod(mode)
+    with whole_output(path, force=True):
+        (part,) = set(tmp_path.iterdir()) - {path}
+        assert stat.S_IMODE(part.stat().st_mode) == mode  # nobody else can read it before it is complete
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links as on Unix")
+def test_outputs_that_are_inputs_or_each_other_are_found(tmp_path):
+    scan, missing = tmp_path / "scan.ply", tmp_path / "missing.ply"
+    scan.write_text("")
+    (tmp_path / "folder").mkdir()
+    soft, loose = tmp_path / "soft.ply", tmp_path / "loose.ply"
+    soft.symlink_to(scan)
+    loose.symlink_to(missing)
+    check_distinct([tmp_path / "a.ply", tmp_path / "b.ply"], [scan, scan, missing])
+    for output in (scan, soft, loose, missing, tmp_path / "folder" / ".." / "scan.ply"):
+        with pytest.raises(OutputError, match="expected a file that is no input, found an input"):
+            check_distinct([tmp_path / "a.ply", output], [missing, scan])
+    for first, second in ((scan, soft), (missing, loose)):
+        with pytest.raises(OutputError, match="expected a file for each result, found one for two"):
+            check_distinct([first, second], [])

@@ -78,7 +78,7 @@ def _columns(array: Column) -> dict[str, Column]:
 
 def write_npy(file: BinaryIO, cloud: PointCloud) -> None:
     """Write an NPY file: an (N, 3) array or, for a cloud with attributes, a structured array."""
-    columns = columns_of(cloud, flat=False, named=str)
+    columns = columns_of(cloud, flat=False)
     if not cloud.attributes:
         npy.write_array(file, np.stack(list(columns.values()), axis=1), allow_pickle=False)
         return

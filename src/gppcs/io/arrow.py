@@ -128,7 +128,7 @@ def write_feather(file: BinaryIO, cloud: PointCloud) -> None:
 def _table(cloud: PointCloud) -> Any:
     pyarrow = require_pyarrow()
     columns = {}
-    for name, values in columns_of(cloud, flat=False, named=str).items():
+    for name, values in columns_of(cloud, flat=False).items():
         dtype = np.dtype(np.float64) if name in "xyz" and values.dtype.itemsize > 8 else values.dtype
         column = pyarrow.array(np.ascontiguousarray(values, dtype.newbyteorder("=")).reshape(-1))
         is_flat = values.ndim == 1

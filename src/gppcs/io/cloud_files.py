@@ -63,6 +63,7 @@ class _Opened(NamedTuple):
     file: Any
     format: Format
     reader: Reader
+    stack: ExitStack  # closes it
 
     @property
     def size(self) -> int:
@@ -92,7 +93,6 @@ class CloudFiles:
     span: Span | None = None  # the part of a single file that is read
     _header: Header | None = field(default=None, init=False)  # of the first file that has one
     _opened: dict[Path, _Opened] = field(default_factory=dict, init=False)
-    _stacks: dict[Path, ExitStack] = field(default_factory=dict, init=False)  # close what is open
     _clouds: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # already read, for `read`
 
     def __enter__(self) -> CloudFiles:
@@ -100,13 +100,12 @@ class CloudFiles:
 
     def __exit__(self, *_: object) -> None:
         self._clouds.clear()
-        self._opened.clear()
-        while self._stacks:
-            self._stacks.popitem()[1].close()
+        while self._opened:
+            self._opened.popitem()[1].stack.close()
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_count")}
-        return {**state, "_opened": {}, "_stacks": {}, "_clouds": {}}
+        return {**state, "_opened": {}, "_clouds": {}}
 
     @cached_property
     def preview(self) -> PointCloud:
@@ -147,11 +146,9 @@ class CloudFiles:
     def _first_of(self, path: Path) -> PointCloud:
         """Return the first points of a file, or all, which are kept for `read`, if they are read at once."""
         with self._reading(path) as opened:
-            if not opened.reader.at_once:
-                return next(opened.reader.chunks(BLOCK, True))
-            if path not in self._clouds:
+            if opened.reader.at_once and path not in self._clouds:
                 self._clouds[path] = opened.reader.read()
-            return self._clouds[path]
+            return self._clouds[path] if opened.reader.at_once else next(opened.reader.chunks(BLOCK, True))
 
     @property
     def at_once(self) -> tuple[str | None, int]:
@@ -215,20 +212,14 @@ class CloudFiles:
         header = self.preview.header if self.assume_same_crs else None
         for path in self.paths:
             with self._reading(path) as opened:
-                divides = opened.reader.spans is not None and not opened.is_copy
-                spans = opened.reader.spans(n) if divides and opened.reader.spans else []
+                spans = opened.reader.spans(n) if opened.reader.spans and not opened.is_copy else []
             for span in spans if len(spans) > 1 else [None]:
                 part = replace(self, paths=[path], span=span)
                 part._header = header
                 if opened.is_copy:
-                    part._opened[path] = opened
+                    part._opened[path] = opened._replace(stack=ExitStack())
                 parts.append(part)
         return parts
-
-    @property
-    def first(self) -> int:
-        """The index in the first file of the first point of `chunks`."""
-        return self.span[0] if self.span else 0
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
         """Return a cloud with the header of the first file, if its coordinate system counts for all files.
@@ -255,19 +246,16 @@ class CloudFiles:
             return self._opened[path]
         plain = [path for path, opened in self._opened.items() if not opened.is_copy]
         if len(plain) >= 64:  # a process may not open many more
-            del self._opened[plain[0]]
-            self._stacks.pop(plain[0]).close()
+            self._opened.pop(plain[0]).stack.close()
         with naming(path), ExitStack() as stack:
             file, name = stack.enter_context(plain_input(path))
-            known = format_of(file, self.format or name.name)
-            options: dict[str, Any] = {}
-            if self.columns is not None and "columns" in known.options:
+            file_format = format_of(file, self.format or name.name)
+            options: dict[str, Any] = {"query": self.query} if self.query and "query" in file_format.options else {}
+            if self.columns is not None and "columns" in file_format.options:
                 options["columns"] = self.columns
             elif self.columns is not None and not self.tables_only:
-                raise FileFormatError(f"expected a text table, whose columns can be named, found {known.name}")
-            if self.query and "query" in known.options:
-                options["query"] = self.query
-            reader = known.open(file, **options)
-            self._opened[path] = _Opened(file, known, self.query.restricted(known, reader) if self.query else reader)
-            self._stacks[path] = stack.pop_all()
+                raise FileFormatError(f"expected a text table, whose columns can be named, found {file_format.name}")
+            reader = file_format.open(file, **options)
+            reader = self.query.restricted(file_format, reader) if self.query else reader
+            self._opened[path] = _Opened(file, file_format, reader, stack.pop_all())
         return self._opened[path]

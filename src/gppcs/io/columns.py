@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,6 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import OutputError
-
-_LONGEST_NAME = 1000
-_UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # zip files cut names at the first, UTF-8 has no bytes for the others
 
 
 def default_names(width: int) -> list[str]:
@@ -36,14 +33,11 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
     return kept
 
 
-def columns_of(cloud: PointCloud, flat: bool = True, named: Callable[[str], str] | None = None) -> dict[str, Column]:
+def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
     """Return coordinates and attributes by name; those of `flat` columns are one number or text for each point."""
-    kept = coordinate_type(cloud)
-    columns: dict[str, Column] = {
-        a: values.astype(kept, copy=False) for a, values in zip("xyz", cloud.points.T, strict=True)
-    }
-    for attribute, values in cloud.attributes.items():
-        name = (named or column_name)(attribute)
+    points = cloud.points.astype(coordinate_type(cloud), copy=False)
+    columns: dict[str, Column] = dict(zip("xyz", points.T, strict=True))
+    for name, values in cloud.attributes.items():
         parts = {name: values}
         if flat and values.ndim > 1:
             table = values.reshape(len(values), math.prod(values.shape[1:]))
@@ -69,9 +63,9 @@ def exact_type(values: Column, types: Collection[np.dtype[Any]]) -> np.dtype[Any
     if dtype.kind not in "iuf":
         return None
     if dtype.kind in "iu":
-        low, high = (int(values.min()), int(values.max())) if values.size else (0, 0)
         for narrow in map(np.dtype, ("i4", "u4")):
-            if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
+            bounds = np.iinfo(narrow)
+            if not values.size or (bounds.min <= values.min() and values.max() <= bounds.max):
                 return narrow
     return np.dtype("f8") if exact_as_double(values) else None
 
@@ -80,8 +74,9 @@ def check_name(name: str, taken: Iterable[str]) -> None:
     """Check that a column can have a name."""
     if name in taken or name in ("x", "y", "z"):
         raise OutputError(f"expected columns of different names, found {name!r} twice; rename the attribute")
-    if not 1 <= len(name) <= _LONGEST_NAME or _UNWRITABLE.search(name):
+    # Zip files cut names at zero characters, and UTF-8 has no bytes for surrogates.
+    if not 1 <= len(name) <= 1000 or re.search("[\0\ud800-\udfff]", name):
         raise OutputError(
-            f"expected a name of 1 to {_LONGEST_NAME:,} characters of Unicode for each attribute, "
-            f"found {name[:20]!a} of {len(name):,}; rename the attribute"
+            f"expected a name of 1 to 1,000 characters of Unicode for each attribute, found {name[:20]!a} of "
+            f"{len(name):,}; rename the attribute"
         )

@@ -47,7 +47,7 @@ def format_of(file: BufferedReader, name: str) -> Format:
     """Return the format of a file by its content, or else by a name or suffix; leave the file at its start."""
     start, size = file.read(1024), os.fstat(file.fileno()).st_size
     file.seek(0)
-    return next((known for known in FORMATS if known.recognises(start, size)), None) or _named(name, FORMATS)
+    return next((item for item in FORMATS if item.recognises(start, size)), None) or _named(name, FORMATS)
 
 
 def format_to_write(
@@ -62,17 +62,17 @@ def format_to_write(
     if is_standard(target) and not format:
         raise FileFormatError("expected the format of standard output, found none; give it, such as ply")
     with naming(target):
-        known = _named(format or inner_name(target).name, [known for known in FORMATS if known.write])
+        file_format = _named(format or inner_name(target).name, [item for item in FORMATS if item.write])
         options: dict[str, Any] = {}
         if levels_by is not None:
             options["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
         if ascii is not None:
             options["ascii"] = flag("ascii", ascii)
-        for option in options.keys() - known.options:
+        for option in options.keys() - file_format.options:
             able = " or ".join(other.name for other in FORMATS if option in other.options)
-            raise FileFormatError(f"expected {able}, which has {option}, found {known.name}; leave out {option}")
-    assert known.write is not None
-    return replace(known, write=partial(known.write, **options)) if options else known
+            raise FileFormatError(f"expected {able}, which has {option}, found {file_format.name}; leave out {option}")
+    assert file_format.write is not None
+    return replace(file_format, write=partial(file_format.write, **options)) if options else file_format
 
 
 def check_suffix(suffix: str | None) -> None:
@@ -83,9 +83,9 @@ def check_suffix(suffix: str | None) -> None:
 
 def _named(name: str, formats: Sequence[Format]) -> Format:
     """Return which of some formats a name of a file, or a suffix, ends with."""
-    for known in formats:
-        if known.has_suffix(name):
-            return known
-    listed = " ".join(suffix for known in formats for suffix in known.suffixes)
+    for file_format in formats:
+        if file_format.has_suffix(name):
+            return file_format
+    listed = " ".join(suffix for file_format in formats for suffix in file_format.suffixes)
     suffix = Path(name).suffix or (name if name.startswith(".") else "")
     raise FileFormatError(f"expected one of the formats {listed}, found {shown(suffix) or 'a name without a suffix'}")

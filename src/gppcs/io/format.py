@@ -6,8 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from io import BufferedReader
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +50,6 @@ def refuse_losses(path: str | os.PathLike[str], name: str, values: list[str]) ->
             f"{path}: expected a format that holds all of the cloud, but {name} cannot hold: {', '.join(values)}; "
             "choose another format, or leave this out with lossy"
         )
-
-
-def from_start(function: Callable[..., Any], file: BufferedReader, *args: Any, **options: Any) -> Any:
-    """Call a function with a file that is at its start."""
-    file.seek(0)
-    return function(file, *args, **options)
 
 
 class Fit(NamedTuple):
@@ -136,11 +129,10 @@ def _are_equal(values: Column, stored: Column) -> bool:
 
 def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
     """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
-    if points is rounded or np.array_equal(points, rounded):
+    if points is rounded or np.array_equal(points, rounded, equal_nan=True):
         return [], True
     finite = np.isfinite(points).all(axis=1)
-    if not finite.all():
-        points, rounded = points[finite], rounded[finite]
+    points, rounded = points[finite], rounded[finite]
     with np.errstate(over="ignore", invalid="ignore"):
         shift = float(np.abs(rounded - points).max(initial=0.0))
         diagonal = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
@@ -149,8 +141,7 @@ def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple
 
 def shift_in_words(shift: float, farthest: float, diagonal: float) -> tuple[list[str], bool]:
     """Return what `rounding` does, given the largest shift, the largest coordinate and the diagonal of the points."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        # 41 times 0.01 differs from 0.41 by two units in the last place.
-        counts = shift > 2.0 * np.spacing(farthest)
-    message = [f"the last digits of coordinates (which move by at most {shift:.1g})"] if counts else []
-    return message, shift <= 1e-6 * diagonal
+    # 41 times 0.01 differs from 0.41 by two units in the last place.
+    is_seen = shift > 2.0 * np.spacing(farthest)
+    message = f"the last digits of coordinates (which move by at most {shift:.1g})"
+    return [message] if is_seen else [], shift <= 1e-6 * diagonal

@@ -32,46 +32,39 @@ class JointColumns:
         self._coordinates: set[np.dtype[Any]] = set()
         self._signed: set[str] = set()  # attributes with a negative number
 
+    @property
+    def header(self) -> Header | None:
+        """The header of the first part."""
+        return None if self._first is None else self._first.header
+
     def add(self, cloud: PointCloud) -> None:
         """Take note of a part."""
         if self._first is None:
-            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which tells names and header, and holds no points
-        first = self._first
-        if set(cloud.attributes) != set(first.attributes):
-            differing = ", ".join(sorted(set(cloud.attributes) ^ set(first.attributes)))
-            raise FileFormatError(
-                f"expected the same attributes in all files of a cloud, found {differing} in some only; "
-                "write them anew with the same attributes, or simplify each file for itself"
-            )
-        conventions = [each.header.conventions if each.header else {} for each in (first, cloud)]
-        for name in cloud.attributes:
-            one, other = (each.get(name, "no scale") for each in conventions)
-            if one != other:
-                raise FileFormatError(
-                    f"expected values of {name} of one kind in all files of a cloud, found {one} and {other}; "
-                    "simplify each file for itself"
-                )
-        crs = [each.header.crs if each.header else None for each in (first, cloud)]
+            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which has names and header, and no points
+        self._check_like(self._first, cloud)
+        self._coordinates.add(cloud.coordinate_dtype)
+        for name, values in cloud.attributes.items():
+            self._types.setdefault(name, set()).add(values.dtype)
+            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
+                self._signed.add(name)
+
+    def _check_like(self, first: PointCloud, cloud: PointCloud) -> None:
+        """Check that a part has the attributes and the coordinate system of the first part."""
+        if differing := first.attributes.keys() ^ cloud.attributes.keys():
+            raise _differ("attributes", f"{', '.join(sorted(differing))} in some only")
+        crs = [part.header.crs if part.header else None for part in (first, cloud)]
         if None not in crs and crs[0] != crs[1]:
             raise FileFormatError(
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; bring them to "
                 "one first, or take them for the same with assume_same_crs"
             )
-        self._coordinates.add(cloud.coordinate_dtype)
+        conventions = [part.header.conventions if part.header else {} for part in (first, cloud)]
         for name, values in cloud.attributes.items():
-            if values.shape[1:] != first.attributes[name].shape[1:]:
-                raise FileFormatError(
-                    f"expected values of {name} of one shape in all files of a cloud, found "
-                    f"{first.attributes[name].shape[1:]} and {values.shape[1:]}; simplify each file for itself"
-                )
-            self._types.setdefault(name, set()).add(values.dtype)
-            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
-                self._signed.add(name)
-
-    @property
-    def header(self) -> Header | None:
-        """The header of the first part."""
-        return None if self._first is None else self._first.header
+            kinds = [convention.get(name, "no scale") for convention in conventions]
+            shapes = [first.attributes[name].shape[1:], values.shape[1:]]
+            if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
+                actual = kinds if kinds[0] != kinds[1] else shapes
+                raise _differ(f"kind of {name}", f"{actual[0]} and {actual[1]}")
 
     def merge(self, other: JointColumns) -> None:
         """Take note of the parts that another has noted."""
@@ -87,11 +80,19 @@ class JointColumns:
         assert self._first is not None
         points, parts = zip(*((cloud.points, dict(cloud.attributes)) for cloud in clouds), strict=True)
         # Each attribute frees its parts.
-        attributes = {name: self._column(name, [each.pop(name) for each in parts]) for name in self._first.attributes}
-        return PointCloud(np.concatenate(points), attributes, np.result_type(*self._coordinates), self._first.header)
+        attributes = {name: self._column(name, [part.pop(name) for part in parts]) for name in self._first.attributes}
+        return PointCloud(np.concatenate(points), attributes, np.result_type(*self._coordinates), self.header)
 
     def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
-        common = self._common_type(name)
+        """Return the values of an attribute in a type that holds those of all parts exactly."""
+        types = self._types[name]
+        kinds = {"number" if dtype.kind in "biuf" else dtype.kind for dtype in types}
+        if len(kinds) > 1:
+            raise _differ(f"kind of {name}", " and ".join(sorted(map(str, types))))
+        if types == {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
+            common = np.dtype(np.uint64)
+        else:
+            common = np.result_type(*types)
         if common.kind == "f" and not all(part.dtype == common or exact_as_double(part) for part in parts):
             raise FileFormatError(
                 f"expected values of {name} that int64, uint64 or float64 holds exactly, found whole numbers beyond "
@@ -99,15 +100,8 @@ class JointColumns:
             )
         return np.concatenate([part.astype(common, copy=False) for part in parts])
 
-    def _common_type(self, name: str) -> np.dtype[Any]:
-        types = self._types[name]
-        if len(types) == 1:
-            return next(iter(types))
-        if types <= {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
-            return np.dtype(np.uint64)
-        if len({"number" if each.kind in "biuf" else each.kind for each in types}) > 1:
-            raise FileFormatError(
-                f"expected values of {name} of one kind in all files of a cloud, found "
-                f"{' and '.join(sorted(map(str, types)))}; simplify each file for itself"
-            )
-        return np.result_type(*types)
+
+def _differ(what: str, actual: str) -> FileFormatError:
+    return FileFormatError(
+        f"expected the same {what} in all files of a cloud, found {actual}; write them anew, or simplify each by itself"
+    )

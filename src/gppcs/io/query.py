@@ -66,10 +66,12 @@ class Query:
             inside &= self.only.mask(cloud)
         return cloud if inside.all() else cloud.take(np.flatnonzero(inside))
 
-    def restricted(self, known: Format, reader: Reader) -> Reader:
+    def restricted(self, file_format: Format, reader: Reader) -> Reader:
         """Return a reader of a format that reads only what is asked for."""
-        if self.resolution is not None and "query" not in known.options:
-            raise without_levels(known.name)
+        if self.resolution is not None and "query" not in file_format.options:
+            raise FileFormatError(
+                f"expected a COPC file, which alone has levels, found {file_format.name}; leave out resolution"
+            )
 
         def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
             clouds = reader.chunks(n, attributes or self.only is not None)  # conditions need attributes
@@ -125,17 +127,10 @@ def _box(inside: Any) -> tuple[list[float], list[float]]:
 
 def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
     """Yield the clouds that have points, or the last one if none has."""
-    cloud, is_empty = None, True
-    for cloud in clouds:
-        if len(cloud):
+    last, is_empty = None, True
+    for last in clouds:
+        if len(last):
             is_empty = False
-            yield cloud
-    if is_empty and cloud is not None:
-        yield cloud
-
-
-def without_levels(name: str) -> FileFormatError:
-    """Return the error for a file that cannot be read to a resolution."""
-    return FileFormatError(
-        f"expected a COPC file, which alone has levels of resolution, found {name}; leave out resolution"
-    )
+            yield last
+    if is_empty and last is not None:
+        yield last

@@ -92,6 +92,6 @@ def read_each(
     """Read clouds, each with its number of faces, that a command puts side by side; columns are for tables alone."""
     with ExitStack() as stack:
         clouds = [stack.enter_context(open_clouds([path], format, columns, tables_only=True)) for path in paths]
-        if columns is not None and not any("columns" in known.options for files in clouds for known in files.formats()):
+        if columns is not None and not any("columns" in kind.options for files in clouds for kind in files.formats()):
             raise FileFormatError("expected a text table, whose columns can be named, found other files only")
         return [(files.read(), files.n_faces) for files in clouds]

@@ -50,7 +50,7 @@ def write(
     Raises
     ------
     FileFormatError
-        If the format is unknown, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
+        If the format is unfile_format, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
         values of the cloud and `lossy` is False, or it cannot hold its points.
@@ -80,22 +80,22 @@ def store(
 ) -> list[str]:
     """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
     cloud, force = as_cloud(cloud), flag("force", force)
-    known = format_to_write(path, format, ascii, levels_by)
-    fit = known.fit(cloud)
+    file_format = format_to_write(path, format, ascii, levels_by)
+    fit = file_format.fit(cloud)
     if not flag("lossy", lossy):
-        refuse_losses(path, known.name, fit.values)
+        refuse_losses(path, file_format.name, fit.values)
     with whole_output(path, force) as file:
-        assert known.write is not None
-        known.write(file, fit.cloud)
+        assert file_format.write is not None
+        file_format.write(file, fit.cloud)
     return [*fit.values, *fit.remarks]
 
 
 def check_storable(path: Path, cloud: PointCloud, format: str | None, lossy: bool) -> None:  # noqa: A002
     """Check before long work that `write` can write a cloud: write one of its points to a temporary file."""
-    known = format_to_write(path, format)
-    fit = known.fit(cloud)
+    file_format = format_to_write(path, format)
+    fit = file_format.fit(cloud)
     if not lossy:
-        refuse_losses(path, known.name, fit.values)
+        refuse_losses(path, file_format.name, fit.values)
     with tempfile.TemporaryFile() as trial:
-        assert known.write is not None
-        known.write(trial, fit.cloud[:1])
+        assert file_format.write is not None
+        file_format.write(trial, fit.cloud[:1])
