@@ -9,8 +9,6 @@ from typing import ClassVar
 from gppcs.methods.method import Method, Selection, Task, random_candidates
 from gppcs.methods.parameters import parameter, require
 
-UPDATES = 200  # updates of the posterior in a run, unless k_add is given
-
 
 @dataclass(frozen=True)
 class SpectralGP(Method):
@@ -111,7 +109,7 @@ class SpectralGP(Method):
         with timer("farthest points", k_init) as on_progress:  # P_simp <- FPS(P, k_init)
             initial, _ = farthest_points(points, k_init, tree, on_progress)
         with timer("greedy selection", n_points - k_init) as on_progress:  # while |P_simp| < M: add MAX(s, R, k_add)
-            k_add = self.k_add or max(1, -(-(n_points - k_init) // UPDATES))
+            k_add = self.k_add or max(1, -(-(n_points - k_init) // 200))  # about 200 updates
             indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, on_progress)
         with timer("explained variance"):
             mean, _ = predict(phi, *posterior(phi[indices], y[indices], theta.noise))

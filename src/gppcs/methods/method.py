@@ -176,17 +176,17 @@ class Method(ABC):
         """Complete the docstring, unless `python -OO` has removed it."""
         super().__init_subclass__()
         if cls.__doc__:
-            inherited = {each.name: each for each in dataclasses.fields(cls)}
-            own = {name: value for name, value in vars(cls).items() if isinstance(value, dataclasses.Field)}
+            inherited = {field.name: field for field in dataclasses.fields(cls)}
+            declared = {name: value for name, value in vars(cls).items() if isinstance(value, dataclasses.Field)}
             source = f"Source: {cls.source}." if hasattr(cls, "source") else ""
             texts = [textwrap.fill(text, WIDTH) for text in (cls.description, source) if text]
-            cls.__doc__ = completed(cls.__doc__, texts, described(cls, inherited | own))
+            cls.__doc__ = completed(cls.__doc__, texts, described(cls, inherited | declared))
 
     def __post_init__(self) -> None:
         """Check all parameters. Subclasses that check more call this first."""
-        for each in dataclasses.fields(self):
-            if getattr(self, each.name) is not each.default:
-                check_parameter(self, each)
+        for parameter in dataclasses.fields(self):
+            if getattr(self, parameter.name) is not parameter.default:
+                check_parameter(self, parameter)
 
     @property
     def moves_points(self) -> bool:
@@ -214,9 +214,9 @@ class Method(ABC):
 
     def __str__(self) -> str:
         changed = [
-            f"{each.name}={getattr(self, each.name)}"
-            for each in dataclasses.fields(self)
-            if getattr(self, each.name) != each.default
+            f"{parameter.name}={getattr(self, parameter.name)}"
+            for parameter in dataclasses.fields(self)
+            if getattr(self, parameter.name) != parameter.default
         ]
         return f"{self.name} ({', '.join(changed)})" if changed else self.name
 
@@ -253,6 +253,6 @@ def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
 
     if count == 0:
         return np.empty(0, dtype=np.int64)
-    least = np.partition(values, len(values) - count)[len(values) - count]
-    candidates = np.flatnonzero(values >= least)
+    threshold = np.partition(values, len(values) - count)[len(values) - count]
+    candidates = np.flatnonzero(values >= threshold)
     return candidates[np.argsort(-values[candidates], kind="stable")[:count]]

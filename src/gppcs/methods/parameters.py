@@ -99,32 +99,32 @@ def parameter(default: Value, meaning: str, minimum: float | None = None, maximu
     return declared
 
 
-def check_parameter(method: Method, each: dataclasses.Field[Any]) -> None:
+def check_parameter(method: Method, declared: dataclasses.Field[Any]) -> None:
     """Check the type and the range of a parameter; a number of NumPy becomes Python's."""
-    kind = _types(type(method))[each.name]
+    kind = _types(type(method))[declared.name]
     alternatives = typing.get_args(kind) or (kind,)
-    value = _as_one_of(alternatives, getattr(method, each.name))
-    require(method, value is not _INVALID, each.name, " or ".join(map(_written, alternatives)))
-    object.__setattr__(method, each.name, value)
+    value = _as_one_of(alternatives, getattr(method, declared.name))
+    require(method, value is not _INVALID, declared.name, " or ".join(map(_written, alternatives)))
+    object.__setattr__(method, declared.name, value)
     if isinstance(value, int | float):
-        minimum, maximum = each.metadata.get(_RANGE, (None, None))
-        require(method, _lies_within(value, minimum, maximum), each.name, _range(value, minimum, maximum))
+        minimum, maximum = declared.metadata.get(_RANGE, (None, None))
+        require(method, _lies_within(value, minimum, maximum), declared.name, _range(value, minimum, maximum))
 
 
 def require(method: Method, condition: bool, parameter: str, expected: str) -> None:
     """Raise an error unless a condition on a parameter holds; `expected` says what it should be."""
     if not condition:
-        found = shown(getattr(method, parameter))
-        raise ParameterError(f"method {method.name!r}: expected {parameter} to be {expected}, found {found}")
+        value = shown(getattr(method, parameter))
+        raise ParameterError(f"method {method.name!r}: expected {parameter} to be {expected}, found {value}")
 
 
 def with_settings(method: Method, settings: Mapping[str, Any]) -> Method:
     """Return a method with other values of some parameters; texts are converted, and "none" means None."""
     types = _types(type(method))
-    known = [each.name for each in dataclasses.fields(method)]
+    names = [declared.name for declared in dataclasses.fields(method)]
     for key in settings:
-        if key not in known:
-            near = nearest_name(key, known) if known else "; it has none at all"
+        if key not in names:
+            near = nearest_name(key, names) if names else "; it has none at all"
             raise ParameterError(f"method {method.name!r} has no parameter {key!r}{near}")
     return dataclasses.replace(method, **{key: _read(value, types[key]) for key, value in settings.items()})
 
@@ -153,11 +153,11 @@ def _lies_within(value: float, minimum: float | None, maximum: float | None) -> 
 def _range(value: float, minimum: float | None, maximum: float | None) -> str:
     """Return the range outside of which a number lies, as messages show it."""
     if minimum is not None and maximum is not None:
-        words = f"from {minimum:g} to {maximum:g}"
+        text = f"from {minimum:g} to {maximum:g}"
     else:
         ends = [f"at {side} {end:g}" for side, end in (("least", minimum), ("most", maximum)) if end is not None]
-        words = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
-    return f"{words}, and not denormal" if _is_denormal(value) else words
+        text = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
+    return f"{text}, and not denormal" if _is_denormal(value) else text
 
 
 def _is_denormal(value: float) -> bool:
@@ -192,7 +192,8 @@ def _read(value: Any, expected: Any) -> Any:
 def parameters_of(method: Method | type[Method]) -> dict[str, Parameter]:
     """Return the descriptions of all parameters of a method, by name."""
     return described(
-        method if isinstance(method, type) else type(method), {each.name: each for each in dataclasses.fields(method)}
+        method if isinstance(method, type) else type(method),
+        {declared.name: declared for declared in dataclasses.fields(method)},
     )
 
 
@@ -214,7 +215,7 @@ def _types(cls: type) -> Mapping[str, Any]:
 def _kind(annotation: Any) -> str:
     """Return a type annotation as docstrings write it: "int", "int, optional", '"mean" or "median"'."""
     alternatives = typing.get_args(annotation) or (annotation,)
-    kinds = [f'"{each}"' if isinstance(each, str) else each.__name__ for each in alternatives if each is not type(None)]
+    kinds = [f'"{kind}"' if isinstance(kind, str) else kind.__name__ for kind in alternatives if kind is not type(None)]
     return " or ".join(kinds) + (", optional" if type(None) in alternatives else "")
 
 
@@ -222,7 +223,9 @@ def completed(docstring: str, texts: list[str], parameters: Mapping[str, Paramet
     """Return a docstring with texts and a section of parameters inserted after its first paragraph."""
     first, _, rest = inspect.cleandoc(docstring).partition("\n\n")
     section = ["Parameters", "----------"] if parameters else []
-    for name, each in parameters.items():
-        section.append(f"{name} : {each.kind}" + ("" if each.default is None else f", default {each.default!r}"))
-        section.append(textwrap.fill(each.meaning, WIDTH, initial_indent="    ", subsequent_indent="    "))
+    for name, parameter in parameters.items():
+        section.append(
+            f"{name} : {parameter.kind}" + ("" if parameter.default is None else f", default {parameter.default!r}")
+        )
+        section.append(textwrap.fill(parameter.meaning, WIDTH, initial_indent="    ", subsequent_indent="    "))
     return "\n\n".join(filter(None, [first, *texts, "\n".join(section), rest]))

@@ -66,16 +66,17 @@ class Random(Method):
             return Selection(rng.permutation(len(points))[: task.n_points])
 
     def _of_stored(self, task: Task) -> NDArray[np.int64]:
-        """Return the rows of the different places with the smallest random numbers."""
+        """Return the indices of the different points with the smallest random numbers."""
         import numpy as np
 
         from gppcs.spatial.samples import smallest_numbers
 
         assert task.stored is not None
-        numbers, rows = np.empty(0), np.empty(0, dtype=np.int64)
+        numbers, indices = np.empty(0), np.empty(0, dtype=np.int64)
         choose = partial(smallest_numbers, task.stored, task.n_points, self.seed, self.even)
         for of_part in task.map_parts(choose, task.stored.parts(PART)):
-            numbers, rows = np.concatenate([numbers, of_part[0]]), np.concatenate([rows, of_part[1]])
+            numbers = np.concatenate([numbers, of_part[0]])
+            indices = np.concatenate([indices, of_part[1]])
             order = np.argsort(numbers, kind="stable")[: task.n_points]
-            numbers, rows = numbers[order], rows[order]
-        return rows
+            numbers, indices = numbers[order], indices[order]
+        return indices

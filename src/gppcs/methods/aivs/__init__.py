@@ -32,8 +32,8 @@ class AIVS(Method):
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
-        from gppcs.methods.aivs.voxels import CLASSES, points_of_voxels
+        from gppcs.methods.aivs.voxels import points_of_voxels
 
         points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("voxels", CLASSES) as advanced:
-            return Selection(points_of_voxels(points, n_points, advanced))
+        with timer("voxels", 8) as on_progress:
+            return Selection(points_of_voxels(points, n_points, on_progress))

@@ -13,12 +13,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import approach, farthest_points
 
-# Upper limits of the number of points, and how many voxels the longest axis then has.
-VOXELS_ALONG = ((10_000, 10), (50_000, 20), (100_000, 30), (500_000, 40), (1_000_000, 50))
-ROUNDED_UP = 5  # a quota is rounded up if its fraction is above one fifth
-REACH_IN_EDGES = 0.75  # points of other voxels count up to this many edge lengths from the centre, along each axis
 LARGE = 1 << 20  # if a voxel needs more distances than this, a tree is faster
-CLASSES = 8  # voxels are classed by the parity of their numbers along the three axes
 
 
 class Voxels(NamedTuple):
@@ -40,10 +35,12 @@ class Voxels(NamedTuple):
     def build(cls, points: NDArray[np.float64]) -> Voxels:
         """Sort points, (N, 3), into voxels."""
         n = len(points)
-        along = next((voxels for below, voxels in VOXELS_ALONG if n < below), round(np.cbrt(n / 8)))
+        # Upper limits of the number of points, and how many voxels the longest axis then has (Lv et al. 2021).
+        steps = ((10_000, 10), (50_000, 20), (100_000, 30), (500_000, 40), (1_000_000, 50))
+        along = next((voxels for below, voxels in steps if n < below), round(np.cbrt(n / 8)))
         local = points - points.min(axis=0)
         size = float(local.max())
-        # Multiplying first makes the borders of the voxels the same in any unit.
+        # Multiplying first makes the bounds of the voxels the same in any unit.
         cells = np.minimum((local * along / size).astype(np.int64), along - 1)
         keys = (cells + 1) @ np.array([(along + 2) ** 2, along + 2, 1])
         order = np.argsort(keys, kind="stable")
@@ -53,27 +50,27 @@ class Voxels(NamedTuple):
 
 
 def points_of_voxels(
-    points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
+    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
-    """Choose farthest points of (N, 3) in each voxel, as many as its share, and trim them to M (Lv et al. 2021).
+    """Choose farthest points of (N, 3) in each voxel, as many as its quota, and trim them to M (Lv et al. 2021).
 
     Points count as chosen before that lie in the voxels around, near enough to the centre. Voxels are processed in
     eight classes, by the parity of their numbers along the axes: those of a class do not touch.
     """
     voxels = Voxels.build(points)
-    whole, rest = np.divmod(np.diff(voxels.begins) * n_points, len(points))
-    quotas = whole + (ROUNDED_UP * rest > len(points))
+    quotients, remainders = np.divmod(np.diff(voxels.begins) * n_points, len(points))
+    quotas = quotients + (5 * remainders > len(points))  # rounded up if the fraction is above one fifth
     parity = voxels.cells % 2 @ np.array([4, 2, 1])
-    chosen = _filled(voxels, quotas, parity, advanced)
+    chosen = _filled(voxels, quotas, parity, on_progress)
     voxel = np.repeat(np.arange(len(quotas)), quotas)
     rank = np.arange(len(voxel)) - np.repeat(np.cumsum(quotas) - quotas, quotas)
     kept = np.flatnonzero(rank < trimmed(quotas, n_points)[voxel])
     kept = kept[np.argsort(parity[voxel[kept]], kind="stable")]
     indices = voxels.order[chosen[kept]]
     if len(indices) < n_points:
-        others = np.delete(np.arange(len(points)), indices)
-        more, _ = farthest_points(points[others], n_points - len(indices), before=points[indices])
-        indices = np.concatenate([indices, others[more]])
+        unchosen = np.delete(np.arange(len(points)), indices)
+        more, _ = farthest_points(points[unchosen], n_points - len(indices), before=points[indices])
+        indices = np.concatenate([indices, unchosen[more]])
     return indices
 
 
@@ -87,38 +84,38 @@ def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
         return counts
     threshold = int(counts.max() - counts.min()) // 3
     if np.minimum(counts, threshold).sum() >= n_points:  # the threshold decreases, and all voxels that reach it follow
-        threshold = _most_each(counts, n_points - 1)
+        threshold = _cap(counts, n_points - 1)
         counts = np.minimum(counts, threshold + 1)
     else:
         above = np.maximum(counts - threshold, 0)
-        counts = counts - np.minimum(above, _most_each(above, int(counts.sum()) - n_points))
+        counts = counts - np.minimum(above, _cap(above, int(counts.sum()) - n_points))
     turns = np.flatnonzero(counts > threshold)
     turns = turns[np.argsort(turns % 2, kind="stable")]
     counts[turns[: counts.sum() - n_points]] -= 1
     return counts
 
 
-def _most_each(counts: NDArray[np.int64], total: int) -> int:
+def _cap(counts: NDArray[np.int64], total: int) -> int:
     """Return the largest number c for which the sum of min(counts, c) is at most the total."""
-    most = int(counts.max())
-    return bisect_right(range(most + 1), total, key=lambda each: int(np.minimum(counts, each).sum())) - 1
+    maximum = int(counts.max())
+    return bisect_right(range(maximum + 1), total, key=lambda cap: int(np.minimum(counts, cap).sum())) - 1
 
 
 def _filled(
-    voxels: Voxels, quotas: NDArray[np.int64], parity: NDArray[np.int64], advanced: Callable[[int], None] | None
+    voxels: Voxels, quotas: NDArray[np.int64], parity: NDArray[np.int64], on_progress: Callable[[int], None] | None
 ) -> NDArray[np.int64]:
     """Return the positions of the points chosen in each voxel, voxel after voxel, (sum of quotas,)."""
     starts = np.append(0, np.cumsum(quotas))
     chosen = np.full(starts[-1], -1, dtype=np.int64)
     large = np.diff(voxels.begins) * quotas > LARGE
-    for number in range(CLASSES):
+    for number in range(8):
         of_class = (parity == number) & (quotas > 0)
         small = np.flatnonzero(of_class & ~large)
         on_ranges(_fill, len(small), voxels, small, starts, chosen)
         for voxel in np.flatnonzero(of_class & large):
             _fill_large(voxels, int(voxel), starts, chosen)
-        if advanced:
-            advanced(1)
+        if on_progress:
+            on_progress(1)
     return chosen
 
 
@@ -126,17 +123,17 @@ def _fill_large(voxels: Voxels, voxel: int, starts: NDArray[np.int64], chosen: N
     """Choose the points of one large voxel as `_fill` does, but with a tree."""
     begin, end = voxels.begins[voxel : voxel + 2]
     near = _chosen_near(voxels, voxel, starts, chosen)
-    own = chosen[starts[voxel] : starts[voxel + 1]]
-    members, others = voxels.points[:, begin:end].T, voxels.points[:, near].T
+    quota = int(starts[voxel + 1] - starts[voxel])
+    members, before = voxels.points[:, begin:end].T, voxels.points[:, near].T
     first = _nearest_to_centre(voxels, voxel)
-    own[:] = begin + farthest_points(members, len(own), first=first, before=others)[0]
+    chosen[starts[voxel] : starts[voxel + 1]] = begin + farthest_points(members, quota, first=first, before=before)[0]
 
 
 @kernel
-def _fill(first, last, voxels, some, starts, chosen):
-    """Fill `chosen`, (sum of quotas,), for a range of the voxels `some`, (m,), which do not touch."""
+def _fill(first, last, voxels, subset, starts, chosen):
+    """Fill `chosen`, (sum of quotas,), for a range of the voxels `subset`, (m,), which do not touch."""
     points = voxels.points
-    for voxel in some[first:last]:
+    for voxel in subset[first:last]:
         begin, end = voxels.begins[voxel], voxels.begins[voxel + 1]
         xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
         squared = np.full(end - begin, np.inf)
@@ -175,9 +172,9 @@ def _chosen_near(voxels, voxel, starts, chosen):
         if other == voxel or other == len(voxels.keys) or voxels.keys[other] != key:
             continue
         for i in chosen[starts[other] : starts[other + 1]]:
-            apart = 0.0
+            offset = 0.0
             for axis in range(3):
-                apart = max(apart, abs(voxels.points[axis, i] - (voxels.cells[voxel, axis] + 0.5) * voxels.edge))
-            if i >= 0 and apart <= REACH_IN_EDGES * voxels.edge:
+                offset = max(offset, abs(voxels.points[axis, i] - (voxels.cells[voxel, axis] + 0.5) * voxels.edge))
+            if i >= 0 and offset <= 0.75 * voxels.edge:  # the box that counts is half as large again as a voxel
                 near.append(i)
     return np.array(near, dtype=np.int64)

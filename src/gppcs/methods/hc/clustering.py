@@ -9,19 +9,17 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 
-ROUNDING = 1e-12  # a surface variation below this is rounding, and counts as zero
-
 
 def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
     """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
-    rows, order, chosen = _in_columns(points, len(points))
-    return chosen[: _part_to_limits(rows, order, size, variation, chosen)]
+    coordinates, order, chosen = _in_columns(points, len(points))
+    return chosen[: _part_to_limits(coordinates, order, size, variation, chosen)]
 
 
 def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
     """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
-    rows, order, chosen = _in_columns(points, n_points)
-    _part_most_varied(rows, order, chosen)
+    coordinates, order, chosen = _in_columns(points, n_points)
+    _part_most_varied(coordinates, order, chosen)
     return chosen
 
 
@@ -33,74 +31,74 @@ def _in_columns(
 
 
 @kernel
-def _part_to_limits(rows, order, size, variation, chosen):
-    """Fill `chosen`, (N,), with the representatives and return their number; `rows` is (3, N), `order` (N,)."""
+def _part_to_limits(coordinates, order, size, variation, chosen):
+    """Fill `chosen`, (N,), with the representatives and return their number; `coordinates` is (3, N), `order` (N,)."""
     n = len(order)
-    room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
+    buffer, order_buffer = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
     centroid, axis = np.empty(3, dtype=np.float64), np.empty(3, dtype=np.float64)
     count = 0
     pending = [(0, n)]
     while pending:
         begin, end = pending.pop()
-        varies = _spread(rows, begin, end, centroid, axis)
+        varies = _spread(coordinates, begin, end, centroid, axis)
         if end - begin > size or varies > variation:
-            middle = _part(rows, order, begin, end, centroid, axis, room_rows, room_order)
+            middle = _part(coordinates, order, begin, end, centroid, axis, buffer, order_buffer)
             if begin < middle < end:
                 pending.append((middle, end))
                 pending.append((begin, middle))
                 continue
-        chosen[count] = order[_most_central(rows, begin, end, centroid)]
+        chosen[count] = order[_most_central(coordinates, begin, end, centroid)]
         count += 1
     return count
 
 
 @kernel
-def _part_most_varied(rows, order, chosen):
-    """Split clusters until there is one for each place in `chosen`, (M,); `rows` is (3, N), `order` (N,)."""
-    n, wanted = len(order), len(chosen)
-    room_rows, room_order = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
-    begins, ends = np.zeros(wanted, dtype=np.int64), np.full(wanted, n, dtype=np.int64)
-    centroids, axes = np.empty((wanted, 3), dtype=np.float64), np.empty((wanted, 3), dtype=np.float64)
-    heap = [_rank(rows, order, 0, n, centroids[0], axes[0], 0)]
-    for count in range(1, wanted):
+def _part_most_varied(coordinates, order, chosen):
+    """Split clusters until there is one for each element of `chosen`, (M,); `coordinates` is (3, N), `order` (N,)."""
+    n, n_clusters = len(order), len(chosen)
+    buffer, order_buffer = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
+    begins, ends = np.zeros(n_clusters, dtype=np.int64), np.full(n_clusters, n, dtype=np.int64)
+    centroids, axes = np.empty((n_clusters, 3), dtype=np.float64), np.empty((n_clusters, 3), dtype=np.float64)
+    heap = [_rank(coordinates, order, 0, n, centroids[0], axes[0], 0)]
+    for count in range(1, n_clusters):
         cluster = heapq.heappop(heap)[3]
         begin, end = begins[cluster], ends[cluster]
-        middle = _part(rows, order, begin, end, centroids[cluster], axes[cluster], room_rows, room_order)
+        middle = _part(coordinates, order, begin, end, centroids[cluster], axes[cluster], buffer, order_buffer)
         if not begin < middle < end:
             middle = (begin + end) // 2
         ends[cluster] = begins[count] = middle
         ends[count] = end
         for child in (cluster, count):
-            rank = _rank(rows, order, begins[child], ends[child], centroids[child], axes[child], child)
+            rank = _rank(coordinates, order, begins[child], ends[child], centroids[child], axes[child], child)
             if ends[child] - begins[child] > 1:
                 heapq.heappush(heap, rank)
-    for cluster in range(wanted):
-        chosen[cluster] = order[_most_central(rows, begins[cluster], ends[cluster], centroids[cluster])]
+    for cluster in range(n_clusters):
+        chosen[cluster] = order[_most_central(coordinates, begins[cluster], ends[cluster], centroids[cluster])]
 
 
 @kernel
-def _rank(rows, order, begin, end, centroid, axis, cluster):
+def _rank(coordinates, order, begin, end, centroid, axis, cluster):
     """Fill `centroid` and `axis`, (3,), of a cluster; return its key in the heap, which pops the smallest first."""
-    varies = _spread(rows, begin, end, centroid, axis)
+    varies = _spread(coordinates, begin, end, centroid, axis)
     members = end - begin
     return -members * varies, -members, order[begin], cluster
 
 
 @kernel(fastmath={"nsz", "contract", "reassoc"})
-def _spread(rows, begin, end, centroid, axis):
+def _spread(coordinates, begin, end, centroid, axis):
     """Fill `centroid` and principal `axis`, (3,), of the points begin..end, (3, N); return their surface variation."""
     n = end - begin
-    x, y, z = rows[0, begin], rows[1, begin], rows[2, begin]
+    x, y, z = coordinates[0, begin], coordinates[1, begin], coordinates[2, begin]
     sx = sy = sz = 0.0
     for i in range(begin, end):
-        sx += rows[0, i] - x
-        sy += rows[1, i] - y
-        sz += rows[2, i] - z
+        sx += coordinates[0, i] - x
+        sy += coordinates[1, i] - y
+        sz += coordinates[2, i] - z
     x, y, z = x + sx / n, y + sy / n, z + sz / n
     centroid[0], centroid[1], centroid[2] = x, y, z
     sxx = sxy = sxz = syy = syz = szz = 0.0
     for i in range(begin, end):
-        dx, dy, dz = rows[0, i] - x, rows[1, i] - y, rows[2, i] - z
+        dx, dy, dz = coordinates[0, i] - x, coordinates[1, i] - y, coordinates[2, i] - z
         sxx += dx * dx
         sxy += dx * dy
         sxz += dx * dz
@@ -129,7 +127,7 @@ def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
     largest = np.argmax(np.array([a[0, 0], a[1, 1], a[2, 2]]))
     axis[:] = vectors[:, largest]
     smallest = min(a[0, 0], a[1, 1], a[2, 2])
-    return smallest if smallest > ROUNDING else 0.0
+    return smallest if smallest > 1e-12 else 0.0  # less is rounding
 
 
 @kernel
@@ -149,29 +147,30 @@ def _rotate(a, vectors, p, q):
 
 
 @kernel
-def _part(rows, order, begin, end, centroid, axis, room_rows, room_order):
+def _part(coordinates, order, begin, end, centroid, axis, buffer, order_buffer):
     """Move the points of begin..end, (3, N), below the plane to the front, in order; return where the others start."""
     front, back = begin, 0
     for i in range(begin, end):
-        x, y, z, index = rows[0, i], rows[1, i], rows[2, i], order[i]
+        x, y, z, index = coordinates[0, i], coordinates[1, i], coordinates[2, i], order[i]
         along = (x - centroid[0]) * axis[0] + (y - centroid[1]) * axis[1] + (z - centroid[2]) * axis[2]
         # Each point is written to both sides and kept on one, without a branch that could be mispredicted.
-        rows[0, front], rows[1, front], rows[2, front], order[front] = x, y, z, index
-        room_rows[0, back], room_rows[1, back], room_rows[2, back], room_order[back] = x, y, z, index
+        coordinates[0, front], coordinates[1, front], coordinates[2, front], order[front] = x, y, z, index
+        buffer[0, back], buffer[1, back], buffer[2, back], order_buffer[back] = x, y, z, index
         negative = int(along < 0.0)
         front += negative
         back += 1 - negative
-    rows[:, front:end] = room_rows[:, :back]
-    order[front:end] = room_order[:back]
+    coordinates[:, front:end] = buffer[:, :back]
+    order[front:end] = order_buffer[:back]
     return front
 
 
 @kernel
-def _most_central(rows, begin, end, centroid):
+def _most_central(coordinates, begin, end, centroid):
     """Return the position of the point of begin..end, (3, N), nearest the centroid, (3,); ties go to the first."""
     best, nearest = begin, np.inf
     for i in range(begin, end):
-        squared = (rows[0, i] - centroid[0]) ** 2 + (rows[1, i] - centroid[1]) ** 2 + (rows[2, i] - centroid[2]) ** 2
+        x, y, z = coordinates[0, i], coordinates[1, i], coordinates[2, i]
+        squared = (x - centroid[0]) ** 2 + (y - centroid[1]) ** 2 + (z - centroid[2]) ** 2
         if squared < nearest:
             best, nearest = i, squared
     return best

@@ -1,4 +1,4 @@
-"""PC-Simp: keep points with a strong high-pass response on the neighbour graph, evenly spread (Qi et al. 2019)."""
+"""PC-Simp: keep points with a strong upper-pass response on the neighbour graph, evenly spread (Qi et al. 2019)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
-
-SUM_TOLERANCE = 1e-14  # times N: tolerance of the constraint that the selection sums to M
-BOUND_STEPS = 10  # power iterations; the bound of the largest eigenvalue is then within a few per cent
-CHECK_EVERY = 10  # steps between two computations of the duality gap, each of which costs as much as a step
 
 
 class NeighbourGraph(NamedTuple):
@@ -103,14 +99,14 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
         gradient = 2 * programme.uniformity * (programme.adjacency @ programme.excess(ahead))
         numerator = 2 * programme.strength + curvature * ahead - gradient
         following = np.empty_like(s)
-        multiplier = _share_out(numerator, inverse, programme.n_points, multiplier, following)
+        multiplier = _fill_selection(numerator, inverse, programme.n_points, multiplier, following)
         step = following - s
         if ((ahead - following) * step).sum() > 0:
             momentum = 1.0
         next_momentum = (1 + np.sqrt(1 + 4 * momentum**2)) / 2
         ahead = following + (momentum - 1) / next_momentum * step
         s, momentum, done = following, next_momentum, done + 1
-        if done % CHECK_EVERY == 0 or done == iterations:
+        if done % 10 == 0 or done == iterations:
             gap = programme.gap(s, multiplier)
             gap = gap / programme.value(s) if gap > 0 else 0.0
     return Solution(s, multiplier, gap, done)
@@ -119,7 +115,7 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
 def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
     """Return an upper bound of the largest eigenvalue, max (A x)_i / x_i for a positive x (Collatz and Wielandt)."""
     x = np.ones(adjacency.shape[0])
-    for _ in range(BOUND_STEPS):
+    for _ in range(10):  # power iterations, after which the bound is within a few percent
         product = adjacency @ x
         bound = float((product / x).max())
         x = product / bound
@@ -127,27 +123,27 @@ def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:
 
 
 @kernel(fastmath={"nsz", "contract", "reassoc"})
-def _share_out(numerator, inverse, total, multiplier, s):
+def _fill_selection(numerator, inverse, total, multiplier, s):
     """Fill s = clip((numerator - multiplier) * inverse, 0, 1), (N,), of a given sum; return the multiplier (Newton)."""
-    low, high = np.inf, -np.inf
+    lower, upper = np.inf, -np.inf
     for i in range(len(s)):
-        low, high = min(low, numerator[i] - 1 / inverse[i]), max(high, numerator[i])
-    multiplier = min(max(multiplier, low), high)
+        lower, upper = min(lower, numerator[i] - 1 / inverse[i]), max(upper, numerator[i])
+    multiplier = min(max(multiplier, lower), upper)
     while True:
         above, slope = -total, 0.0
         for i in range(len(s)):
-            share = (numerator[i] - multiplier) * inverse[i]
-            slope += inverse[i] if 0.0 < share < 1.0 else 0.0
-            s[i] = min(max(share, 0.0), 1.0)
+            value = (numerator[i] - multiplier) * inverse[i]
+            slope += inverse[i] if 0.0 < value < 1.0 else 0.0
+            s[i] = min(max(value, 0.0), 1.0)
             above += s[i]
-        if abs(above) <= SUM_TOLERANCE * len(s):
+        if abs(above) <= 1e-14 * len(s):
             return multiplier
         if above > 0:
-            low = multiplier
+            lower = multiplier
         else:
-            high = multiplier
-        multiplier = multiplier + above / slope if slope > 0 else low
-        if not low < multiplier < high:
-            multiplier = low + (high - low) / 2
-            if not low < multiplier < high:
+            upper = multiplier
+        multiplier = multiplier + above / slope if slope > 0 else lower
+        if not lower < multiplier < upper:
+            multiplier = lower + (upper - lower) / 2
+            if not lower < multiplier < upper:
                 return multiplier

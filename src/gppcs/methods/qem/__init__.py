@@ -42,5 +42,5 @@ class QEM(Method):
         from gppcs.methods.qem.contraction import contraction_order
 
         points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("contraction", len(points) - 1) as advanced:
-            return Selection(contraction_order(points, self.neighbours, advanced=advanced)[:n_points])
+        with timer("contraction", len(points) - 1) as on_progress:
+            return Selection(contraction_order(points, self.neighbours, on_progress=on_progress)[:n_points])

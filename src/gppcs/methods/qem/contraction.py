@@ -16,12 +16,10 @@ from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 from gppcs.surface.surface_variation import features_of_nearest
 
 IN_PLANE = 1e-14  # a point counts as in a plane if the squared sine of its angle to the plane is below this
-# Progress is reported after so many contractions, or this share of those left: each call builds a heap of all points.
-CONTRACTIONS_PER_CALL, SHARE_PER_CALL = 16384, 8
 
 
 def contraction_order(
-    points: NDArray[np.float64], neighbours: int = 8, advanced: Callable[[int], None] | None = None
+    points: NDArray[np.float64], neighbours: int = 8, on_progress: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
     """Contract pairs of neighbours, the cheapest first, until one point of (N, 3) is left; return the last ones first.
 
@@ -42,10 +40,11 @@ def contraction_order(
         graph = _connected(cloud, members, nearest)
         stuck = False
         while not stuck and count < n - 1:
-            end = min(count + max(CONTRACTIONS_PER_CALL, (n - count) // SHARE_PER_CALL), n - 1)
+            # Progress is reported after so many contractions: each call builds a heap of all points.
+            end = min(count + max(16384, (n - count) // 8), n - 1)
             reached = _contract(cloud, graph, alive, removed, count, end)
-            if advanced:
-                advanced(reached - count)
+            if on_progress:
+                on_progress(reached - count)
             stuck, count = reached < end, reached
         # Each connected component of the graph has one point left; these points are connected next.
         members = np.flatnonzero(alive)
@@ -80,7 +79,7 @@ def _add_planes(points, neighbours, normals, quadrics):
 class _Graph(NamedTuple):
     """The neighbours of each point, in the k slots from k i on, -1 for none, and its cheapest contraction.
 
-    All slots that hold point i form a ring by `following` and `previous`, together with the place k N + i, in no slot.
+    All slots that hold point i form a ring by `following` and `previous`, with the position k N + i, in no slot.
     """
 
     slots: NDArray[np.int64]
@@ -96,9 +95,9 @@ def _connected(cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.in
     n, k = len(cloud.points), nearest.shape[1]
     slots = np.full((n, k), -1)
     slots[members] = nearest
-    places = np.arange(n * k + n)
+    positions = np.arange(n * k + n)
     costs = (np.full(n, np.inf), np.full(n, np.inf), np.full(n, -1))
-    graph = _Graph(slots.ravel(), places, places.copy(), *costs)
+    graph = _Graph(slots.ravel(), positions, positions.copy(), *costs)
     _start(cloud, graph, members)
     return graph
 
@@ -206,14 +205,14 @@ def _contract(cloud, graph, alive, removed, begin, end):
 def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
     """Replace `gone` by `kept` in all slots, and give it the nearest neighbours of both, by two buffers, (k,)."""
     k = len(nearest)
-    found = 0
+    n_nearest = 0
     for point in (gone, kept):
         for slot in range(k * point, k * (point + 1)):
             other = graph.slots[slot]
             if other >= 0:
                 _unlink(graph, slot)
                 if other != gone and other != kept:
-                    found = _insert(cloud, kept, other, nearest, squared, found)
+                    n_nearest = _insert(cloud, kept, other, nearest, squared, n_nearest)
     slot = graph.following[len(graph.slots) + gone]
     while slot < len(graph.slots):
         after = graph.following[slot]
@@ -221,28 +220,28 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
         if not (graph.slots[slot // k * k : slot // k * k + k] == kept).any():
             _link(graph, slot, kept)
         slot = after
-    for rank in range(found):
+    for rank in range(n_nearest):
         _link(graph, k * kept + rank, nearest[rank])
 
 
 @kernel
-def _insert(cloud, point, other, nearest, squared, found):
+def _insert(cloud, point, other, nearest, squared, n_nearest):
     """Insert a point into the sorted list of the k nearest, ties by smallest index; return its length."""
     step = _step(cloud, point, other)
     distance = dot(step, step)
-    rank = found
+    rank = n_nearest
     while rank > 0 and (
         distance < squared[rank - 1]
         or (distance == squared[rank - 1] and cloud.order[other] < cloud.order[nearest[rank - 1]])
     ):
         rank -= 1
     if rank == len(nearest) or (rank > 0 and nearest[rank - 1] == other):
-        return found
-    found = min(found + 1, len(nearest))
-    for later in range(found - 1, rank, -1):
+        return n_nearest
+    n_nearest = min(n_nearest + 1, len(nearest))
+    for later in range(n_nearest - 1, rank, -1):
         squared[later], nearest[later] = squared[later - 1], nearest[later - 1]
     squared[rank], nearest[rank] = distance, other
-    return found
+    return n_nearest
 
 
 @kernel

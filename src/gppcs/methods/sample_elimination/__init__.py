@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MOST_IN_AREA = 1.5  # Points at a distance of 1 in each unit of area: 1.15 is the most, and the area may be off.
-
 
 @dataclass(frozen=True)
 class SampleElimination(Method):
@@ -43,18 +41,19 @@ class SampleElimination(Method):
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
-        from gppcs.methods.sample_elimination.elimination import eliminate, far_apart
+        from gppcs.methods.sample_elimination.elimination import eliminate, first_at_spacing
 
         points = task.points
-        count = task.n_points if task.spacing is None else _most_at_spacing(points, task.spacing)
-        with task.timer("elimination", len(points) - count) as advanced:
-            order = eliminate(points, count, advanced)
-        return Selection(order if task.spacing is None else order[: far_apart(points[order], task.spacing)])
+        count = task.n_points if task.spacing is None else _limit_at_spacing(points, task.spacing)
+        with task.timer("elimination", len(points) - count) as on_progress:
+            order = eliminate(points, count, on_progress)
+        return Selection(order if task.spacing is None else order[: first_at_spacing(points[order], task.spacing)])
 
 
-def _most_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
+def _limit_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
     """Return how many points no two of which are nearer than a spacing there may be at most."""
     from gppcs.spatial.kdtree import KdTree, surface_area
 
-    densest = MOST_IN_AREA * surface_area(KdTree.build(points)) / spacing / spacing
+    # The densest packing has 1.15 points at a distance of 1 in each unit of area, and the area may be off.
+    densest = 1.5 * surface_area(KdTree.build(points)) / spacing / spacing
     return min(len(points), max(1, math.ceil(min(densest, 1e18))))

@@ -27,14 +27,13 @@ WHOLE = 2.0**28  # the largest term of a weight; terms are whole numbers, so tha
 REMOVED = -(2.0**60)  # the weight of a removed point: far below all others, even after subtractions
 LAST_RATIO = 40  # the last stage removes at most this factor of points; a disc then holds about 145 points
 EARLIER_RATIO = 10  # earlier stages remove at most this factor
-REMOVALS_PER_CALL = 16384  # progress is reported after each call of the kernel, so after this many removals
 
 
 def eliminate(
-    points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
+    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
 ) -> NDArray[np.int64]:
     """Remove points, (N, 3), as `thin` does until M are left, and put these into a progressive order (Yuksel 2015)."""
-    kept, area = thin(points, n_points, advanced)
+    kept, area = thin(points, n_points, on_progress)
     later: list[NDArray[np.int64]] = []
     while len(kept) > 1:
         removed, area = _stage(points[kept], len(kept) // 2, area)
@@ -43,7 +42,7 @@ def eliminate(
     return np.concatenate([kept, *later[::-1]])
 
 
-def far_apart(points: NDArray[np.float64], spacing: float) -> int:
+def first_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
     """Return how many points from the first on are at least a length from each other. Shapes: points (M, 3)."""
     enough, many = 1, len(points) + 1
     while many > enough + 1:
@@ -57,7 +56,7 @@ def far_apart(points: NDArray[np.float64], spacing: float) -> int:
 
 
 def thin(
-    points: NDArray[np.float64], n_points: int, advanced: Callable[[int], None] | None = None
+    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
     """Remove the most crowded point, again and again, until M are left (Yuksel 2015); return these and the area.
 
@@ -71,45 +70,46 @@ def thin(
     while len(kept) > n_points:
         last = len(kept) <= LAST_RATIO * n_points
         target = n_points if last else max(LAST_RATIO * n_points, len(kept) // EARLIER_RATIO)
-        removed, area = _stage(points[kept], target, area, advanced)
+        removed, area = _stage(points[kept], target, area, on_progress)
         kept = np.delete(kept, removed)
     return kept, area
 
 
 def _stage(
-    points: NDArray[np.float64], n_points: int, area: float, advanced: Callable[[int], None] | None = None
+    points: NDArray[np.float64], n_points: int, area: float, on_progress: Callable[[int], None] | None = None
 ) -> tuple[NDArray[np.int64], float]:
     """Return the points that a stage removes, in order, and the area, larger if no weight was left too soon."""
-    reach = 2.0 * float(np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points)))
-    limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
+    radius = 2.0 * float(np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points)))
+    limit = radius * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
     tree = KdTree.build(points)
     weights = np.empty(len(points), dtype=np.float64)
-    on_ranges(_weigh, tree.leaves, tree.points, tree.lower, tree.upper, reach, limit, weights, least=4)
+    on_ranges(_weigh, tree.leaves, tree.points, tree.lower, tree.upper, radius, limit, weights, least=4)
     heaviest = np.empty(len(tree.lower), dtype=np.float64)
     candidate = np.empty(len(tree.lower), dtype=np.int64)
     greatest_of_all(tree.order, weights, heaviest, candidate)
     pending = np.zeros(len(tree.lower), dtype=np.float64)
     position = tree.positions()
     removed = np.empty(len(points) - n_points, dtype=np.int64)
-    for begin in range(0, len(removed), REMOVALS_PER_CALL):
-        some = removed[begin : begin + REMOVALS_PER_CALL]
+    batch = 16384  # removals, after which progress is reported
+    for begin in range(0, len(removed), batch):
+        of_batch = removed[begin : begin + batch]
         count = _remove(
-            tree.points, tree.order, tree.lower, tree.upper, position, reach, limit,
-            weights, heaviest, candidate, pending, some,
+            tree.points, tree.order, tree.lower, tree.upper, position, radius, limit,
+            weights, heaviest, candidate, pending, of_batch,
         )  # fmt: skip
-        if advanced:
-            advanced(count)
-        if count < len(some):
+        if on_progress:
+            on_progress(count)
+        if count < len(of_batch):
             removed = removed[: begin + count]
             return removed, max(4.0 * area, surface_area(KdTree.build(np.delete(points, removed, axis=0))))
     return removed, area
 
 
 @kernel(fastmath=False)
-def _term(dx, dy, dz, reach, limit):
+def _term(dx, dy, dz, radius, limit):
     """Return the term that two points add to each other's weight, given their difference (dx, dy, dz)."""
     distance = max(np.sqrt(dx * dx + dy * dy + dz * dz), limit)
-    term = max(1.0 - distance / reach, 0.0)
+    term = max(1.0 - distance / radius, 0.0)
     term *= term
     term *= term
     term *= term
@@ -117,37 +117,37 @@ def _term(dx, dy, dz, reach, limit):
 
 
 @kernel(fastmath={"reassoc"})
-def _weigh(first, last, points, low, high, reach, limit, weights):
-    """Fill `weights`, (N,), in tree order, for a range of leaves; `points` is (3, N), `low` and `high` (nodes, 3)."""
-    leaves = first_leaf(low)
+def _weigh(first, last, points, lower, upper, radius, limit, weights):
+    """Fill `weights`, (N,), in tree order, for a range of leaves; points are (3, N), bounds (nodes, 3)."""
+    leaves = first_leaf(lower)
     n = points.shape[1]
-    of_near = _term(0.0, 0.0, 0.0, reach, limit)
-    for own in range(first, last):
-        around, near = _within_reach(low, high, n, leaves + own, reach, limit)
-        for i in range(*leaf_range(n, leaves, leaves + own)):
+    of_near = _term(0.0, 0.0, 0.0, radius, limit)
+    for leaf in range(first, last):
+        around, near = _within_radius(lower, upper, n, leaves + leaf, radius, limit)
+        for i in range(*leaf_range(n, leaves, leaves + leaf)):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = (near - 1) * of_near  # the point itself does not count
             for node in around:
-                if squared_distance_to_box(low[node], high[node], x, y, z) > reach * reach:
+                if squared_distance_to_box(lower[node], upper[node], x, y, z) > radius * radius:
                     continue
                 begin, end = leaf_range(n, leaves, node)
                 xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
                 for j in range(end - begin):
-                    total += _term(xs[j] - x, ys[j] - y, zs[j] - z, reach, limit)
+                    total += _term(xs[j] - x, ys[j] - y, zs[j] - z, radius, limit)
             weights[i] = total
 
 
 @kernel
-def _within_reach(low, high, n, leaf, reach, limit):
-    """Return the leaves within reach of a leaf, and the number of points in nodes, not among them, within its limit."""
+def _within_radius(lower, upper, n, leaf, radius, limit):
+    """Return the leaves within the radius of a leaf, and the number of points in other nodes, within its limit."""
     around, near = [], 0
     remaining = [(1, 0, 1)]
     while remaining:
         node, j, nodes = remaining.pop()  # the j-th of the nodes of its level
-        if squared_span_of_boxes(low[node], high[node], low[leaf], high[leaf]) < limit * limit:
+        if squared_span_of_boxes(lower[node], upper[node], lower[leaf], upper[leaf]) < limit * limit:
             near += n * (j + 1) // nodes - n * j // nodes
-        elif squared_distance_of_boxes(low[node], high[node], low[leaf], high[leaf]) <= reach * reach:
-            if node >= first_leaf(low):
+        elif squared_distance_of_boxes(lower[node], upper[node], lower[leaf], upper[leaf]) <= radius * radius:
+            if node >= first_leaf(lower):
                 around.append(node)
             else:
                 remaining.append((2 * node, 2 * j, 2 * nodes))
@@ -156,21 +156,21 @@ def _within_reach(low, high, n, leaf, reach, limit):
 
 
 @kernel
-def _remove(points, order, low, high, position, reach, limit, weights, heaviest, candidate, pending, removed):
+def _remove(points, order, lower, upper, position, radius, limit, weights, heaviest, candidate, pending, removed):
     """Fill `removed`, (n,), with the heaviest points, as long as any has weight; return their number.
 
     All points of a node within the limit lose the same weight, which waits in `pending`, (nodes,). `heaviest`,
     (nodes,), includes what is pending at its node and below, but not above.
     """
-    leaves = first_leaf(low)
-    of_near = _term(0.0, 0.0, 0.0, reach, limit)
+    leaves = first_leaf(lower)
+    of_near = _term(0.0, 0.0, 0.0, radius, limit)
     stack = np.empty(64, dtype=np.int64)
     visited = np.empty(leaves, dtype=np.int64)
     for m in range(len(removed)):
         if not heaviest[1] > 0.0:
             return m
         index = removed[m] = candidate[1]
-        place = points[:, position[index]].copy()
+        point = points[:, position[index]].copy()
         weights[position[index]] = REMOVED
         stack[0] = 1
         height = 1
@@ -179,18 +179,18 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
             height -= 1
             node = stack[height]
             if node >= leaves:
-                _lighten(node, points, leaves, weights, place, reach, limit)
+                _lighten(node, points, leaves, weights, point, radius, limit)
                 greatest_in_leaf(node, order, weights, heaviest, candidate)
                 heaviest[node] -= pending[node]
                 continue
             visited[inner] = node
             inner += 1
             for child in (2 * node, 2 * node + 1):
-                reached = squared_span_of_boxes(low[child], high[child], place, place)
+                reached = squared_span_of_boxes(lower[child], upper[child], point, point)
                 if reached < limit * limit and candidate[child] != index:
                     pending[child] += of_near
                     heaviest[child] -= of_near
-                elif squared_distance_of_boxes(low[child], high[child], place, place) < reach * reach:
+                elif squared_distance_of_boxes(lower[child], upper[child], point, point) < radius * radius:
                     stack[height] = child
                     height += 1
         for v in range(inner - 1, -1, -1):  # children before their parents
@@ -200,12 +200,12 @@ def _remove(points, order, low, high, position, reach, limit, weights, heaviest,
 
 
 @kernel
-def _lighten(node, points, leaves, weights, place, reach, limit):
-    """Subtract from the weights, (N,), of a leaf's points the terms of the point at `place`, (3,)."""
+def _lighten(node, points, leaves, weights, point, radius, limit):
+    """Subtract from the weights, (N,), of a leaf's points the terms of `point`, (3,)."""
     n = points.shape[1]
     begin, end = leaf_range(n, leaves, node)
     xs, ys, zs = points[0, begin:end], points[1, begin:end], points[2, begin:end]
-    x, y, z = place
+    x, y, z = point
     of_leaf = weights[begin:end]
     for j in range(end - begin):
-        of_leaf[j] -= _term(xs[j] - x, ys[j] - y, zs[j] - z, reach, limit)
+        of_leaf[j] -= _term(xs[j] - x, ys[j] - y, zs[j] - z, radius, limit)

@@ -10,8 +10,6 @@ from typing import ClassVar, Literal
 from gppcs.methods.method import Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter, require
 
-LEAST_EDGE = 1e-12  # Of cells, in sizes of the cloud: a finer grid has more cells than whole numbers can count.
-
 
 @dataclass(frozen=True)
 class Voxel(Method):
@@ -76,10 +74,11 @@ class Voxel(Method):
         from gppcs.spatial.cells import first_occurrences
 
         points, n_points, timer = task.points, task.n_points, task.timer
-        edge = None if task.spacing is None else max(task.spacing, LEAST_EDGE)
+        # A finer grid has more cells than whole numbers can count.
+        edge = None if task.spacing is None else max(task.spacing, 1e-12)
         if task.stored is not None:
             stored = task.stored
-            indices, places, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, task.map_parts)
+            indices, chosen, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, task.map_parts)
         else:
             corner = points.min(axis=0)
             points = points - corner
@@ -92,9 +91,9 @@ class Voxel(Method):
             with timer("representatives"):
                 indices, means = representatives(placed, edge, worth(points, self.keep, task.values))
                 means += corner
-            places = points[indices]
+            chosen = points[indices]
         kept = np.arange(len(indices))
         if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
-                kept, _ = thin(places, n_points)
+                kept, _ = thin(chosen, n_points)
         return Selection(indices[kept], {}, means[kept] if self.keep == "mean" else None)

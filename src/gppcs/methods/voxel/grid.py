@@ -13,10 +13,6 @@ from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.samples import point_hashes
 
-BISECTIONS = 30  # bisections of the edge length, to a billionth: there, the counts of real clouds no longer change
-SURPLUS = 2.0**-12  # the search stops when the surplus of cells is at most this share of the number wanted
-FINEST = 2.0**-40  # edge length as a share of the cloud's size, below which cells approach the rounding of coordinates
-
 COLUMNS = ("highest", "lowest")  # what is kept of cells without limits in z
 
 
@@ -25,11 +21,11 @@ def in_cells(points: NDArray[np.float64], keep: str) -> NDArray[np.float64]:
     return points * (1.0, 1.0, 0.0) if keep in COLUMNS else points
 
 
-def check_columns(found: int, n_points: int) -> None:
-    """Check that there are enough columns, each with a place of its own in x and y."""
-    if found < n_points:
+def check_columns(n_columns: int, n_points: int) -> None:
+    """Check that there are enough columns, each with its own x and y."""
+    if n_columns < n_points:
         raise InputError(
-            f"expected points at {n_points:,} or more different places in x and y, found {found:,}; ask for fewer"
+            f"expected points at {n_points:,} or more different places in x and y, found {n_columns:,}; ask for fewer"
         )
 
 
@@ -46,14 +42,14 @@ def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> f
     """Return an edge length for which at least M cells are occupied, and few more, by halving and bisection."""
     edge = size
     too_long = 2.0 * edge
-    finest = FINEST * edge
+    finest = 2.0**-40 * edge  # finer cells approach the rounding of coordinates
     while (fewest := occupied(edge)) < n_points:
         too_long, edge = edge, edge / 2.0
         if edge < finest:  # division by a power of two does not round, so distinct points end in distinct cells
             edge = math.ldexp(0.5, math.frexp(edge)[1])
     best = edge
-    for _ in range(BISECTIONS):
-        if fewest - n_points <= SURPLUS * n_points:
+    for _ in range(30):  # to a billionth: there, the counts of real clouds no longer change
+        if fewest - n_points <= 2.0**-12 * n_points:
             break
         middle = (edge + too_long) / 2.0
         count = occupied(middle)
@@ -86,7 +82,7 @@ def representatives(
         best = squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes)
     else:
         best = worth[order] == np.repeat(np.maximum.reduceat(worth[order], begins), sizes)
-    found = np.flatnonzero(best)
-    indices = order[found[np.searchsorted(found, begins)]]  # the first in each cell, since the sort is stable
+    candidates = np.flatnonzero(best)
+    indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell, since the sort is stable
     ascending = np.argsort(indices)
     return indices[ascending], means[ascending]

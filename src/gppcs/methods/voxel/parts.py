@@ -20,23 +20,23 @@ PART = 1 << 18  # Points of a part at most.
 class Representatives(NamedTuple):
     """One point for each occupied cell."""
 
-    rows: NDArray[np.int64]  # (cells,), ascending
+    indices: NDArray[np.int64]  # (cells,), ascending
     # (cells, 3) each, the points, and the means of all points of their cells.
-    places: NDArray[np.float64]
+    points: NDArray[np.float64]
     means: NDArray[np.float64]
 
 
 def representatives_in_parts(
-    stored: StoredPoints, keep: str, edge: float | None, n_points: int, timer: Timer, each: MapParts
+    stored: StoredPoints, keep: str, edge: float | None, n_points: int, timer: Timer, map_parts: MapParts
 ) -> Representatives:
     """Return the points that stand for their cells, by default where at least M cells are occupied, and few more."""
     parts, size = stored.parts(PART), float(stored.sample.max())
 
     def occupied(edge: float) -> int:
-        found = np.empty(0, dtype=np.uint64)
-        for some in each(partial(_cells, stored, keep, edge), parts):
-            found = np.union1d(found, some)
-        return len(found)
+        cells = np.empty(0, dtype=np.uint64)
+        for of_part in map_parts(partial(_cells, stored, keep, edge), parts):
+            cells = np.union1d(cells, of_part)
+        return len(cells)
 
     if edge is None:
         with timer("size of cells"):
@@ -46,19 +46,19 @@ def representatives_in_parts(
             enough = size > 0.0 and (different > n_points or keep in COLUMNS)
             edge = cell_edge(size, n_points, occupied) if enough else 0.0
     with timer("representatives"):
-        found = list(each(partial(_representatives, stored, keep, edge), parts))
-    rows, places, means = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    order = np.argsort(rows)
+        by_part = list(map_parts(partial(_representatives, stored, keep, edge), parts))
+    indices, points, means = (np.concatenate(columns) for columns in zip(*by_part, strict=True))
+    order = np.argsort(indices)
     if keep in COLUMNS and edge:  # columns may have points in several parts
-        some, _ = representatives(in_cells(places[order], keep), edge, worth(places[order], keep, None))
-        order = order[some]
-    return Representatives(rows[order], places[order], means[order])
+        chosen, _ = representatives(in_cells(points[order], keep), edge, worth(points[order], keep, None))
+        order = order[chosen]
+    return Representatives(indices[order], points[order], means[order])
 
 
 def _cells(stored: StoredPoints, keep: str, edge: float, part: Part) -> NDArray[np.uint64]:
-    """Return a number for each occupied cell of a part, or without an edge length for each place."""
-    places = in_cells(stored.near(part).points, keep)
-    return np.unique(point_hashes(np.floor(places / edge) if edge else places))
+    """Return a number for each occupied cell of a part, or without an edge length for each position."""
+    points = in_cells(stored.near(part).points, keep)
+    return np.unique(point_hashes(np.floor(points / edge) if edge else points))
 
 
 def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -> Representatives:
@@ -67,6 +67,6 @@ def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -
     if not edge:
         return Representatives(near.indices, near.points, near.points)
     indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, near.values))
-    own = near.inside[indices]
-    chosen = indices[own]
-    return Representatives(near.indices[chosen], near.points[chosen], means[own])
+    inside = near.inside[indices]
+    chosen = indices[inside]
+    return Representatives(near.indices[chosen], near.points[chosen], means[inside])

@@ -68,9 +68,9 @@ class WLOP(Method):
             tree = KdTree.build(points)
             radius = self.radius * projection.average_spacing(tree)
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
-        with timer("projection", self.iterations) as advanced:
+        with timer("projection", self.iterations) as on_progress:
             samples = projection.project(
-                points, start, radius, self.iterations, self.mu, self.require_uniform, tree, advanced
+                points, start, radius, self.iterations, self.mu, self.require_uniform, tree, on_progress
             )  # fmt: skip
         with timer("nearest points"):
             indices = nearest_unused(samples, tree)

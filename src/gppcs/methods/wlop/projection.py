@@ -20,7 +20,7 @@ from gppcs.spatial.kdtree import (
     squared_distance_to_box,
 )
 
-SAME_PLACE = 1e-10  # points whose squared distance is below this share of the squared radius ignore each other
+SAME_PLACE = 1e-10  # points whose squared distance is below this fraction of the squared radius ignore each other
 
 
 def average_spacing(tree: KdTree) -> float:
@@ -36,7 +36,7 @@ def project(
     mu: float = 0.45,
     require_uniform: bool = False,
     tree: KdTree | None = None,
-    advanced: Callable[[int], None] | None = None,
+    on_progress: Callable[[int], None] | None = None,
 ) -> NDArray[np.float64]:
     r"""Move samples, (M, 3), to the weighted mean of points, (N, 3), and away from each other, repeatedly.
 
@@ -54,10 +54,10 @@ def project(
         weights /= _crowding(tree.points, tree.lower, tree.upper, radius)
     # Samples move little, so their tree stays good if only its boxes are updated.
     now = KdTree.build(samples)
-    positions, low, high = now.points, now.lower, now.upper
+    positions, lower, upper = now.points, now.lower, now.upper
     for _ in range(iterations):
         # Like CGAL, the density of a sample counts the sample itself twice.
-        omega = 1 + _crowding(positions, low, high, radius)
+        omega = 1 + _crowding(positions, lower, upper, radius)
         moved = np.empty_like(positions)
         on_ranges(
             _move,
@@ -67,17 +67,17 @@ def project(
             tree.upper,
             weights,
             positions,
-            low,
-            high,
+            lower,
+            upper,
             omega,
             radius,
             mu,
             moved,
         )
         positions = moved
-        measure_boxes(positions, low, high)
-        if advanced:
-            advanced(1)
+        measure_boxes(positions, lower, upper)
+        if on_progress:
+            on_progress(1)
     projected = np.empty_like(samples)
     projected[now.order] = positions.T
     return projected
@@ -97,27 +97,27 @@ def _theta(t):
 
 
 def _crowding(
-    points: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], radius: float
+    points: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64], radius: float
 ) -> NDArray[np.float64]:
     """Return 1 + sum theta over the other points, (N,), for each of the points, (3, N)."""
     crowding = np.empty(points.shape[1])
-    on_ranges(_crowd, len(low) // 2, points, low, high, radius, crowding)
+    on_ranges(_crowd, len(lower) // 2, points, lower, upper, radius, crowding)
     return crowding
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _crowd(begin, end, points, low, high, radius, crowding):
+def _crowd(begin, end, points, lower, upper, radius, crowding):
     """Fill `crowding`, (N,), in a range of leaves; see `_crowding`."""
     n = points.shape[1]
-    leaves = first_leaf(low)
-    found = np.empty(leaves, dtype=np.int64)
+    leaves = first_leaf(lower)
+    buffer = np.empty(leaves, dtype=np.int64)
     for leaf in range(begin, end):
-        near = found[: leaves_near(low, high, low[leaves + leaf], high[leaves + leaf], radius * radius, found)]
+        near = buffer[: leaves_near(lower, upper, lower[leaves + leaf], upper[leaves + leaf], radius * radius, buffer)]
         for i in range(*leaf_range(n, leaves, leaves + leaf)):
             x, y, z = points[0, i], points[1, i], points[2, i]
             total = 0.0
             for node in near:
-                if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
+                if squared_distance_to_box(lower[node], upper[node], x, y, z) > radius * radius:
                     continue
                 for j in range(*leaf_range(n, leaves, node)):
                     dx, dy, dz = points[0, j] - x, points[1, j] - y, points[2, j] - z
@@ -126,68 +126,68 @@ def _crowd(begin, end, points, low, high, radius, crowding):
 
 
 @kernel
-def _move(begin, end, points, low, high, weights, samples, sample_low, sample_high, omega, radius, mu, moved):
-    """Fill `moved` with the samples, (3, M), of a range of leaves, which share a search, after one iteration."""
-    leaves = first_leaf(sample_low)
+def _move(begin, end, points, lower, upper, weights, samples, sample_lower, sample_upper, omega, radius, mu, moved):
+    """Fill `moved` with the samples, (3, M), of a range of leaves, which weight a search, after one iteration."""
+    leaves = first_leaf(sample_lower)
     m = samples.shape[1]
-    found, found_samples = np.empty(first_leaf(low), dtype=np.int64), np.empty(leaves, dtype=np.int64)
-    shares = np.empty(LEAF_SIZE, dtype=np.float64)
+    buffer, sample_buffer = np.empty(first_leaf(lower), dtype=np.int64), np.empty(leaves, dtype=np.int64)
+    factors = np.empty(LEAF_SIZE, dtype=np.float64)
     for leaf in range(begin, end):
-        box_low, box_high = sample_low[leaves + leaf], sample_high[leaves + leaf]
-        near = found[: leaves_near(low, high, box_low, box_high, radius * radius, found)]
-        count = leaves_near(sample_low, sample_high, box_low, box_high, radius * radius, found_samples)
-        near_samples = found_samples[:count]
+        box_lower, box_upper = sample_lower[leaves + leaf], sample_upper[leaves + leaf]
+        near = buffer[: leaves_near(lower, upper, box_lower, box_upper, radius * radius, buffer)]
+        count = leaves_near(sample_lower, sample_upper, box_lower, box_upper, radius * radius, sample_buffer)
+        near_samples = sample_buffer[:count]
         for i in range(*leaf_range(m, leaves, leaves + leaf)):
             x, y, z = samples[0, i], samples[1, i], samples[2, i]
-            ax, ay, az, _ = _pull(points, low, high, weights, near, radius, x, y, z, False, shares)
+            ax, ay, az, _ = _pull(points, lower, upper, weights, near, radius, x, y, z, False, factors)
             bx, by, bz, within = _pull(
-                samples, sample_low, sample_high, omega, near_samples, radius, x, y, z, True, shares
+                samples, sample_lower, sample_upper, omega, near_samples, radius, x, y, z, True, factors
             )
             push = -mu if within > 2 else 0.0
             moved[0, i], moved[1, i], moved[2, i] = x + ax + push * bx, y + ay + push * by, z + az + push * bz
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _pull(points, low, high, weights, near, radius, x, y, z, by_square, shares):
-    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z), and how many lie within reach.
+def _pull(points, lower, upper, weights, near, radius, x, y, z, by_square, factors):
+    """Return the vector to the weighted mean of the points, (3, N), around (x, y, z), and the number within the radius.
 
-    `shares`, (LEAF_SIZE,), is room for weights. Loops that fill it are vectorised; sums are not, to keep their order.
+    `factors`, (LEAF_SIZE,), is room for weights. Loops that fill it are vectorised; sums are not, to keep their order.
     """
-    leaves = first_leaf(low)
+    leaves = first_leaf(lower)
     n = points.shape[1]
     within = 0
     total = sx = sy = sz = 0.0
     for node in near:
-        if squared_distance_to_box(low[node], high[node], x, y, z) > radius * radius:
+        if squared_distance_to_box(lower[node], upper[node], x, y, z) > radius * radius:
             continue
         begin, end = leaf_range(n, leaves, node)
         xs, ys, zs, of_points = points[0, begin:end], points[1, begin:end], points[2, begin:end], weights[begin:end]
         for j in range(len(xs)):
             dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
-            shares[j] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
+            factors[j] = (dx * dx + dy * dy + dz * dz) / (radius * radius)
         if by_square:
             for j in range(len(xs)):
-                within += int(shares[j] <= 1.0)
+                within += int(factors[j] <= 1.0)
             for j in range(len(xs)):
-                t, weight = shares[j], of_points[j]
-                shares[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t) / max(t, SAME_PLACE)
+                t, weight = factors[j], of_points[j]
+                factors[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t) / max(t, SAME_PLACE)
         else:
             for j in range(len(xs)):
-                t, weight = shares[j], of_points[j]
-                shares[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t)
-        total, sx, sy, sz = _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz)
+                t, weight = factors[j], of_points[j]
+                factors[j] = (weight if t >= SAME_PLACE else 0.0) * _theta(t)
+        total, sx, sy, sz = _add_up(factors, xs, ys, zs, x, y, z, total, sx, sy, sz)
     if total > 0.0:
         return sx / total, sy / total, sz / total, within
     return 0.0, 0.0, 0.0, within
 
 
 @kernel(fastmath={"nsz", "contract"})
-def _add_up(shares, xs, ys, zs, x, y, z, total, sx, sy, sz):
-    """Add the shares, (n,) or more, and shares times the steps from (x, y, z) to n places, to four sums."""
+def _add_up(factors, xs, ys, zs, x, y, z, total, sx, sy, sz):
+    """Add the factors, (n,) or more, and factors times the steps from (x, y, z) to n places, to four sums."""
     for j in range(len(xs)):
-        share = shares[j]
-        total += share
-        sx += share * (xs[j] - x)
-        sy += share * (ys[j] - y)
-        sz += share * (zs[j] - z)
+        weight = factors[j]
+        total += weight
+        sx += weight * (xs[j] - x)
+        sy += weight * (ys[j] - y)
+        sz += weight * (zs[j] - z)
     return total, sx, sy, sz
