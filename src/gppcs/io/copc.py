@@ -99,7 +99,7 @@ def _meets(page: NDArray[Any], info: CopcInfoVlr, query: Query, scales: NDArray[
 class CopcNodes:
     """The nodes of an open COPC file that have points, from coarse to fine.
 
-    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `rows`, (K,), the row in the file
+    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `starts`, (K,), the index in the file
     of its first point. `las` is the header of the file, and `info` what it says of the octree.
     """
 
@@ -110,7 +110,7 @@ class CopcNodes:
         entries = chunks_in(file, self.las)
         order = np.argsort(entries["level"], kind="stable")
         counts = entries["count"].astype(np.int64)
-        self.entries, self.rows = entries[order], (np.cumsum(counts) - counts)[order]
+        self.entries, self.starts = entries[order], (np.cumsum(counts) - counts)[order]
 
     def read(self, numbers: Sequence[int]) -> tuple[NDArray[np.int64], PointCloud]:
         """Return the points of some nodes: their coordinates as whole numbers (N, 3), and as a cloud."""

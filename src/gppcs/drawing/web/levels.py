@@ -37,7 +37,7 @@ class Levels:
         self._names = [key for key, values in cloud.attributes.items() if (values != values[0]).any()]
         named = Named(name, self._varying(cloud))
         layer = _FirstLevels(blocks, named, "original", Surface.of(named))
-        indices = np.concatenate([nodes.rows[i] + np.arange(counts[i]) for i in first])
+        indices = np.concatenate([nodes.starts[i] + np.arange(counts[i]) for i in first])
         layer.described["blocks"]["rows"] = blocks.add(indices[layer.shown].astype(np.uint32))
         total = int(counts.sum())
         layer.described |= {"points": total, "octree": self._described()}
@@ -56,7 +56,7 @@ class Levels:
     def _described(self) -> dict[str, Any]:
         """Return what the page needs to know of the octree, as JSON."""
         nodes, info = self._nodes, self._nodes.info
-        entries = zip(nodes.entries, nodes.rows, strict=True)
+        entries = zip(nodes.entries, nodes.starts, strict=True)
         return {
             "low": (info.center - info.halfsize).tolist(),
             "side": float(2 * info.halfsize),
