@@ -67,7 +67,7 @@ def denoised(points: Floats, n_points: int) -> Denoised:
 
 
 def _first_feet(tree: KdTree, k: int, step: int) -> tuple[Floats, Floats]:
-    """Return feet and normals, (3, n), by a quadric at each `step`-th point; its tangent plane serves up to the next."""
+    """Return feet and normals, (3, n), by a quadric at each `step`-th point, and its tangent plane up to the next."""
     feet, fitted = projections(tree, tree.thinned(step), k)
     if step == 1:
         return feet, fitted.normals
