@@ -29,13 +29,6 @@ def test_points_lie_in_their_boxes(seed, count):
     assert held.max() - held.min() <= 1 + np.log2(count)
 
 
-def test_equal_points_lie_in_one_box():
-    points = np.random.default_rng(0).integers(0, 3, (1_000, 3)).astype(float)
-    own = Boxes.from_sample(points, 64).box_of(points)
-    places = np.unique(np.column_stack([points, own]), axis=0)
-    assert len(places) == 27
-
-
 @given(SEEDS, st.integers(1, 3_000))
 def test_parts_divide_the_boxes(seed, most):
     points = cloud(seed)

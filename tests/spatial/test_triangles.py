@@ -48,9 +48,3 @@ def test_the_nearest_triangle_is_that_of_brute_force_also_without_area(n_faces):
     a, b, c = vertices[faces[nearest]].transpose(1, 0, 2)
     feet = a + weights[:, :1] * (b - a) + weights[:, 1:] * (c - a)
     np.testing.assert_allclose(np.linalg.norm(places - feet, axis=1), expected, atol=1e-14)
-
-
-def test_places_on_the_mesh_are_at_no_distance():
-    vertices = np.random.default_rng(0).random((30, 3))
-    faces = np.arange(30).reshape(-1, 3)
-    assert np.array_equal(nearest_triangles(vertices, faces, vertices)[1], np.zeros(30))

@@ -105,12 +105,6 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
         assert noise.thick == is_thick
 
 
-def test_neighbourhoods_do_not_grow_beyond_the_target_spacing():
-    tree = KdTree.build(rough_plane(0.03))
-    assert Noise.measure(tree, 1_500, 0.025).neighbours == int(20 * np.pi / 1.5)
-    assert Noise.measure(tree, 3_000, 0.02).neighbours == int(20 * np.pi / 3)
-
-
 def test_outliers_do_not_count_as_noise():
     """The root mean square distance of these points from the quadrics is ten times as large."""
     plane = rough_plane(0.001)

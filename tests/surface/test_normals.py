@@ -57,18 +57,6 @@ def test_signs_are_those_of_the_spanning_tree(n):
         assert abs((signs * found_signs)[inside].sum()) == inside.sum()
 
 
-def test_a_plane_points_up_and_its_normals_are_exact():
-    rng = np.random.default_rng(0)
-    points = np.column_stack([rng.random((500, 2)), np.full(500, 7.0)])
-    np.testing.assert_allclose(estimate_normals(points), np.tile([0.0, 0.0, 1.0], (500, 1)), atol=1e-9)
-
-
-def test_a_sphere_points_outward(sphere):
-    normals = estimate_normals(sphere)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
-    assert np.degrees(np.arccos((normals * sphere).sum(axis=1).clip(-1, 1))).max() < 1.0
-
-
 def test_each_closed_piece_points_outward_wherever_it_lies(sphere):
     centres = np.array([[0, 0, 0], [3, 0, 0], [0, 500, 0.0]])
     sizes = np.array([1.0, 0.05, 1e-3])
@@ -162,33 +150,9 @@ def test_places_off_the_surface_have_unit_normals(sphere, distance, unit):
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("method", gppcs.METHODS)
-def test_simplify_gives_the_normals_of_the_whole_cloud(method):
-    cloud = gppcs.sample("sphere", 2000)
-    plain = gppcs.simplify(cloud, n_points=100, method=method)
-    result = gppcs.simplify(cloud, n_points=100, method=method, normals=True)
-    assert result.indices.tolist() == plain.indices.tolist()
-    assert list(result.cloud.attributes) == list(cloud.attributes)
-    assert result.cloud.attributes["nx"].dtype == np.float32
-    expected = estimate_normals(cloud, result.cloud)
-    np.testing.assert_allclose(result.cloud.normals(), expected, atol=1e-5)
-    assert np.abs(result.cloud.normals() - plain.cloud.normals()).max() > 1e-7  # those of the file are replaced
-    assert "normals" in result.seconds
-    assert "normals" not in plain.seconds
-
-
 @pytest.mark.parametrize("method", [gppcs.WLOP(snap=False), gppcs.Voxel(keep="mean")], ids=["wlop", "voxel"])
 def test_points_that_are_moved_have_the_normals_of_their_new_place(method, sphere):
     centre = np.array([1e3, 0, 0])
     cloud = gppcs.simplify(sphere[:5000] + centre, n_points=300, method=method, normals=True).cloud
     outward = cloud.points - centre
     assert ((cloud.normals() * outward).sum(axis=1) > 0.99 * np.linalg.norm(outward, axis=1)).all()
-
-
-def test_points_without_normals_get_them_whatever_else_is_done():
-    rng = np.random.default_rng(0)
-    points = np.repeat(rng.random((40, 3)), 2, axis=0)
-    points[3, 1] = np.nan
-    result = gppcs.simplify(points, n_points=70, method="fps", invalid="drop", normals=True)
-    np.testing.assert_allclose(np.linalg.norm(result.cloud.normals(), axis=1), 1.0, atol=1e-6)
-    assert gppcs.simplify(points[:3], ratio=1, normals=True).cloud.normals().shape == (3, 3)

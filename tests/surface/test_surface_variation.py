@@ -91,14 +91,6 @@ def test_what_cannot_be_measured_is_refused():
 FAR = np.array([1e5, 1e5, 2e5])
 
 
-def test_walls_far_apart_are_measured_each_by_itself():
-    wall = np.random.default_rng(0).random((2_000, 3)) * [1, 1, 0.01]
-    near = features_in_radius(KdTree.build(wall), 0.1)
-    far = features_in_radius(KdTree.build(np.concatenate([wall, wall + FAR])), 0.1)
-    np.testing.assert_array_equal(far.neighbours, np.tile(near.neighbours, 2))
-    np.testing.assert_allclose(far.surface_variation, np.tile(near.surface_variation, 2), atol=1e-8)
-
-
 def test_points_that_crowd_together_are_counted_as_by_brute_force():
     """Most of the points lie in two dots, within the radius of each other or of some of the rest."""
     rng = np.random.default_rng(0)

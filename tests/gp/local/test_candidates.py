@@ -44,14 +44,6 @@ def test_scattered_outliers_are_no_candidates():
     assert (rows < 40_000).sum() > 7_500
 
 
-def test_a_few_outliers_are_no_candidates_where_others_are_lone_by_chance():
-    """10 of 20,000, and every tenth point is kept: before, all of them were candidates."""
-    rng = np.random.default_rng(1)
-    outliers = np.column_stack([rng.random((10, 2)), rng.uniform(0.1, 0.5, 10)])
-    rows = finest_of(np.concatenate([square(20_000), outliers]), 2_000)
-    assert (rows >= 20_000).sum() <= 1
-
-
 def test_wires_and_sparse_parts_stay():
     """A wire, and ever sparser rows of points, as of a scanner that looks along the ground."""
     wire = np.column_stack([np.linspace(0, 1, 120), np.full(120, 0.5), np.full(120, 0.3)])

@@ -81,14 +81,6 @@ def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     np.testing.assert_array_equal(field.y, 0)
 
 
-def test_points_of_great_variance_are_chosen_late():
-    points = square(3_000)
-    left = points[:, 0] < 0.5
-    chosen = ranked(points, 100, lambda places: (places, np.where(places[:, 0] < 0.5, 0.0, 1.0))).indices
-    assert left[chosen].mean() > 0.7
-    assert 0.3 < left[ranked(points, 100).indices].mean() < 0.7
-
-
 def test_features_are_those_of_where_points_belong():
     """One half is rough; told where its points came from, the choice has fewer there. Candidates lie denser there."""
     rng, points = np.random.default_rng(1), square(20_000)
