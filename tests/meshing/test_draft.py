@@ -23,7 +23,7 @@ def draft():
     points, _, _ = ball(4000)
     dense = DensePoints.from_points(points, 300, np.empty(0, dtype=np.int64))
     joined = np.arange(0, 3900, 13)
-    mesh = HalfEdges.from_faces(hull(dense.places[joined]), 300)
+    mesh = HalfEdges.from_faces(hull(dense.positions[joined]), 300)
     return Draft.from_mesh(mesh, dense, joined, np.zeros(300, dtype=bool), moved=False)
 
 

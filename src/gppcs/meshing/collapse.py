@@ -39,7 +39,7 @@ def collapse(
     """
     mesh, vertices, dense = draft.mesh, draft.vertices, draft.dense
     density = len(draft.nearest) / draft.n_vertices
-    quadrics = dense_quadrics(dense.places, dense.normals, vertices, draft.nearest)
+    quadrics = dense_quadrics(dense.positions, dense.normals, vertices, draft.nearest)
     add_boundaries(mesh, vertices, density, quadrics)
     thin_cost = 1e-2 * density  # in squared edges, for each unit of quality
     into, costs = np.arange(len(vertices)), np.full(len(vertices), np.inf)

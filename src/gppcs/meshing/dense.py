@@ -22,9 +22,9 @@ LEVEL_OF_NOISY = 3  # points of the first mesh for each vertex of the result, of
 class DensePoints:
     """Points of a cloud, in the order of their tree."""
 
-    rows: Ints  # (n,): the index of each in the cloud
+    indices: Ints  # (n,): the index of each in the cloud
     raw: Floats  # (n, 3): where the cloud has them
-    places: Floats  # (n, 3): where they lie on the surface: the same, unless the cloud is noisy
+    positions: Floats  # (n, 3): where they lie on the surface: the same, unless the cloud is noisy
     normals: Floats  # (n, 3): unit normals with signs
     cover: Cover  # what the points cover
     noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
@@ -86,7 +86,7 @@ class DensePoints:
         The tree is over these.
         """
         normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
-        return replace(self, normals=_following(tree, normals, self.places, self.normals))
+        return replace(self, normals=_following(tree, normals, self.positions, self.normals))
 
 
 def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) -> Floats:

@@ -28,8 +28,10 @@ class Draft:
     @classmethod
     def from_mesh(cls, mesh: HalfEdges, dense: DensePoints, dense_index: Ints, fixed: Flags, moved: bool) -> Draft:
         """Begin with a mesh between some dense points."""
-        positions, normals = dense.places[dense_index], dense.normals[dense_index]
-        nearest = nearest_vertices(dense.places, dense.normals, positions, normals, np.flatnonzero(mesh.leaving >= 0))
+        positions, normals = dense.positions[dense_index], dense.normals[dense_index]
+        nearest = nearest_vertices(
+            dense.positions, dense.normals, positions, normals, np.flatnonzero(mesh.leaving >= 0)
+        )
         vertices = positions if moved else dense.raw[dense_index]
         return cls(dense, moved, mesh, dense_index, fixed, vertices, normals, nearest)
 
@@ -52,7 +54,9 @@ class Draft:
 
     def assigned(self) -> Assignment:
         """Return the triangles of the dense points."""
-        return Assignment.on_same_sheet(self.mesh, self.vertices, self.dense.places, self.dense.normals, self.nearest)
+        return Assignment.on_same_sheet(
+            self.mesh, self.vertices, self.dense.positions, self.dense.normals, self.nearest
+        )
 
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""

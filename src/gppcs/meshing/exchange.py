@@ -42,7 +42,7 @@ def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
     """
     changed = draft.copy()
     mesh = changed.mesh
-    fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.places, assigned)
+    fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.positions, assigned)
     exchange(fitted, changed.dense_index, draft.thin_cost)
     changed.normals = draft.dense.normals[changed.dense_index]
     changed.nearest = np.where(assigned.face >= 0, mesh.origin[3 * assigned.face], -1)

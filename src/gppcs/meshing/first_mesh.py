@@ -56,12 +56,12 @@ def excluded(first: Draft) -> float:
 def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
     """Return which dense points the first mesh joins, ascending."""
     count = (LEVEL_OF_NOISY if dense.noise else 8) * n_vertices
-    if count >= len(dense.rows):
-        return np.arange(len(dense.rows))
-    forced = np.flatnonzero(np.isin(dense.rows, fixed))
-    tree = KdTree.over(np.ascontiguousarray(dense.places.T))
-    before = dense.places[forced] if len(forced) else None
-    even, _ = farthest_points(dense.places, max(1, count - len(forced)), tree, before=before)
+    if count >= len(dense.indices):
+        return np.arange(len(dense.indices))
+    forced = np.flatnonzero(np.isin(dense.indices, fixed))
+    tree = KdTree.over(np.ascontiguousarray(dense.positions.T))
+    before = dense.positions[forced] if len(forced) else None
+    even, _ = farthest_points(dense.positions, max(1, count - len(forced)), tree, before=before)
     return np.union1d(even, forced)
 
 
@@ -70,7 +70,7 @@ def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple
 
     Return also the fraction of the fans' triangles that another fan has too.
     """
-    n, positions, reaches = len(joined), dense.places[joined], dense.cover.reaches[joined]
+    n, positions, reaches = len(joined), dense.positions[joined], dense.cover.reaches[joined]
     tree = KdTree.over(np.ascontiguousarray(positions.T))
     near, _ = tree.neighbours(min(24, n - 1))
     for on_circle in ON_CIRCLE:
@@ -87,7 +87,7 @@ def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple
         dense = dense.turned(joined, turned, tree)
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
         agreed = _agreed(votes)
-    normals, is_fixed = dense.normals[joined], np.isin(dense.rows[joined], fixed)
+    normals, is_fixed = dense.normals[joined], np.isin(dense.indices[joined], fixed)
     mesh = assembled(triangles, votes, radii, positions, normals, reaches, dense.cover, dense.uneven)
     min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface
     mesh = without_scraps(mesh, min_piece)

@@ -24,7 +24,7 @@ NEAR = 0.4  # minimum weight of the vertex in a point that is near it
 def fit(draft: Draft, assigned: Assignment) -> Assignment:
     """Move the vertices so that the mesh fits the dense points better, and return the triangles of these."""
     before = draft.vertices
-    draft.vertices = stepped(draft.mesh, before, draft.dense.places, assigned)
+    draft.vertices = stepped(draft.mesh, before, draft.dense.positions, assigned)
     undo_turns(draft.mesh.faces(), before, draft.normals, draft.vertices)
     after = draft.assigned()
     if after.mean_square() <= assigned.mean_square():
@@ -40,7 +40,7 @@ def fit_observed(draft: Draft, assigned: Assignment) -> None:
     """
     covered, faces = np.flatnonzero(assigned.face >= 0), draft.mesh.faces()
     corners, observed = draft.mesh.corners()[assigned.face[covered]], draft.dense.raw[covered]
-    noise = noise_between(observed, draft.dense.places[covered])
+    noise = noise_between(observed, draft.dense.positions[covered])
     spacing = float(np.sqrt(Mesh(draft.vertices, faces).face_areas().sum() / draft.n_vertices))
     steps = joint_steps(draft.vertices, corners, assigned.weights[covered], observed, noise, spacing)
     moved = draft.vertices + steps

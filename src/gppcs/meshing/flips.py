@@ -32,7 +32,7 @@ def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
     assigned = assigned or draft.assigned()
     if draft.thin_cost == 0.0:  # at first, five mean squared distances of the points of a triangle
         draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
-    fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.places, assigned)
+    fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.positions, assigned)
     flip_all(fitted, TriangleTree.empty(), draft.normals, draft.thin_cost, 8)
     if fraction_of_thin(draft) > 0.012:
         draft.thin_cost *= 2.0

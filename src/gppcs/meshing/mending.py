@@ -68,7 +68,7 @@ def _add(draft: Draft, count: int) -> None:
     """Add vertices where the dense points are farthest off, and where the new triangles cut none."""
     assigned, n = draft.assigned(), len(draft.dense_index)
     faces, points = farthest_points_of(draft.mesh, assigned, unused_points(draft), 4 * count)
-    positions = draft.dense.places if draft.moved else draft.dense.raw
+    positions = draft.dense.positions if draft.moved else draft.dense.raw
     trial = split(draft.mesh, faces, n)
     cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
     spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])

@@ -252,7 +252,7 @@ def _mean_distance(first: Draft, draft: Draft, assigned: Assignment) -> float:
     Of those that have none, the nearest on any sheet counts.
     """
     dense, without = first.dense, np.flatnonzero(assigned.face < 0)
-    points, vertices = dense.places[without], dense.places[first.dense_index]
+    points, vertices = dense.positions[without], dense.positions[first.dense_index]
     reached = Assignment.on_same_sheet(first.mesh, vertices, points, dense.normals[without], first.nearest[without])
     far = Assignment.on_any_sheet(draft.mesh, draft.vertices, points[reached.face >= 0]).squared
     return float(np.sqrt(np.append(assigned.squared[assigned.face >= 0], far)).mean())
@@ -268,7 +268,7 @@ def _finished(
     draft.compact()
     topology = topology_of(draft.mesh.faces())
     return draft, MeshDiagnostics(
-        dense_points=len(draft.dense.rows),
+        dense_points=len(draft.dense.indices),
         noise=request.unit * draft.dense.noise,
         mean_distance=request.unit * mean_distance,
         excluded=fraction,
@@ -333,7 +333,7 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
     limit = (0.999 * tolerance) ** 2  # as coordinates are rounded when a mesh is written
     with timer("distances"):
         squared = Assignment.on_any_sheet(first.mesh, first.vertices, dense.raw).squared
-        usual = ~outliers[dense.rows]
+        usual = ~outliers[dense.indices]
     if 2 * np.count_nonzero(usual & (squared <= limit)) < np.count_nonzero(usual):
         raise ParameterError(
             f"the tolerance of {unit * tolerance:.3g} is below the noise: half of the points are farther than "
@@ -382,7 +382,7 @@ def _result(
     timer: Timer,
 ) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
-    indices = finite[draft.dense.rows[draft.dense_index]]
+    indices = finite[draft.dense.indices[draft.dense_index]]
     vertices = cloud.take(indices)
     if moved:
         vertices = vertices.moved(frame.world(draft.vertices))

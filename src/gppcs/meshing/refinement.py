@@ -16,7 +16,7 @@ def refine(draft: Draft, count: int, assigned: Assignment) -> None:
     assigned = flip(draft)
     covered = np.flatnonzero(assigned.face >= 0)
     corners = draft.mesh.corners()[assigned.face[covered]]
-    squared = ((draft.vertices[corners] - draft.dense.places[covered, None]) ** 2).sum(axis=2)
+    squared = ((draft.vertices[corners] - draft.dense.positions[covered, None]) ** 2).sum(axis=2)
     draft.nearest[covered] = np.take_along_axis(corners, squared.argmin(axis=1)[:, None], axis=1)[:, 0]
 
 
@@ -54,7 +54,7 @@ def insert(draft: Draft, assigned: Assignment, faces: Ints, points: Ints) -> Non
     inside = (assigned.face >= 0) & (new[assigned.face] >= 0)
     draft.nearest[inside] = new[assigned.face[inside]]
     draft.mesh = split(draft.mesh, faces, first)
-    positions = draft.dense.places if draft.moved else draft.dense.raw
+    positions = draft.dense.positions if draft.moved else draft.dense.raw
     draft.dense_index = np.concatenate([draft.dense_index, points])
     draft.fixed = np.concatenate([draft.fixed, np.zeros(len(points), dtype=np.bool_)])
     draft.vertices = np.concatenate([draft.vertices, positions[points]])
