@@ -50,6 +50,10 @@ def test_points_inside_a_polygon_with_a_hole(files, wrapped):
     scan, area = files(wrapped({"type": "Polygon", "coordinates": [SQUARE, HOLE]}))
     read = gppcs.read(scan, inside=area)
     assert read.points.tolist() == CLOUD.points[inside(CLOUD.points)].tolist()
+    both = gppcs.read(scan, inside=[str(area), "0,0,5,5"])
+    assert both.points.tolist() == read.points[(read.points[:, :2] <= 5).all(axis=1)].tolist()
+    square = gppcs.read(scan, inside=np.array(SQUARE[:4]))
+    assert len(square) == ((CLOUD.points[:, :2] > 0) & (CLOUD.points[:, :2] < 10)).all(axis=1).sum()
 
 
 def test_a_polygon_with_many_corners():
@@ -59,13 +63,6 @@ def test_a_polygon_with_many_corners():
     radii = np.hypot(points[:, 0], points[:, 1])
     sure = np.abs(radii - 1.0) > 1e-5
     assert (disc.contains(points) == (radii < 1.0))[sure].all()
-
-
-def test_neighbouring_polygons_share_no_point_and_miss_none():
-    points = np.indices((21, 21, 1)).reshape(3, -1).T / 2.0
-    halves = [Polygons((tuple((x + left, y) for x, y in [(0, 0), (5, 0), (5, 10.5), (0, 10.5)]),)) for left in (0, 5)]
-    counts = sum(half.contains(points).astype(int) for half in halves)
-    assert (counts[points[:, 0] < 10] == 1).all()
 
 
 @pytest.mark.parametrize(
