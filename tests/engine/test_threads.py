@@ -18,14 +18,14 @@ from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threa
 pytestmark = pytest.mark.usefixtures("default_threads")
 
 
-@given(n=st.integers(0, 500), least=st.integers(1, 50), count=st.integers(1, 8))
-def test_ranges_hold_each_item_once(n, least, count):
+@given(n=st.integers(0, 500), minimum=st.integers(1, 50), count=st.integers(1, 8))
+def test_ranges_hold_each_item_once(n, minimum, count):
     set_threads(count)
     calls = []
-    on_ranges(lambda begin, end: calls.append((begin, end)), n, least=least)
+    on_ranges(lambda begin, end: calls.append((begin, end)), n, minimum=minimum)
     assert len(calls) <= RANGES
     assert sorted(i for begin, end in calls for i in range(begin, end)) == list(range(n))
-    assert len(calls) == 1 or all(end - begin >= least for begin, end in calls)
+    assert len(calls) == 1 or all(end - begin >= minimum for begin, end in calls)
 
 
 def test_several_threads_work_at_once():

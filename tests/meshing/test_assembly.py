@@ -47,7 +47,7 @@ def test_borders_run_around_the_mesh_and_its_holes(hole):
         for a, b in zip(loop, np.roll(loop, -1), strict=True):
             assert (b, a) in edges
             assert (a, b) not in edges
-    assert len(loops) == topology_of(faces).borders == (2 if hole else 1)
+    assert len(loops) == topology_of(faces).boundary_loops == (2 if hole else 1)
 
 
 def triangulations(corners):
@@ -100,7 +100,7 @@ def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     mesh, (cover, _) = HalfEdges.from_faces(faces, len(points)), cover_of(points, normals)
     assert np.array_equal(gaps_filled(mesh, points, normals, cover.reaches, cover, 1000), faces)
     closed = holes_filled(mesh, points, normals, 0.9)
-    assert topology_of(closed.faces()).borders == 1
+    assert topology_of(closed.faces()).boundary_loops == 1
     assert faults(closed) == []
     assert np.array_equal(holes_filled(mesh, points, normals, 0.5).faces(), faces)
 

@@ -34,7 +34,7 @@ def test_pieces_side_by_side_become_one_without_holes_and_handles(seed, lines):
     assert np.array_equal(joined[: len(faces)], faces)
     assert len(joined) == len(faces) + 2 * (topology_of(faces).pieces - 1)
     topology = topology_of(joined)
-    assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
+    assert (topology.pieces, topology.boundary_loops, topology.genus) == (1, 1, 0)
     assert faults(HalfEdges.from_faces(joined, len(points))) == []
     a, b, c = points[joined].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()

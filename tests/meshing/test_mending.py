@@ -133,7 +133,7 @@ def test_planted_cuts_all_go(seed, share, depth):
     assert faults(mended) == []
     assert topology[:2] == (0, 0)
     assert len(cutting(mended, points)) == 0
-    assert holes == 0 or topology.borders > 0
+    assert holes == 0 or topology.boundary_loops > 0
 
 
 def test_a_hole_is_not_closed_through_another_part():
@@ -141,11 +141,11 @@ def test_a_hole_is_not_closed_through_another_part():
     flap = np.array([[0.5, 0.5, -0.2], [0.45, 0.55, 0.3], [0.55, 0.55, 0.3]])
     both = np.concatenate([points, flap]), np.concatenate([normals, np.tile([0.0, -1.0, 0.0], (3, 1))])
     mesh = HalfEdges.from_faces(faces, len(points))
-    assert topology_of(holes_filled(mesh, points, normals, 0.9).faces()).borders == 1
+    assert topology_of(holes_filled(mesh, points, normals, 0.9).faces()).boundary_loops == 1
     pierced = np.concatenate([faces, [[len(points), len(points) + 1, len(points) + 2]]])
     mesh = HalfEdges.from_faces(pierced, len(both[0]))
     loops = [loop for loop in boundary_loops(mesh) if len(loop) > 3]
     assert len(fillings(mesh, *both, loops)[0]) > 0
     after = holes_filled(mesh, *both, 0.9).faces()
     assert np.array_equal(after[: len(pierced)], pierced)
-    assert topology_of(after).borders == topology_of(pierced).borders
+    assert topology_of(after).boundary_loops == topology_of(pierced).boundary_loops

@@ -65,7 +65,7 @@ def test_a_wall_of_steps_is_one_piece_however_many_points_there_are(seed):
     for n in (40_000, 80_000):
         mesh = gppcs.mesh(wall(n, seed)[0], n_points=2500).mesh
         topology = topology_of(mesh.faces)
-        assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
+        assert (topology.pieces, topology.boundary_loops, topology.genus) == (1, 1, 0)
 
 
 def test_a_slot_about_as_narrow_as_joined_points_are_apart_has_no_ragged_bridges():
@@ -73,7 +73,7 @@ def test_a_slot_about_as_narrow_as_joined_points_are_apart_has_no_ragged_bridges
     points = wall(160_000)[0]
     points = points[(np.abs(points[:, 0] - 0.5) > 0.008) | (points[:, 1] < 0.2)]
     topology = topology_of(gppcs.mesh(points, n_points=2500).mesh.faces)
-    assert (topology.pieces, topology.borders, topology.genus) == (1, 1, 0)
+    assert (topology.pieces, topology.boundary_loops, topology.genus) == (1, 1, 0)
 
 
 def test_a_room_seen_by_a_depth_camera_has_few_pieces():
@@ -81,7 +81,7 @@ def test_a_room_seen_by_a_depth_camera_has_few_pieces():
     mesh = gppcs.mesh(gppcs.sample("room"), n_points=5_000).mesh
     topology = topology_of(mesh.faces)
     assert topology.pieces <= 10
-    assert topology.borders <= 24
+    assert topology.boundary_loops <= 24
 
 
 def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(shared_data):

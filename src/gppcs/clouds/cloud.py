@@ -93,8 +93,8 @@ class PointCloud(ComparedByValue):
         try:
             dtype = np.dtype(self.coordinate_dtype)
         except TypeError as error:
-            found = shown(self.coordinate_dtype)
-            raise InputError(f"expected a type of NumPy as coordinate_dtype, found {found}") from error
+            actual = shown(self.coordinate_dtype)
+            raise InputError(f"expected a type of NumPy as coordinate_dtype, found {actual}") from error
         _require_numbers(dtype, "a type of numbers as coordinate_dtype, found")
         object.__setattr__(self, "coordinate_dtype", dtype)
         if not isinstance(self.header, Header | None):

@@ -18,12 +18,12 @@ EXACT = 2**53  # float64 represents every whole number up to here
 
 def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
     """Return which names are the coordinates: x, y and z, or X, Y and Z."""
-    found = list(names)
-    x, y, z = (next((name for name in (axis, axis.upper()) if name in found), None) for axis in ("x", "y", "z"))
+    listed = list(names)
+    x, y, z = (next((name for name in (axis, axis.upper()) if name in listed), None) for axis in ("x", "y", "z"))
     if x is None or y is None or z is None:
-        listed = ", ".join(map(repr, found)) or "nothing"
+        actual = ", ".join(map(repr, listed)) or "nothing"
         raise InputError(
-            f"expected x, y and z for each point, found {listed}; rename the columns that hold the coordinates"
+            f"expected x, y and z for each point, found {actual}; rename the columns that hold the coordinates"
         )
     return x, y, z
 

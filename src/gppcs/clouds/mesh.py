@@ -106,9 +106,9 @@ class Mesh(ComparedByValue):
         return np.cross(b - a, c - a)
 
 
-def _table(rows: ArrayLike, name: str) -> NDArray[Any]:
-    """Return rows as an array; raise an InputError unless they are real numbers."""
-    table = array_of(rows, f"{name} of shape (N, 3)")
+def _table(values: ArrayLike, name: str) -> NDArray[Any]:
+    """Return values as an array; raise an InputError unless they are real numbers."""
+    table = array_of(values, f"{name} of shape (N, 3)")
     if not (np.issubdtype(table.dtype, np.floating) or np.issubdtype(table.dtype, np.integer)):
         raise InputError(f"expected numbers as {name}, found an array of {table.dtype}")
     return table

@@ -27,7 +27,7 @@ _NUMBER = r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?)"  # few digi
 def count_of(name: str, value: Any, minimum: int = 1) -> int:
     """Return the whole number that the value of an argument means: an int, or a text such as 5000, 5,000 or 1.5M."""
     label = {"n_points": "the number of points", "n_faces": "the number of triangles"}.get(name, name)
-    return whole_number(label, _whole(name, value) if isinstance(value, str) else value, minimum)
+    return whole_number(label, _count(name, value) if isinstance(value, str) else value, minimum)
 
 
 def ratio_of(name: str, value: Any) -> float:
@@ -46,11 +46,11 @@ def size_of(name: str, value: Any) -> float | int:
     if isinstance(value, str):
         is_plain = re.fullmatch(_NUMBER, value.strip(), re.ASCII)
         is_ratio = value.strip().endswith(PERCENT) or (is_plain and 0 < float(value) < 1)
-        value = _fraction(name, value) if is_ratio else _whole(name, value)
+        value = _fraction(name, value) if is_ratio else _count(name, value)
     return number(value) if 0 < number(value) < 1 else count_of(name, value)
 
 
-def _whole(name: str, text: str) -> int:
+def _count(name: str, text: str) -> int:
     """Return the whole number that a text means, with commas between thousands and one of the units k, M and G."""
     plain = re.sub(r"(?<=\d)_(?=\d)", "", text.strip())
     if re.match(r"[+-]?\d{1,3}(,\d{3})+(?![\d,])", plain):

@@ -1,4 +1,4 @@
-"""The topology of a mesh: whether it is a manifold, its borders, pieces and handles."""
+"""The topology of a mesh: whether it is a manifold, its boundary loops, pieces and handles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Topology(NamedTuple):
 
     non_manifold_edges: int  # Edges of more than two triangles, or of two that are not oriented alike
     non_manifold_vertices: int  # Vertices at which several fans of triangles meet
-    borders: int  # Closed curves of edges with one triangle
+    boundary_loops: int  # Closed curves of edges with one triangle
     pieces: int  # Connected pieces
     genus: int | None  # Handles of all pieces together; None if the mesh is no oriented manifold
 
@@ -38,12 +38,12 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     first = np.where(alike, pairs[1], next_corner[pairs[1]]), np.where(alike, next_corner[pairs[1]], pairs[1])
     _, fan = connected(np.concatenate([pairs[0], next_corner[pairs[0]]]), np.concatenate(first), len(corners))
     several = np.bincount(np.unique(np.stack([begin, fan]), axis=1)[0])
-    on_border = counts[edge] == 1
-    borders = len(np.unique(connected(begin[on_border], end[on_border], n)[1][begin[on_border]]))
+    on_boundary = counts[edge] == 1
+    boundary_loops = len(np.unique(connected(begin[on_boundary], end[on_boundary], n)[1][begin[on_boundary]]))
     pieces, _ = connected(begin, end, n)
     non_manifold = int((several > 1).sum())
-    genus = None if bad or non_manifold else (2 * pieces - borders - (n - len(edges) + len(faces))) // 2
-    return Topology(bad, non_manifold, borders, pieces, genus)
+    genus = None if bad or non_manifold else (2 * pieces - boundary_loops - (n - len(edges) + len(faces))) // 2
+    return Topology(bad, non_manifold, boundary_loops, pieces, genus)
 
 
 def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tuple[int, NDArray[np.int32]]:

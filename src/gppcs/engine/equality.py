@@ -14,9 +14,9 @@ class ComparedByValue:
         if type(other) is not type(self):
             return NotImplemented
         return all(
-            _equal(getattr(self, each.name), getattr(other, each.name))
-            for each in dataclasses.fields(self)  # type: ignore[arg-type]
-            if each.compare
+            _equal(getattr(self, field.name), getattr(other, field.name))
+            for field in dataclasses.fields(self)  # type: ignore[arg-type]
+            if field.compare
         )
 
     __hash__ = None  # type: ignore[assignment]

@@ -28,9 +28,9 @@ _growing = threading.Lock()
 _here = threading.local()  # `alone` is true in threads that work without helpers
 
 
-def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, least: int = 1) -> None:
+def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, minimum: int = 1) -> None:
     """Call a kernel on ranges that together are 0 to n, on several threads at once."""
-    count = min(RANGES, n // least)
+    count = min(RANGES, n // minimum)
     threads = min(number_of_threads(), count)
     if threads <= 1:
         kernel(0, n, *arguments)

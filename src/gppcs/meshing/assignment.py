@@ -35,7 +35,7 @@ class Assignment(NamedTuple):
         count, (upright, sides) = len(points), _planes(mesh, vertices)
         assigned = cls(np.full(count, -1), np.zeros(count), np.zeros((count, 2)))
         arguments = mesh, vertices, upright, sides, points, normals, nearest, assigned
-        on_ranges(_walk_all, count, *arguments, least=1024)
+        on_ranges(_walk_all, count, *arguments, minimum=1024)
         return assigned
 
     @classmethod

@@ -34,7 +34,7 @@ def are_covered(cover: Cover, triangles: Ints, points: Floats, reaches: Floats) 
     points is tried, about as dense as the cloud.
     """
     covered = np.empty(len(triangles), dtype=np.bool_)
-    on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, least=64)
+    on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, minimum=64)
     return covered
 
 

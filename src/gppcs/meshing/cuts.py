@@ -66,7 +66,7 @@ def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None,
     if len(faces):
         tree = tree or TriangleTree.from_mesh(mesh, vertices)
         inside = np.zeros(len(mesh.corners()), dtype=np.bool_)
-        on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, cut, least=256)
+        on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, cut, minimum=256)
     return faces[cut]
 
 

@@ -88,7 +88,7 @@ def _are_near(fitted: FittedMesh, edges: Ints, changed: Flags) -> Flags:
 def changes(fitted: FittedMesh, edges: Ints, thin_cost: float, split: bool) -> Floats:
     """Return by how much the energy would rise with a split or a collapse of each edge, infinity if not allowed."""
     energies = np.empty(len(edges))
-    on_ranges(_try_all, len(edges), fitted, edges, thin_cost, split, energies, least=64)
+    on_ranges(_try_all, len(edges), fitted, edges, thin_cost, split, energies, minimum=64)
     return energies
 
 

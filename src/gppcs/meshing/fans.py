@@ -22,10 +22,10 @@ def fans_of(points: Floats, normals: Floats, near: Ints, on_circle: float = ON_C
     """
     n = len(points)
     corners = np.full((n, MAX_FAN, 2), -1)
-    on_ranges(_build_fans, n, points, normals, near, on_circle, corners, least=128)
+    on_ranges(_build_fans, n, points, normals, near, on_circle, corners, minimum=128)
     votes = np.zeros((n, MAX_FAN), dtype=np.int8)
     radii = np.zeros((n, MAX_FAN))
-    on_ranges(_count_votes, n, points, corners, votes, radii, least=128)
+    on_ranges(_count_votes, n, points, corners, votes, radii, minimum=128)
     counted = votes > 0
     triangles = np.column_stack([np.nonzero(counted)[0], corners[counted]])
     return triangles, votes[counted].astype(np.int64), radii[counted]

@@ -272,7 +272,7 @@ def _finished(
         noise=request.unit * draft.dense.noise,
         mean_distance=request.unit * mean_distance,
         excluded=fraction,
-        boundary_loops=topology.borders,
+        boundary_loops=topology.boundary_loops,
         pieces=topology.pieces,
         genus=topology.genus or 0,
         **measured,

@@ -86,7 +86,7 @@ class KdTree:
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
         on_ranges(
             _nearest_of_all, len(queries), self.points, self.lower, self.upper, queries, positions, squared,
-            least=QUERIES_AT_ONCE,
+            minimum=QUERIES_AT_ONCE,
         )  # fmt: skip
         return self.order[positions], squared
 

@@ -41,7 +41,7 @@ def _within(tree: KdTree, queries: Floats, squared: Floats, starts: Ints) -> tup
     counts, positions = np.empty(len(queries), dtype=np.int64), np.empty(starts[-1], dtype=np.int64)
     on_ranges(
         _others_within, len(queries), tree.points, tree.lower, tree.upper, queries, squared, starts, positions, counts,
-        least=QUERIES_AT_ONCE,
+        minimum=QUERIES_AT_ONCE,
     )  # fmt: skip
     return counts, positions
 
@@ -49,7 +49,7 @@ def _within(tree: KdTree, queries: Floats, squared: Floats, starts: Ints) -> tup
 def medians(starts: Ints, values: Floats) -> Floats:
     """Return the median of each group of values. Shapes: starts (m + 1,), values (n,); returns (m,)."""
     result = np.empty(len(starts) - 1)
-    on_ranges(_medians, len(result), starts, values, result, least=QUERIES_AT_ONCE)
+    on_ranges(_medians, len(result), starts, values, result, minimum=QUERIES_AT_ONCE)
     return result
 
 

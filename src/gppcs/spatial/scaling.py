@@ -43,7 +43,7 @@ class Frame(NamedTuple):
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
         scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -self.exponent - half)
-        on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, least=POINTS_AT_ONCE)
+        on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, minimum=POINTS_AT_ONCE)
         return local
 
     def near(self, points: Floats) -> Floats:

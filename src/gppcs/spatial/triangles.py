@@ -155,7 +155,7 @@ def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[I
     nearest, squared, weights = np.zeros(count, dtype=np.int64), np.empty(count), np.empty((count, 2))
     order = KdTree.build(queries).order  # queries after each other see the same triangles, in the cache
     on_ranges(
-        _find_all, count, corners, lower, upper, queries, order, nearest, squared, weights, least=256
+        _find_all, count, corners, lower, upper, queries, order, nearest, squared, weights, minimum=256
     )  # fmt: skip
     return in_tree_order[nearest], squared, weights
 

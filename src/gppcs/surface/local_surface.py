@@ -47,7 +47,7 @@ class LocalSurface:
         """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
         distances, corners, weights = self.find(queries)
         normals = np.empty((len(queries), 3))
-        on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, least=QUERIES_AT_ONCE)
+        on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, minimum=QUERIES_AT_ONCE)
         return distances, normals
 
     def values_at(self, queries: Floats, values: Floats) -> Floats:
@@ -63,7 +63,7 @@ class LocalSurface:
         result = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
         on_ranges(
             _search, n, self.tree.points, self.tree.lower, self.tree.upper, self.corners, queries, *result,
-            least=QUERIES_AT_ONCE,
+            minimum=QUERIES_AT_ONCE,
         )  # fmt: skip
         return result
 

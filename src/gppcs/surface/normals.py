@@ -162,7 +162,7 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
         near, _ = tree.neighbours(min(EDGES, len(points) - 1))
     areas = radii**2
     doubts = np.empty(near.shape, dtype=np.float32)
-    on_ranges(_doubt, len(points), points, normals, near, doubts, least=1024)
+    on_ranges(_doubt, len(points), points, normals, near, doubts, minimum=1024)
     edges = np.flatnonzero(doubts < np.inf)
     pieces, signs = _signs(edges[_ascending(doubts.ravel()[edges])], points, normals, near)
     normals *= signs[:, None]

@@ -77,7 +77,7 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
         slope,
         minima,
         limits,
-        least=16,
+        minimum=16,
     )
     return np.minimum(spacings, np.repeat(limits, counts))
 

@@ -86,7 +86,7 @@ def exchanged(
     owners, members = first.copy(), np.empty_like(first)
     for later in range(passes):
         if later:
-            on_ranges(_hand_over, len(owners), points, vertices, surface.corners, owners, least=1024)
+            on_ranges(_hand_over, len(owners), points, vertices, surface.corners, owners, minimum=1024)
         starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(

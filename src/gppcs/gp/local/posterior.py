@@ -261,7 +261,9 @@ def posterior(field: LocalField, conditioning: Conditioning, error_weight: float
     """Return mean and variance of the field, and the score, at every point; (n,) each."""
     n = len(field.y)
     means, variances, scores = np.empty((3, n))
-    on_ranges(_posterior_everywhere, n, field, conditioning.nearest, error_weight, means, variances, scores, least=1024)
+    on_ranges(
+        _posterior_everywhere, n, field, conditioning.nearest, error_weight, means, variances, scores, minimum=1024
+    )
     return means, variances, scores
 
 
