@@ -1,1 +1,1 @@
-"""What all other rooms use: threads, kernels and their cache, the timer of a run, unfinished files, memory, extras."""
+"""What all other rooms use: threads, kernels and their cache, the timer of a run, memory, extras."""

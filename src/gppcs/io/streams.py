@@ -14,7 +14,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
-from gppcs.engine.unfinished import unfinished
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.vpc import files_of
 
@@ -115,7 +114,7 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         return
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one
     temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
-    with unfinished(str(temporary)):
+    try:
         with open(temporary, "x+b") as file:  # permissions follow the umask, unlike those of tempfile
             with suppress(OSError):  # there is no file to replace, or its file system stores no permissions
                 shutil.copymode(target, temporary)
@@ -131,6 +130,8 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
             os.replace(temporary, target)
         else:
             _rename_to_new(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _rename_to_new(temporary: Path, target: Path) -> None:

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gppcs.engine.memory import size_of
-from gppcs.engine.unfinished import unfinished
 from gppcs.errors import OutputError
 
 
@@ -26,11 +25,12 @@ def scratch_folder(parent: Path | None, size: int) -> Iterator[Path]:
     if free < size:
         raise OutputError(f"{expected} {size_of(free)}; {remedy}")
     folder = tempfile.mkdtemp(prefix="gppcs-", dir=parent)
-    with unfinished(folder):
-        try:
-            yield Path(folder)
-        except OSError as error:
-            # NumPy does not say why a write is cut short: a disk with less than 1 MB is full.
-            if error.errno == errno.ENOSPC or shutil.disk_usage(parent).free <= 1 << 20:
-                raise OutputError(f"{expected} that it is full; {remedy}") from error
-            raise
+    try:
+        yield Path(folder)
+    except OSError as error:
+        # NumPy does not say why a write is cut short: a disk with less than 1 MB is full.
+        if error.errno == errno.ENOSPC or shutil.disk_usage(parent).free <= 1 << 20:
+            raise OutputError(f"{expected} that it is full; {remedy}") from error
+        raise
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
