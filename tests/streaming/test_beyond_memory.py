@@ -1,6 +1,5 @@
 """Clouds larger than memory: exactly as many points, chosen equally well, the same for any number of workers."""
 
-import errno
 import shutil
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
@@ -46,7 +45,7 @@ METHODS = ["gp", "fps", "voxel", "random", gppcs.Random(even=True)]
 
 
 @pytest.mark.parametrize("method", [*METHODS, gppcs.Voxel(keep="lowest")], ids=str)
-@pytest.mark.parametrize("count", [1, 700, 9_000])
+@pytest.mark.parametrize("count", [1, 9_000])
 def test_exactly_as_many_points_with_their_attributes(tmp_path, method, count):
     cloud = gppcs.sample("bracket", 20_000)
     result = gppcs.simplify(written(tmp_path, cloud), n_points=count, method=method, memory=MEMORY)
@@ -145,8 +144,7 @@ def classed(tmp_path, outliers=0.0):
     return written(tmp_path, gppcs.PointCloud(cloud.points, {"kind": classes, "pulse": pulses}))
 
 
-@pytest.mark.parametrize("method", ["gp", "fps", "random"])
-@pytest.mark.parametrize("outliers", [0.0, 0.02])
+@pytest.mark.parametrize(("method", "outliers"), [("gp", 0.02), ("random", 0.0)])
 def test_quotas_are_exact(tmp_path, method, outliers):
     path = classed(tmp_path, outliers)
     asked = {"method": method, "invalid": "drop", "drop_outliers": outliers > 0.0}
@@ -157,13 +155,12 @@ def test_quotas_are_exact(tmp_path, method, outliers):
     assert np.isfinite(found.points).all()
 
 
-@pytest.mark.parametrize("outliers", [0.0, 0.02])
-def test_groups_stay_whole(tmp_path, outliers):
-    path = classed(tmp_path, outliers)
-    asked = {"invalid": "drop", "drop_outliers": outliers > 0.0}
-    result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **asked)
+def test_groups_stay_whole(tmp_path):
+    path = classed(tmp_path, outliers=0.02)
+    options = {"invalid": "drop", "drop_outliers": True}
+    result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **options)
     assert len(result.indices) == pytest.approx(2_000, abs=4)
-    usable = np.setdiff1d(gppcs.read(path).finite_rows(), result.outliers if outliers else [])
+    usable = np.setdiff1d(gppcs.read(path).finite_rows(), result.outliers)
     pulses = gppcs.read(path).attributes["pulse"]
     assert set(result.indices) == set(usable[np.isin(pulses[usable], result.cloud.attributes["pulse"])])
     assert result.diagnostics["groups"] == len(np.unique(result.cloud.attributes["pulse"]))
@@ -185,7 +182,7 @@ def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
         assert len(found[method].indices) == pytest.approx(number, rel=0.05)
 
 
-@pytest.mark.parametrize("keep", ["nearest", "highest", "random", "least"])
+@pytest.mark.parametrize("keep", ["nearest", "least"])
 def test_cells_keep_the_same_points_as_in_memory(tmp_path, monkeypatch, keep):
     method = gppcs.Voxel(keep=keep, attribute="time" if keep == "least" else None)
     points = gppcs.sample("terrain", 20_000).points
@@ -221,7 +218,7 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_repeats_are_chosen_last(tmp_path, method):
-    points = np.repeat(np.random.default_rng(0).random((300, 3)), 20, axis=0)
+    points = np.repeat(np.random.default_rng(0).random((300, 3)), 5, axis=0)
     path = written(tmp_path, gppcs.PointCloud(points))
     result = gppcs.simplify(path, n_points=400, method=method, memory=MEMORY)
     assert len(np.unique(result.indices)) == 400
@@ -289,13 +286,10 @@ def test_a_lost_worker_is_told():
         list(map_parts(_end_at_once, [1]))
 
 
-@pytest.mark.parametrize(
-    "reason", [OSError(errno.ENOSPC, "No space left"), OSError("324838 requested and 195831 written")]
-)
-def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch, reason):
-    def full(*given):
+def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch):
+    def full(*arguments):
         monkeypatch.setattr(shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9, 0))
-        raise reason
+        raise OSError("324838 requested and 195831 written")
 
     monkeypatch.setattr("gppcs.streaming.scan.write_run", full)
     path = written(tmp_path, gppcs.sample("bracket", 20_000))
