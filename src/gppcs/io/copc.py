@@ -31,26 +31,28 @@ ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("siz
 
 def open_copc(file: BufferedReader, query: Query | None = None) -> Reader:
     """Open a COPC file, of which only those nodes are read that a query may need."""
-    return las_files.open_las(file, partial(chunks_in, query=query)) if query else las_files.open_las(file)
+    return las_files.open_las(file, partial(_chunks_in, query=query)) if query else las_files.open_las(file)
 
 
-def chunks_in(file: BufferedReader, las: laspy.LasHeader, query: Query | None = None) -> NDArray[Any]:
-    """Return the entries (K,) of all nodes with points that a query needs, in the order of the file.
+def _chunks_in(file: BufferedReader, las: laspy.LasHeader, query: Query) -> NDArray[Any]:
+    """Return the entries (K,) of the nodes that a query may need, in the order of the file."""
+    info, entries = index_of(file, las)
+    if query.resolution is not None:
+        deepest = math.ceil(math.log2(info.spacing) - math.log2(query.resolution))
+        entries = entries[entries["level"] <= max(0, deepest)]
+    with np.errstate(all="ignore"):  # an entry of no possible level meets nothing
+        side = np.ldexp(2 * info.halfsize, -entries["level"])[:, np.newaxis]
+        lower = info.center - info.halfsize + entries["cell"] * side
+        # Coordinates are rounded to the scale, which may move a point out of its cell.
+        meets = (lower - las.scales <= query.upper) & (lower + side + las.scales >= query.lower)
+    return entries[meets.all(axis=1)]
+
+
+def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, NDArray[Any]]:
+    """Return what a file says of its octree, and the entries (K,) of all nodes with points, in the order of the file.
 
     laspy's reader of queries is not used: it holds all points at once, and some damaged files keep it busy for ever.
     """
-    info = info_of(las)
-    pages = [page[page["count"] > 0] for page in _pages(file, info, query, las.scales)]
-    entries = np.concatenate([np.empty(0, ENTRY), *pages])
-    entries = entries[np.lexsort([entries["count"], entries["size"], entries["offset"]])]
-    ends = entries["offset"] + entries["size"].astype(np.uint64)
-    if (ends[:-1] > entries["offset"][1:]).any():
-        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
-    return entries
-
-
-def info_of(las: laspy.LasHeader) -> CopcInfoVlr:
-    """Return what the header of a file says of its octree."""
     records = las.vlrs.get("CopcInfoVlr")
     if not records:
         raise FileFormatError("expected a COPC file, found LAS or LAZ without its index")
@@ -60,18 +62,8 @@ def info_of(las: laspy.LasHeader) -> CopcInfoVlr:
             "expected a COPC index with a spacing and a size above 0, found "
             f"{info.spacing:g} and {info.halfsize:g}; get the whole file again"
         )
-    return info
-
-
-def _pages(
-    file: BufferedReader, info: CopcInfoVlr, query: Query | None, scales: NDArray[np.float64]
-) -> Iterator[NDArray[Any]]:
-    """Yield the entries that a query needs, page by page."""
-    deepest = np.iinfo(np.int32).max
-    if query and query.resolution is not None:
-        deepest = max(0, math.ceil(math.log2(info.spacing) - math.log2(query.resolution)))
     size = unread = file.seek(0, 2)
-    pages = [(info.hierarchy_root_offset, info.hierarchy_root_size)]
+    pages, parts = [(info.hierarchy_root_offset, info.hierarchy_root_size)], [np.empty(0, ENTRY)]
     while pages:
         offset, length = pages.pop()
         unread -= length
@@ -79,35 +71,28 @@ def _pages(
             raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
         file.seek(offset)
         page = np.frombuffer(file.read(length // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
-        page = page[page["level"] <= deepest]
-        if query:
-            page = page[_meets(page, info, query, scales)]
         links = page[page["count"] == -1]
         pages += zip(links["offset"].tolist(), links["size"].tolist(), strict=True)
-        yield page
-
-
-def _meets(page: NDArray[Any], info: CopcInfoVlr, query: Query, scales: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether the cell of each entry meets the box of a query."""
-    with np.errstate(all="ignore"):  # an entry of no possible level meets nothing
-        side = np.ldexp(2 * info.halfsize, -page["level"])[:, np.newaxis]
-        lower = info.center - info.halfsize + page["cell"] * side
-        # Coordinates are rounded to the scale, which may move a point out of its cell.
-        return np.logical_and.reduce((lower - scales <= query.upper) & (lower + side + scales >= query.lower), axis=1)
+        parts.append(page[page["count"] > 0])
+    entries = np.concatenate(parts)
+    entries = entries[np.lexsort([entries["count"], entries["size"], entries["offset"]])]
+    ends = entries["offset"] + entries["size"].astype(np.uint64)
+    if (ends[:-1] > entries["offset"][1:]).any():
+        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
+    return info, entries
 
 
 class CopcNodes:
     """The nodes of an open COPC file that have points, from coarse to fine.
 
-    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `starts`, (K,), the index in the file
-    of its first point. `las` is the header of the file, and `info` what it says of the octree.
+    Of K nodes, `entries`, (K,), is what the index says of each, of type `ENTRY`, and `starts`, (K,), the index of its
+    first point in the file. `las` is the header of the file, and `info` what it says of the octree.
     """
 
     def __init__(self, file: BufferedReader) -> None:
         self._file = file
         self.las = read_header(file)
-        self.info = info_of(self.las)
-        entries = chunks_in(file, self.las)
+        self.info, entries = index_of(file, self.las)
         order = np.argsort(entries["level"], kind="stable")
         counts = entries["count"].astype(np.int64)
         self.entries, self.starts = entries[order], (np.cumsum(counts) - counts)[order]
