@@ -93,7 +93,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     if not layer.is_thick() and layer.is_detail(fit(2 * k)[1]):
         return min(k, n), False
     while 2 * k <= min(480, n):
-        thick = layer.ratio > 0.33
+        thick = layer.is_thick()
         if k >= MANY_POINTS and not thick:
             break
         moved = ((fit(2 * k)[0] - feet) ** 2).sum(axis=0).mean()
