@@ -33,14 +33,6 @@ def options_of(command):
     return {option for parameter in COMMANDS[command].params for option in parameter.opts}
 
 
-def test_commands_have_the_same_options_where_these_mean_something():
-    read = {"simplify", "mesh", "evaluate", "compare", "report", "view", "render", "info", "convert"}
-    for command in read:
-        assert "--from" in options_of(command), command
-    for command in read - {"info"} | {"sample", "warmup"}:
-        assert {"--quiet", "-q"} <= options_of(command), command
-
-
 @pytest.mark.parametrize(
     ("words", "made"),
     [
@@ -67,14 +59,6 @@ def test_the_module_runs_as_the_command():
         [sys.executable, "-m", "gppcs", "info", "none.ply"], capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stdout, run.stderr) == (2, "", "gppcs: none.ply: No such file or directory\n")
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_of_the_shell(shell):
-    """The shell is detected by the processes above, so the test asks for its script as the shell would."""
-    environment = os.environ | {"_GPPCS_COMPLETE": f"source_{shell}"}
-    run = subprocess.run([COMMAND], capture_output=True, env=environment, text=True, check=True)
-    assert "_GPPCS_COMPLETE=complete_" in run.stdout
 
 
 @pytest.mark.parametrize(

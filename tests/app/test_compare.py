@@ -59,15 +59,6 @@ def test_compare_json_is_one_object_a_method(printed, scan):
     assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
 
 
-def test_compare_into_an_empty_folder_and_again_with_force(printed, refused, scan):
-    Path("side").mkdir()
-    arguments = ("compare", "scan.ply", "--points", "0.04k", "--methods", "fps", "-o", "side", "--no-picture", "-q")
-    assert printed(*arguments) == ""
-    assert "| fps | 40 |" in table_of("md")
-    refused(arguments, "side")
-    assert printed(*arguments, "--force") == ""
-
-
 @pytest.fixture
 def columns(monkeypatch):
     """The columns of the pictures that were drawn."""
@@ -91,17 +82,6 @@ def test_compare_draws_clouds_and_meshes(gppcs_command, columns):
     assert all(column.mesh for column in columns)
     triangles = [cloud["mesh"]["triangles"] for cloud in page()["clouds"]]
     assert triangles == [len(column.mesh.faces) for column in columns]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("opengl")
-def test_compare_rebuilds_no_mesh_of_an_original_too_large_for_it(gppcs_command, monkeypatch):
-    pytest.importorskip("pymeshlab")
-    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 1000)
-    gppcs.write("ball.ply", gppcs.sample("sphere", 1999))
-    code, _, err = gppcs_command("compare", "ball.ply", "--points", 200, "--methods", "random", "-o", "side")
-    assert (code, err.count("\n")) == (0, 1)
-    assert Path("side/picture.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("output", ["nowhere", "readonly/side"])

@@ -45,16 +45,6 @@ def test_evaluate_tells_the_order_if_the_second_cloud_has_more_points(gppcs_comm
     assert err.startswith("gppcs: note: ")
 
 
-def test_evaluate_with_a_mesh(printed):
-    pytest.importorskip("pymeshlab")
-    ball = gppcs.sample("sphere", 300)
-    gppcs.write("scan.ply", ball)
-    gppcs.write_mesh("mesh.off", hull_mesh(ball.points))
-    out = printed("evaluate", "scan.ply", "scan.ply", "--mesh", "mesh.off")
-    assert "hausdorff mean" in out
-    assert "carried hausdorff max" in out
-
-
 def test_a_note_tells_that_the_faces_of_a_simplified_cloud_do_not_count(gppcs_command, scan):
     gppcs.write_mesh("mesh.ply", hull_mesh(scan.points))
     _, _, told = gppcs_command("evaluate", "scan.ply", "mesh.ply", "-q")

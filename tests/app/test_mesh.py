@@ -9,7 +9,6 @@ import pytest
 
 import gppcs
 from command_line import rows_of
-from shapes import torus
 
 
 @pytest.fixture
@@ -84,14 +83,6 @@ def test_the_run_is_printed_as_a_table(printed, ball):
     assert rows[:3] == ["points in 3,000", "vertices 100", "triangles 196"]
     assert {"pieces 1", "unit of lengths mm"} <= set(rows)
     assert any(re.fullmatch(r"time \d+\.\d\d s.*", row) for row in rows)
-
-
-def test_holes_pieces_and_handles_are_printed(gppcs_command, folder):
-    points, _ = torus(8000)
-    cap = gppcs.sample("sphere", 3000).points / 100
-    gppcs.write("both.ply", gppcs.PointCloud(np.concatenate([points, cap[cap[:, 2] < 0] + 5])))
-    _, out, _ = gppcs_command("mesh", "both.ply", "-o", "small.ply", "--points", 400)
-    assert {"boundary loops 1", "pieces 2", "genus 1"} <= set(rows_of(out))
 
 
 def test_points_that_a_method_has_chosen_become_the_vertices(gppcs_command, printed, ball):

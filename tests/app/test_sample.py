@@ -20,15 +20,3 @@ def test_sample_json_says_what_was_made(printed):
     options = {"noise": 0.001, "outliers": 0.0, "uneven": 0.0, "seed": 0}
     expected = {"output": "a.ply", "name": "fan", "points": 300, **options, "version": gppcs.__version__}
     assert json.loads(out) == expected
-
-
-def test_attributes_that_a_format_does_not_hold_are_named(gppcs_command, refused):
-    names = gppcs.sample("bracket", 10).attributes
-    refused(("sample", "bracket", "-o", "a.obj", "--points", 10), "cannot hold: attribute nx (float32)")
-    lost = [f"attribute {name} ({v.dtype})" for name, v in names.items() if name not in ("red", "green", "blue")]
-    told = f"gppcs: note: a.obj: left out: {', '.join(lost)}\n"
-    assert gppcs_command("sample", "bracket", "-o", "a.obj", "--points", 10, "--lossy") == (
-        0,
-        "a.obj: 10 points\n",
-        told,
-    )

@@ -1,7 +1,6 @@
 """The name `-` of standard input and standard output, in all commands."""
 
 import io
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import SIMPLIFY, files
+from command_line import files
 from web_page import WebPage
 
 SMALL = ("--points", 60, "--method", "random")
@@ -92,12 +91,3 @@ def test_a_deleted_working_directory_does_no_harm(folder, scan):
     found = subprocess.run([sys.executable, "-c", code, *map(str, words)], cwd=gone, check=False, capture_output=True)
     assert (found.returncode, found.stderr) == (0, b"")
     assert len(gppcs.read("out.ply")) == 9
-
-
-def test_a_wrong_number_of_threads_for_numba_is_told_in_a_line(folder, scan):
-    words = [sys.executable, "-m", "gppcs", *SIMPLIFY, "9"]
-    found = subprocess.run(
-        words, env=os.environ | {"NUMBA_NUM_THREADS": "0"}, check=False, capture_output=True, text=True
-    )
-    assert (found.returncode, found.stderr.count("\n")) == (2, 1)
-    assert "check the environment variable NUMBA_NUM_THREADS" in found.stderr

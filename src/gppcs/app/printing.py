@@ -12,7 +12,6 @@ from typing import Any
 import typer
 
 from gppcs import __version__
-from gppcs.clouds.quantities import METRES, PERCENT
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
@@ -54,9 +53,7 @@ def print_failure(error: BaseException, source: Path | None = None) -> None:
     if isinstance(error, InputError) and source:
         print_error(f"{source}: {error}")
     elif isinstance(error, OSError) and error.filename:
-        is_unit = isinstance(error, FileNotFoundError) and str(error.filename) in (*METRES, PERCENT)
-        hint = f"; if it is the unit of a length, write no space before it: 1{error.filename}" if is_unit else ""
-        print_error(f"{error.filename}: {error.strerror}{hint}")
+        print_error(f"{error.filename}: {error.strerror}")
     else:
         print_error(str(error) or "not enough memory")
 

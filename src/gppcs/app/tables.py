@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from collections.abc import Sequence
-from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -65,7 +63,7 @@ def columns_of(records: Sequence[dict[str, Any]]) -> dict[str, list[Cell]]:
     for name in (*SHOWN, *of_attributes):
         values = [record.get(name) for record in values_of]
         measured = [value for value in values if value is not None]
-        if not measured or (name == "seconds" and len(measured) < len(records)):
+        if not measured:
             continue
         figure = None if name == "seconds" else definition_of(name)
         better = figure.better if figure else "less"
@@ -112,21 +110,18 @@ def as_markdown(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:
     """Return a comparison as CSV, with all figures."""
+    import pandas
+
     flat = []
     for record in records:
-        row = {name: value for name, value in record.items() if name not in ("figures", "relative", "failure")}
+        row = {name: value for name, value in record.items() if name not in ("figures", "relative")}
+        row["failure"] = " ".join((record["failure"] or "").split())
         if "parameters" in row:
             row["parameters"] = " ".join(f"{name}={value}" for name, value in record["parameters"].items())
-        relative = {
-            f"{name}_relative": value
-            for name, value in record["relative"].items()
-            if name != "diagonal" and definition_of(name).power
-        }
-        flat.append(row | record["figures"] | relative)
-    names = [*dict.fromkeys(name for row in flat for name in row), "failure"]
-    file = StringIO()
-    writer = csv.DictWriter(file, names, lineterminator="\n")
-    writer.writeheader()
-    for row, record in zip(flat, records, strict=True):
-        writer.writerow(row | {"failure": " ".join((record["failure"] or "").split())})
-    return file.getvalue()
+        for name, value in record["relative"].items():
+            if name != "diagonal" and definition_of(name).power:
+                row[f"{name}_relative"] = value
+        flat.append(row | record["figures"])
+    table = pandas.DataFrame(flat, dtype=object)  # whole numbers stay whole beside missing ones
+    names = sorted(table, key=lambda name: (name == "failure", name.endswith("_relative")))
+    return table.to_csv(columns=names, index=False, lineterminator="\n")

@@ -82,13 +82,6 @@ def test_errors_of_attributes_are_those_of_evaluate(scan, results):
         assert errors.mean() == pytest.approx(figures[f"{name}_error_mean"], abs=2 * half)
 
 
-def test_a_result_without_the_attribute_has_no_figures(scan, results):
-    bare = Named("bare.xyz", PointCloud(results[0].points))
-    page = written(report_page(Named("scan.ply", scan), [bare], [], detail=["depth"]))
-    (note,) = page.described["notes"]
-    assert note.startswith("bare.xyz: ")
-
-
 def test_attributes_and_colours_are_held(report, scan):
     (original, *_) = report.described["clouds"]
     kinds, half = report.values(original, "attribute:kind")
@@ -149,14 +142,6 @@ def test_classes_are_kinds_though_they_are_many(scan):
     kinds = {values["title"]: values["categories"] for values in cloud["values"]}
     assert kinds["classification"] == list(range(20))
     assert kinds["kind"] is None
-
-
-def test_lines_of_a_sparse_scan_are_drawn_as_points():
-    x, y = np.meshgrid(np.arange(100.0), [0.0, 30.0, 60.0])
-    lines = np.column_stack([x.ravel(), y.ravel(), 0.0 * x.ravel()])
-    plane = np.column_stack([x.ravel(), y.ravel() / 30.0, 0.0 * x.ravel()])
-    (_, sparse), (_, dense) = view_of(PointCloud(lines)), view_of(PointCloud(plane))
-    assert sparse["spacing"] < 0.5 < 0.9 < dense["spacing"] < 1.5  # points are 1 apart
 
 
 def test_large_clouds_are_thinned_by_gp_and_large_meshes_left_out_and_the_page_says_so(scan, monkeypatch):

@@ -72,10 +72,7 @@ def evaluate(
         inputs = [original, *([simplified] if simplified else [])]
         read = io.read_each(inputs, input_format, names_of(columns))
     if simplified and (faces := read[1][1]):
-        print_error(
-            f"note: {simplified}: only its points are judged, not its {faces:,} faces; for the mesh, use "
-            f"--simplified-mesh {simplified}"
-        )
+        print_error(f"note: {simplified}: only its points are judged; for its {faces:,} faces, use --simplified-mesh")
     clouds = [cloud.take(cloud.finite_rows()) for cloud, _ in read]
     report: Report | MeshReport
     if judged:
@@ -91,12 +88,13 @@ def evaluate(
     }
     table = _table(report, unit_of(clouds[0].header))
     emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", table)
-    if isinstance(report, Report):
-        _note_strays(report)
+    for rebuilt in (report.rebuilt, report.rebuilt_carried) if isinstance(report, Report) else ():
+        if rebuilt and rebuilt.stray_share > 0:
+            print_error(f"note: {rebuilt.stray_share:.2%} of a rebuilt mesh lies far from the original; see back max")
 
 
 def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
-    """Return the figures as table of a table, with units."""
+    """Return the figures with their units, for a table."""
     figures, relative = report.figures(), report.figures(relative=True)
     table = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
     for name, value in figures.items():
@@ -111,13 +109,3 @@ def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
             text = text_of(value) + (" degrees" if known_unit == "degrees" else "")
         table[name] = text
     return table
-
-
-def _note_strays(report: Report) -> None:
-    """Print a note for each surface of which a part lies far from the true one."""
-    for name, rebuilt in (("", report.rebuilt), (", with carried normals,", report.rebuilt_carried)):
-        if rebuilt and rebuilt.stray_share > 0:
-            print_error(
-                f"note: {rebuilt.stray_share:.2%} of the rebuilt mesh{name} lies far from the original mesh; "
-                "see back max and stray share"
-            )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import textwrap
 from typing import Annotated
 
 import typer
@@ -31,6 +30,9 @@ def methods(
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
     from gppcs.amounts.options import method_of
 
+    if name is not None and not as_json:
+        _explain(type(method_of(name)))
+        return
     for method in METHODS.values() if name is None else [type(method_of(name))]:
         parameters = parameters_of(method)
         record = {
@@ -42,23 +44,17 @@ def methods(
             "parameters": dataclasses.asdict(method()),
             "meanings": {key: parameter.meaning for key, parameter in parameters.items()},
         }
-        if name is not None and not as_json:
-            _explain(method)
-            continue
         defaults = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
         table = {"source": method.source, "parameters": defaults or "none"}
         emit(record, as_json, False, f"{method.name}: {method.summary}", table)
-    if name is None and not as_json:
+    if not as_json:
         say("\ngppcs methods NAME explains a method and its parameters.")
 
 
 def _explain(method: type[Method]) -> None:
     """Print the description of a method and the meaning of each of its parameters."""
-    paragraphs = {f"{method.name}: {method.summary}": f"{method.description}\n\nSource: {method.source}"}
-    paragraphs |= {f"supports {feature}": meaning for feature, meaning in method.supports.items()}
+    say(f"{method.name}: {method.summary}\n\n{method.description}\n\nSource: {method.source}")
+    for feature, meaning in method.supports.items():
+        say(f"\nsupports {feature}: {meaning}")
     for key, parameter in parameters_of(method).items():
-        paragraphs[f"{key} ({parameter.kind}, default {parameter.default})"] = parameter.meaning
-    for title, text in paragraphs.items():
-        typer.secho(title, bold=True)
-        for paragraph in text.strip().split("\n\n"):
-            say(textwrap.fill(paragraph, 100, initial_indent="    ", subsequent_indent="    "))
+        say(f"\n{key} ({parameter.kind}, default {parameter.default})\n{parameter.meaning}")
