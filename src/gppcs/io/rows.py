@@ -143,10 +143,10 @@ def _blocks(
     """Yield lines without empty ones and comments, block by block, at most as many as counted."""
     done = 0
     while block := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
-        if rows := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
-            width = width or len(fields_of(rows[0], delimiter))
-            yield _Block(rows, done, width, delimiter, what)
-        done += len(rows)
+        if kept := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
+            width = width or len(fields_of(kept[0], delimiter))
+            yield _Block(kept, done, width, delimiter, what)
+        done += len(kept)
 
 
 @dataclass(frozen=True)
