@@ -340,7 +340,8 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
             f"{unit * np.sqrt(np.median(squared)):.3g} from the mesh of all points; give a larger tolerance, or a "
             "number of vertices"
         )
-    counted = usual & (squared <= limit * fraction_that_counts(dense.noise) ** 2)
+    # Noise moved points that are nearly as far off as the tolerance, to both sides: they would hold the mesh.
+    counted = usual & (squared <= (0.7**2 if dense.noise else 1.0) * limit)
     with timer("collapse"):
         draft = thinned_by_quadrics(first.copy(), counted, limit)
     with timer("bounded collapse"):
@@ -362,14 +363,6 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
         outliers=int(np.count_nonzero(~usual)),
         off_surface=int(np.count_nonzero(usual & ~within)),
     )
-
-
-def fraction_that_counts(noise: float) -> float:
-    """Return the fraction of a tolerance within which a point of the mesh of all points must be to count.
-
-    Noise moved points that are farther off nearly as far as the tolerance, to both sides: they would hold the mesh.
-    """
-    return 0.7 if noise else 1.0
 
 
 def _result(

@@ -16,55 +16,28 @@ from gppcs.engine.timer import in_words
 
 @dataclass(frozen=True)
 class MeshDiagnostics:
-    """What was measured while a mesh was made. Lengths are in the unit of the cloud.
+    """What was measured while a mesh was made. Lengths are in the unit of the cloud."""
 
-    Attributes
-    ----------
-    dense_points : int
-        Points from which the mesh was made.
-    noise : float
-        Root mean square distance of these from the surface; 0 if it is too small to count.
-    mean_distance : float
-        Mean distance from the mesh of the dense points that the first mesh reaches; of a noisy cloud, that of their
-        projections onto the surface before vertices take their last step.
-    excluded : float
-        Fraction of the points of the first mesh that are on no piece of it that is large enough.
-    open_holes : int
-        Small holes that stay open because all triangles that would close them cut others.
-    boundary_loops : int
-        Closed curves of boundary edges, around holes and pieces; 0 if the mesh is closed.
-    pieces : int
-        Connected pieces.
-    genus : int
-        Handles.
-    missing, added : int or None
-        With `keep`: the points of it that are no vertices, and the vertices that are none of these points.
-    tolerance : float or None
-        The tolerance of the largest distance; the following are None without one.
-    largest_distance : float or None
-        Largest distance of a point from the mesh, without those of the last two fields.
-    back_distance : float or None
-        Largest distance of a vertex from the local surface of the points.
-    outliers : int or None
-        Points excluded from the tolerance as `gppcs.find_outliers` finds them; repeats count once.
-    off_surface : int or None
-        Points excluded from the tolerance, because even the full-resolution mesh misses them (holes, noise), or
-        because noise moved them nearly as far; repeats count once.
-    """
-
-    dense_points: int
-    noise: float
+    dense_points: int  # from which the mesh was made
+    noise: float  # root mean square distance of these from the surface; 0 if it is too small to count
+    # Mean distance from the mesh of the dense points that the first mesh reaches; of a noisy cloud, that of their
+    # projections onto the surface before vertices take their last step.
     mean_distance: float
-    excluded: float
-    open_holes: int
-    boundary_loops: int
-    pieces: int
-    genus: int
+    excluded: float  # fraction of the points of the first mesh that are on no piece of it that is large enough
+    open_holes: int  # small holes that stay open because all triangles that would close them cut others
+    boundary_loops: int  # closed curves of boundary edges, around holes and pieces; 0 if the mesh is closed
+    pieces: int  # connected ones
+    genus: int  # handles
+    # With `keep`: the number of these points that are no vertices, and of vertices that are none of these points.
     missing: int | None = None
     added: int | None = None
+    # With a tolerance of the largest distance: itself, the largest distance of the points that count, and that of a
+    # vertex from the local surface of the points.
     tolerance: float | None = None
     largest_distance: float | None = None
     back_distance: float | None = None
+    # Points that do not count, repeats once: outliers as `gppcs.find_outliers` finds them, and others that even the
+    # full-resolution mesh misses (holes, noise), or that noise moved nearly as far as the tolerance.
     outliers: int | None = None
     off_surface: int | None = None
 
