@@ -1,7 +1,6 @@
 """Clouds that are hard on grids and trees cost the default method about what a well-spread cloud of that size does."""
 
 import gc
-import time
 import tracemalloc
 
 import numpy as np
@@ -95,30 +94,3 @@ def test_memory_does_not_grow_with_the_extent():
     """A grid over the box would have 10^9 times as many cells for the last."""
     near, far, farthest = (peak(with_far_point([0.6, 0.6, 0.5], distance)) for distance in (1e3, 1e6, 1e12))
     assert max(far, farthest) < 1.1 * near
-
-
-@pytest.mark.slow
-def test_time_is_that_of_a_well_spread_cloud():
-    """Least processor time of several runs taken in turns, of clouds alike in noise.
-
-    Noise is measured at each point where there is any. Found 0.8 to 1.8 times as much, 2.1 on a busy machine; with
-    noise 0.7 and 0.8. A volume is the thickest noise to whoever looks for a surface, which takes twice as many
-    neighbours: 2.3.
-    """
-    clouds = {"spread": on_sphere(), "spread, noisy": NOISY} | {name: cloud() for name, cloud in BAD.items()}
-    least, noise = dict.fromkeys(clouds, np.inf), {}
-
-    def too_slow():
-        like = {name: "spread, noisy" if noise[name] > 0.1 else "spread" for name in BAD}
-        return [name for name in BAD if least[name] >= (4 if name == "a volume" else 2.5) * least[like[name]]]
-
-    for _ in range(10):  # on a busy machine, a few runs are not enough
-        for name, cloud in clouds.items():
-            start = time.process_time()
-            result = gppcs.simplify(cloud, n_points=M)
-            least[name] = min(least[name], time.process_time() - start)
-            noise[name] = result.diagnostics["noise_in_spacings"]
-            assert len(np.unique(result.indices)) == M
-        if not too_slow():
-            break
-    assert too_slow() == [], least

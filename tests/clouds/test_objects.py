@@ -113,31 +113,6 @@ def test_data_sets_of_pyvista_come_in_with_their_arrays_and_types():
             assert_same(PointCloud.from_object(data_set(lambda make=make, points=points: make(points))), expected)
 
 
-def test_arrays_of_pyvista_are_the_same_after_a_round_trip():
-    pyvista = pytest.importorskip("pyvista")
-    data = data_set(lambda: pyvista.PolyData(SINGLE))
-    made = PointCloud.from_object(data).to_pyvista()
-    assert made.points.dtype == np.float32
-    assert_arrays(dict(made.point_data.items()), dict(data.point_data.items()))
-    assert made.point_data.active_normals_name == "Normals"
-    assert made.n_cells == N  # a vertex at each point, so that it can be drawn
-
-
-def test_attributes_of_more_axes_become_matrices_in_pyvista():
-    pytest.importorskip("pyvista")
-    tensors = _drawn((N, 3, 3))
-    made = PointCloud(POINTS, {"covariances": tensors}).to_pyvista()
-    np.testing.assert_array_equal(made.point_data["covariances"], tensors.reshape(N, 9))
-
-
-def test_text_in_pyvista_is_named():
-    pyvista = pytest.importorskip("pyvista")
-    data = pyvista.PolyData(POINTS)
-    data.point_data["place"] = list("abcdefg")
-    with pytest.raises(InputError, match="expected numbers in array 'place', found text"):
-        PointCloud.from_object(data)
-
-
 # trimesh
 
 
@@ -184,19 +159,6 @@ def test_a_table_is_the_same_after_a_round_trip():
     whole = {axis: np.arange(N, dtype=np.int32) for axis in "xyz"}
     table = pandas.DataFrame({**whole, **{name: VALUES[name] for name in sorted(FLAT)}})
     assert PointCloud.from_object(table).to_pandas().equals(table)
-
-
-def test_coordinates_that_are_no_longer_whole_become_floats_in_a_table():
-    cloud = PointCloud([[0.5, 1, 2], [np.nan, 1, 2]], coordinate_dtype=np.dtype(np.int32))
-    made = cloud.to_pandas()
-    assert set(made.dtypes) == {np.dtype(np.float64)}
-    assert made["x"].tolist()[0] == 0.5
-
-
-def test_attributes_of_several_numbers_become_columns_of_a_table():
-    made = PointCloud(POINTS, {"offset": VALUES["offset"]}).to_pandas()
-    assert list(made.columns) == ["x", "y", "z", "offset_0", "offset_1"]
-    np.testing.assert_array_equal(made["offset_1"], VALUES["offset"][:, 1])
 
 
 def test_columns_of_pandas_own_types_come_in_as_those_of_numpy_whatever_the_index():
@@ -374,14 +336,6 @@ def test_tensors_of_open3d_come_in_with_their_types(classes):
     arrays = {name: values if values.ndim == 2 else values[:, None] for name, values in VALUES.items()}
     given = tensors(positions=SINGLE, normals=NORMALS, colors=COLOURS[:, :3], **arrays)
     assert_same(PointCloud.from_object(given), PointCloud(SINGLE, {**VALUES, **NAMED}, np.float32))
-
-
-def test_a_cloud_does_not_depend_on_an_open3d_cloud_that_changes():
-    o3d = pytest.importorskip("open3d")
-    given = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(POINTS))
-    cloud = PointCloud.from_object(given)
-    given.translate([1, 2, 3])
-    np.testing.assert_array_equal(cloud.points, POINTS)
 
 
 # Errors

@@ -2,8 +2,6 @@
 
 import gc
 import logging
-import subprocess
-import sys
 import time
 
 import pytest
@@ -31,20 +29,6 @@ def f(x):
 f(1), f(1.5)
 print(compile_timer.seconds > 0)
 """
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("before", "said"),
-    [
-        ("", ""),
-        ("import logging; logging.basicConfig(level=logging.INFO)\n", f"INFO:gppcs:{NOTICE}\n"),
-        ("import sys; sys.ps1 = 'In : '\n", f"gppcs: {NOTICE}\n"),
-    ],
-)
-def test_a_session_is_told_once_of_compilation_and_a_script_only_by_logging(before, said):
-    done = subprocess.run([sys.executable, "-c", before + COMPILE], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("True\nTrue\n", said)
 
 
 @pytest.fixture

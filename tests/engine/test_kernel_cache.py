@@ -110,17 +110,6 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
 
 
 @pytest.mark.slow
-def test_what_no_kernel_reaches_and_the_place_of_the_package_change_nothing(package, tmp_path):
-    assert call(package) == COMPILED
-    change(package, "caller", "one more", "1 more")
-    for module in ("app/console", "callee"):
-        with (package / f"{module}.py").open("a") as file:
-            file.write("# changed\nOTHER = 1\n")
-    package.parent.rename(tmp_path / "moved")
-    assert call(tmp_path / "moved" / "gppcs") == LOADED
-
-
-@pytest.mark.slow
 def test_fields_of_named_tuples_that_change_places_are_noticed(package):
     (package / "pairs.py").write_text(PAIRS)
     assert call(package, CALL_PAIRS) == "1\n"
