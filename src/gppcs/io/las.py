@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
-from gppcs.io.columns import check_name
+from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, read_header
 from gppcs.io.laz import counted_chunks, points_of, uncounted
@@ -310,15 +310,9 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
 
 def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
-    dtype = values.dtype.newbyteorder("=")
-    if dtype.kind == "b":
-        dtype = np.dtype(np.uint8)
-    elif dtype == np.float16:
-        dtype = np.dtype(np.float32)
-    elif dtype.kind == "f" and dtype.itemsize > 8 and exact_as_double(values):
-        dtype = np.dtype(np.float64)
-    width = math.prod(values.shape[1:])
-    if dtype.kind not in "iuf" or dtype.itemsize > 8 or not width:
+    types = [np.dtype(kind) for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")]
+    dtype, width = exact_type(values, types), math.prod(values.shape[1:])
+    if dtype is None or not width:
         return {}
     columns = np.ascontiguousarray(values, dtype).reshape(len(values), width)
     if width == 1:
