@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, replace
+from typing import Any
+
+from numpy.typing import NDArray
 
 from gppcs.amounts.constraints import Constraints, required_columns
 from gppcs.amounts.options import Options
@@ -44,52 +47,56 @@ class Plan:
 def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
-    _check_read_whole(files, limit)
+    format_name, size = files.at_once
+    if format_name and limit is not None and PROGRAM + size > limit:  # before it is read
+        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {format_name} files are read as a whole", limit)
     preview, n = files.preview, files.n_points
     if files.query and not n:
         raise files.query.nothing_found()
     _check_preview(preview, options)
     n_kept = options.count(n) or max(1, round(0.1 * n))  # a guess, where only the work tells
-    counted_by_reading = files.query is not None
     outliers = 130 * n if options.drop_outliers else 0
     row = _bytes_of_row(preview)
-    in_memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(outliers, options.algorithm.memory(n, n_kept)))
-    if (limit is None or in_memory <= limit) and options.workers is None:
-        readings = 1 + counted_by_reading
-        return Plan(True, n, n_kept, files.is_counted, in_memory, limit, readings=readings)
+    memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(outliers, options.algorithm.memory(n, n_kept)))
+    readings = 2 if files.query else 1  # the first one counts the points that a query leaves
+    in_memory = Plan(True, n, n_kept, files.is_counted, memory, limit, readings=readings)
+    if (limit is None or memory <= limit) and options.workers is None:
+        return in_memory
     if reason := needs_memory or options.needs_memory or _reason(files, options):
         if options.workers is not None:
             raise InputError(f"expected work that several workers can share, but {reason} takes all points at once")
-        raise _too_little(
-            f"{size_of(in_memory)} of memory for {n:,} points, as {reason} takes all points at once", limit
-        )
+        expected = f"{size_of(memory)} of memory for {n:,} points, as {reason} takes all points at once"
+        raise _too_little(expected, limit)
+    return _plan_on_disk(in_memory, options, row, len(_columns(preview, options)))
+
+
+def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
+    """Return the plan with the points on disk, given that in memory and the bytes of a point."""
+    n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
     per_point = 50 if options.group is not None else 2 if options.quotas else 0
     kept = (2 * row + 120) * n_kept  # held twice with their attributes
-    fixed = PROGRAM + 90_000_000 + kept + per_point * n  # the sample, and what is chosen in it
+    fixed = PROGRAM + 90_000_000 + kept + per_point * n  # with the sample, and what is chosen in it
     per_thread = 70_000_000
     threads = number_of_threads()
     if limit is not None:
         threads = min(threads, max(1, (limit - fixed) // per_thread))
-    on_disk = fixed + per_thread * threads
-    if limit is not None and on_disk > limit:
-        needed = on_disk if options.workers is not None else min(on_disk, in_memory)
-        raise _too_little(
-            f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points", limit, "keep fewer points"
-        )
-    columns = required_columns(preview, options) if len(preview) else {}
-    disk = (RECORD.itemsize + 8 * len(columns)) * n + 3000 * n_kept  # candidates of each kept point
-    return Plan(False, n, n_kept, files.is_counted, on_disk, limit, disk, threads, 2 + counted_by_reading)
+    memory = fixed + per_thread * threads
+    if limit is not None and memory > limit:
+        needed = memory if options.workers is not None else min(memory, in_memory.memory)
+        expected = f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points"
+        raise _too_little(expected, limit, "keep fewer points")
+    disk = (RECORD.itemsize + 8 * n_columns) * n + 3000 * n_kept  # the latter for candidates
+    readings = in_memory.readings + 1
+    return replace(in_memory, in_memory=False, memory=memory, disk=disk, threads=threads, readings=readings)
+
+
+def _columns(preview: PointCloud, options: Options) -> dict[str, NDArray[Any]]:
+    """Return the attributes that the choice needs, of the first points."""
+    return required_columns(preview, options) if len(preview) else {}
 
 
 def _too_little(expected: str, limit: int | None, remedy: str = "do without") -> InputError:
     return InputError(f"expected at least {expected}, found {size_of(limit or sys.maxsize)}; raise memory, or {remedy}")
-
-
-def _check_read_whole(files: CloudFiles, limit: int | None) -> None:
-    """Check before they are read that files that have to be read as a whole fit into memory."""
-    name, size = files.at_once
-    if name and limit is not None and PROGRAM + size > limit:
-        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {name} files are read as a whole", limit)
 
 
 def _check_preview(preview: PointCloud, options: Options) -> None:
@@ -117,7 +124,6 @@ def _reason(files: CloudFiles, options: Options) -> str | None:
     preview, format_name = files.preview, files.at_once[0]
     if format_name:
         return f"the format {format_name}"
-    columns = required_columns(preview, options) if len(preview) else {}
-    if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in columns.values()):
+    if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(preview, options).values()):
         return "detail that is not a number for each point"
     return None if Feature.FILES in options.algorithm.supports else f"method {options.algorithm.name!r}"
