@@ -50,8 +50,9 @@ class Constant(NamedTuple):
 
     def change(self, value: Any) -> None:
         """Change it for good, in all modules that use it."""
+        before = self.value()
         for name, module in list(sys.modules.items()):
-            if name.startswith("gppcs.") and vars(module).get(self.name) == self.value() and self.name in vars(module):
+            if name.startswith("gppcs.") and self.name in vars(module) and vars(module)[self.name] == before:
                 setattr(module, self.name, value)
 
 
