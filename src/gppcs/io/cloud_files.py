@@ -104,7 +104,7 @@ class CloudFiles:
             self._opened.popitem()[1].stack.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        state = {name: value for name, value in vars(self).items() if name not in ("preview", "_count")}
+        state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
         return {**state, "_opened": {}, "_clouds": {}}
 
     @cached_property
@@ -119,29 +119,28 @@ class CloudFiles:
     @property
     def n_points(self) -> int:
         """The number of points in all files; an estimate if `is_counted` is False."""
-        return self._count[0]
+        return sum(count for count, _ in self._counts)
 
     @property
     def is_counted(self) -> bool:
         """Whether the number of points is exact."""
-        return self._count[1]
+        return all(is_exact for _, is_exact in self._counts)
 
     @cached_property
-    def _count(self) -> tuple[int, bool]:
-        total, is_exact = 0, True
-        for path in self.paths:
-            with self._reading(path) as opened:
-                count = opened.reader.n_points
-                if self.query and not opened.reader.at_once:
-                    total += sum(len(cloud) for cloud in opened.reader.chunks(BLOCK, False))
-                elif count is not None and not self.query:
-                    total += count
-                else:
-                    first = self._first_of(path)
-                    is_all = opened.reader.at_once or len(first) < BLOCK
-                    total += len(first) if is_all else round(len(first) * opened.size / opened.file.tell())
-                    is_exact = is_exact and is_all
-        return total, is_exact
+    def _counts(self) -> list[tuple[int, bool]]:
+        """The number of points of each file, and whether it is exact."""
+        return [self._count(path) for path in self.paths]
+
+    def _count(self, path: Path) -> tuple[int, bool]:
+        with self._reading(path) as opened:
+            if self.query and not opened.reader.at_once:
+                return sum(len(cloud) for cloud in opened.reader.chunks(BLOCK, False)), True
+            if opened.reader.n_points is not None and not self.query:
+                return opened.reader.n_points, True
+            first = self._first_of(path)
+            if opened.reader.at_once or len(first) < BLOCK:
+                return len(first), True
+            return round(len(first) * opened.size / opened.file.tell()), False
 
     def _first_of(self, path: Path) -> PointCloud:
         """Return the first points of a file, or all, which are kept for `read`, if they are read at once."""
@@ -152,36 +151,30 @@ class CloudFiles:
 
     @property
     def at_once(self) -> tuple[str | None, int]:
-        """The name of a format of which all points are in memory before some are read, if any, and the bytes of these.
-
-        Bytes are those of the coordinates, or of the file if it does not tell its number of points.
-        """
-        name, size = None, 0
-        for path in self.paths:
-            with self._reading(path) as opened:
-                if opened.reader.at_once:
-                    name, count = opened.format.name, opened.reader.n_points
-                    size += opened.size if count is None else 24 * count
-        return name, size
+        """The name of a format, if any, that has all points in memory before some are read, and their bytes, about."""
+        held = [opened for opened in map(self._open, self.paths) if opened.reader.at_once]
+        counts = [opened.reader.n_points for opened in held]
+        sizes = [opened.size if n is None else 24 * n for opened, n in zip(held, counts, strict=True)]
+        return held[-1].format.name if held else None, sum(sizes)
 
     @property
     def n_faces(self) -> int:
         """The number of faces, of which nothing is read."""
-        count = 0
-        for path in self.paths:
-            with self._reading(path) as opened:
-                count += opened.reader.n_faces()
-        return count
+        return sum(map(self._n_faces, self.paths))
+
+    def _n_faces(self, path: Path) -> int:
+        with self._reading(path) as opened:
+            return opened.reader.n_faces()
 
     def skipped(self) -> list[str]:
         """Return in words what of the files is not read."""
-        skipped = []
+        messages = []
         for path in self.paths:
+            n_faces = self._n_faces(path)
+            messages += [f"faces ({n_faces:,})"] if n_faces else []
             with self._reading(path) as opened:
-                count = opened.reader.n_faces()
-                skipped += [f"faces ({count:,})"] if count else []
-                skipped += opened.reader.skipped()
-        return skipped
+                messages += opened.reader.skipped()
+        return messages
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""

@@ -58,9 +58,8 @@ def read(
     Raises
     ------
     FileFormatError
-        If the format is unknown, the content does not follow it, `resolution` is given and the file is not COPC, a
-        condition names an attribute that the cloud has not, `inside` is a file that is no GeoJSON, or the files of a
-        virtual point cloud do not fit each other.
+        If the format is unknown, the content of a file does not follow it or has not what is asked for, or the files of
+        a virtual point cloud do not fit each other.
     ParameterError
         If an argument is not as above.
     MissingExtraError
