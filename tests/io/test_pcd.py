@@ -282,13 +282,3 @@ def test_attributes_with_the_names_of_packed_colours_or_padding(tmp_path, name):
     assert not any(tmp_path.iterdir())
     write(path, PointCloud(np.eye(3), {name: np.array([65280, 255, 16711680])}))
     assert read(path).attributes[name].tolist() == [65280, 255, 16711680]
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_points_of_several_blocks(pcd, encoding):
-    count = 65_537
-    table = np.zeros(count, [*XYZ.descr, ("label", "<i8")])
-    table["x"], table["label"] = np.arange(count), np.arange(count) + 2**60
-    cloud = read(pcd(content(table, encoding)))
-    assert np.array_equal(cloud.points[:, 0], np.arange(count))
-    assert np.array_equal(cloud.attributes["label"], table["label"])

@@ -140,7 +140,7 @@ class CloudFiles:
             first = self._first_of(path)
             if opened.reader.at_once or len(first) < BLOCK:
                 return len(first), True
-            return round(len(first) * opened.size / opened.file.tell()), False
+            return round(len(first) * opened.size / max(1, opened.file.tell())), False
 
     def _first_of(self, path: Path) -> PointCloud:
         """Return the first points of a file, or all, which are kept for `read`, if they are read at once."""

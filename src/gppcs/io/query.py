@@ -85,7 +85,9 @@ class Query:
         conditions = ["in the box"] if np.isfinite((*self.lower, *self.upper)).any() else []
         conditions += ["inside the polygons"] if self.polygons else []
         conditions += [f"with {self.only.text}"] if self.only else []
-        return InputError(f"expected points {' and '.join(conditions)}, found none; gppcs info shows where they lie")
+        return InputError(
+            f"expected points {' and '.join(conditions) or 'in the file'}, found none; gppcs info shows where they lie"
+        )
 
 
 def _areas(inside: Any) -> list[Polygons | tuple[list[float], list[float]]]:
