@@ -151,7 +151,8 @@ def _dtypes(scan: Any) -> dict[str, np.dtype[Any]]:
             dtypes[field] = np.dtype("f4" if node.precision() == libe57.E57_SINGLE else "f8")
         elif isinstance(node, libe57.IntegerNode):
             bounds = np.array([node.minimum(), node.maximum()], np.int64)
-            dtypes[field] = next((to for to in _TYPES if np.array_equal(bounds.astype(to), bounds)), np.dtype("f8"))
+            integers = (to for to in _TYPES if to.kind in "iu" and np.array_equal(bounds.astype(to), bounds))
+            dtypes[field] = next(integers, np.dtype("f8"))
         elif isinstance(node, libe57.ScaledIntegerNode):
             dtypes[field] = np.dtype("f8")
     if not _axes(dtypes):
