@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from gppcs.app import options
+from gppcs.app.options import option
 from gppcs.app.printing import emit, length_in_words, names_of, print_error, started, text_of
 from gppcs.errors import ParameterError
 from gppcs.evaluation.report import DetailErrors, Figures, MeshReport, Rebuilt, Report, definition_of
@@ -39,14 +40,8 @@ EPILOG = (
 def evaluate(
     original: Annotated[Path, options.files("ORIGINAL", "The original cloud.")],
     simplified: Annotated[Path | None, options.files("SIMPLIFIED", "The simplified cloud.")] = None,
-    mesh: Annotated[
-        Path | None,
-        options.option("The surface of ORIGINAL as a mesh file, to compare the surface rebuilt from SIMPLIFIED with."),
-    ] = None,
-    simplified_mesh: Annotated[
-        Path | None,
-        options.option("A mesh of ORIGINAL to judge, such as one of gppcs mesh, without SIMPLIFIED.", metavar="FILE"),
-    ] = None,
+    mesh: Annotated[Path | None, option("The surface of ORIGINAL, to compare the surface of SIMPLIFIED with.")] = None,
+    simplified_mesh: Annotated[Path | None, option("A mesh to judge, in place of SIMPLIFIED.", metavar="FILE")] = None,
     detail: options.Measured = None,
     input_format: options.From = None,
     columns: options.Columns = None,

@@ -35,32 +35,19 @@ def mesh(
     output: Annotated[Path, options.output("OUT", "The mesh file to write: .ply, .obj, .stl, .off or .glb (glTF).")],
     points: options.Points = None,
     ratio: options.Ratio = None,
-    faces: Annotated[
-        str | None, option("Number of triangles at most, with those that fill holes.", SIZE, metavar="F")
-    ] = None,
+    faces: Annotated[str | None, option("Largest number of triangles, not of --points.", SIZE, metavar="F")] = None,
     tolerance: Annotated[
         str | None,
-        option(
-            "Largest distance from the points to the mesh, without outliers: 0.5, 0.5mm, or 0.2% of the diagonal; or "
-            "with :mean behind it, the mean distance. Vertices leave the points as with --moved.",
-            SIZE,
-            metavar="LENGTH",
-        ),
+        option("Largest distance to the points, outliers aside, or mean one: 0.5mm:mean.", SIZE, metavar="LENGTH"),
     ] = None,
     keep_points: Annotated[
         Path | None, option("A file of points of IN, such as of gppcs simplify: the vertices.", SIZE, metavar="FILE")
     ] = None,
-    moved: Annotated[
-        bool, option("Let the vertices leave the points, so that the mesh fits these better.", None, "--moved")
-    ] = False,
-    effort: Annotated[
-        int,
-        option("0, 1 or 2: more time for a mesh that fits better; from 1 on, vertices move.", metavar="E"),
-    ] = 0,
+    moved: Annotated[bool, option("Let vertices leave the points, to fit these better.", None, "--moved")] = False,
+    effort: Annotated[int, option("0, 1 or 2: more time for a better mesh of moved vertices.", metavar="E")] = 0,
     unit: options.Unit = None,
     fill_holes: Annotated[
-        str | None,
-        option("Also close holes up to this size: the diagonal of the box around the boundary loop.", metavar="LENGTH"),
+        str | None, option("Also close holes whose boundary loops have boxes of this diagonal.", metavar="LENGTH")
     ] = None,
     input_format: options.From = None,
     columns: options.Columns = None,
@@ -75,7 +62,8 @@ def mesh(
 
     Give one of --points, --ratio, --faces, --tolerance and --keep-points. The vertices are points of the cloud, with
     all their attributes; with --tolerance, --moved and --effort they leave the points. Where the points leave holes,
-    the mesh is open.
+    the mesh is open. Lengths are in the unit of the coordinates (0.5), in another one (0.5mm), or relative to the
+    diagonal (0.2%).
     """
     from gppcs import io
     from gppcs.clouds.quantities import unit_of

@@ -37,15 +37,9 @@ def sample(
     points: Annotated[
         str, option("Number of points, outliers included, such as 50000, 50k or 1.5M.", metavar="N")
     ] = "200k",
-    noise: Annotated[
-        float, option("Standard deviation of the noise on each coordinate, as a share of the diagonal.")
-    ] = 0.0,
-    outliers: Annotated[
-        float, option("Share of the points that are outliers, anywhere in the enlarged bounding box.")
-    ] = 0.0,
-    uneven: Annotated[
-        float, option("Share of the density that is lost from one end of an object to the other, from 0 to 0.999.")
-    ] = 0.0,
+    noise: Annotated[float, option("Standard deviation of each coordinate, as a fraction of the diagonal.")] = 0.0,
+    outliers: Annotated[float, option("Fraction of points anywhere in the enlarged bounding box.")] = 0.0,
+    uneven: Annotated[float, option("Fraction of the density lost from one end to the other, below 1.")] = 0.0,
     seed: Annotated[int, option("Seed of random numbers. The same seed gives the same scan.")] = 0,
     output_format: options.To = None,
     ascii: options.Ascii = None,  # noqa: A002
