@@ -127,9 +127,7 @@ def _lower_bound(mesh, vertices, quadrics, v, halves, ring):
 
 
 @kernel
-def _collapse_some(
-    mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosine, steps, costs, winner, into
-):  # fmt: skip
+def _collapse_some(mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosine, steps, costs, winner, into):
     """Remove at most `steps` vertices; return how many were removed."""
     halves, ring = room_for_ring()
     halves_u, ring_u = room_for_ring()
@@ -138,9 +136,7 @@ def _collapse_some(
         v = winner[1]
         if costs[v] == np.inf:
             break
-        cost, u = _best(
-            mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u
-        )  # fmt: skip
+        cost, u = _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u)
         if cost > costs[v]:  # which was a lower bound
             costs[v] = cost
             _play(costs, winner, v)

@@ -13,9 +13,7 @@ BEND = 4.0  # weight of the bend of a filling, beside its area
 LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
 
-def holes_filled(
-    mesh: HalfEdges, vertices: Floats, normals: Floats, size: float, max_corners: int = 1000
-) -> HalfEdges:  # fmt: skip
+def holes_filled(mesh: HalfEdges, vertices: Floats, normals: Floats, size: float, max_corners: int = 1000) -> HalfEdges:
     """Close holes up to a size, the diagonal of the box around their boundary loop, where that cuts nothing.
 
     The time of a filling grows with the cube of its number of corners.

@@ -185,10 +185,7 @@ def _boundary(mesh, patch, inside, fixed, loop):
     if length < outer or (len(patch) - length) % 2:
         return 0
     inner, corners = 0, mesh.origin[loop[:length]]
-    vertices = np.unique(
-        np.concatenate((mesh.origin[3 * patch], mesh.origin[3 * patch + 1], mesh.origin[3 * patch + 2]))
-    )
-    for v in vertices:
+    for v in np.unique(mesh.origin.reshape(-1, 3)[patch].ravel()):
         if position_of(corners, length, v) < 0:
             if fixed[v]:
                 return 0
@@ -207,8 +204,7 @@ def _replace(mesh, vertices, tree, patch, loop, new, into):
             into[v] = _nearest(vertices, v, corners)
             mesh.origin[h] = mesh.opposite[h] = -1
     for t in range(len(new)):
-        for k in range(3):
-            mesh.origin[3 * patch[t] + k] = new[t, k]
+        mesh.origin[3 * patch[t] : 3 * patch[t] + 3] = new[t]
     for t in range(len(new)):
         for h in range(3 * patch[t], 3 * patch[t] + 3):
             a, b = mesh.origin[h], mesh.origin[following(h)]
@@ -248,9 +244,7 @@ def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdg
     """
     boundary, left = mesh.boundary_edges(), _without_cuts(mesh, vertices)
     old = mesh.origin[boundary] * len(vertices) + mesh.targets()[boundary]
-    loops = [
-        loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()
-    ]  # fmt: skip
+    loops = [loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]
     filled, numbers = with_fillings(left, vertices, *fillings(left, vertices, normals, loops, careful=True))
     return filled, len(loops) - len(numbers)
 

@@ -169,11 +169,9 @@ class _Request:
     timer: Timer
 
 
-def _lightened(
-    request: _Request, first: Draft, count: int, counts_faces: bool
-) -> tuple[Draft, MeshDiagnostics]:  # fmt: skip
+def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) -> tuple[Draft, MeshDiagnostics]:
     """Return a mesh of so many vertices or triangles, and those that fill holes: a first mesh, step by step."""
-    timer, moves_to_points = request.timer, request.moved and first.dense.noise > 0.0
+    timer = request.timer
     draft = _begun(request, first, count, counts_faces)
     fraction = excluded(draft)
     target = draft.n_fixed if len(request.fixed) else count
@@ -188,7 +186,7 @@ def _lightened(
     with timer("distances"):
         assigned = draft.assigned()
         mean_distance = _mean_distance(first, draft, assigned)
-    if moves_to_points:
+    if request.moved and draft.dense.noise:
         with timer("fit"):
             fit_observed(draft, assigned)
     of_fixed = {}
