@@ -14,6 +14,7 @@ from gppcs.scans.statue import STATUE
 
 WIDE, HIGH, RELIEF = 4000.0, 3000.0, 4.0  # the wall, and its unevenness
 LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the road, and its slope to both sides
+BARE, MARKED = 60.0, 180.0  # intensity of asphalt and of its markings
 
 
 def _coloured(colours: Values) -> Attributes:
@@ -80,7 +81,7 @@ def _marked(points: Values, rng: np.random.Generator) -> Attributes:
     lines = (np.abs(np.abs(y) - 3.5) < 0.08) | ((np.abs(y) < 0.08) & (x % 4.0 < 2.0))
     crossing = (np.abs(x - 14.0) < 1.5) & (y % 1.0 < 0.5)
     marking = (lines & (np.abs(x - 14.0) > 2.0)) | crossing
-    intensity = np.where(marking, 180.0, 60.0) + rng.normal(0.0, 3.0, len(points))
+    intensity = np.where(marking, MARKED, BARE) + rng.normal(0.0, 3.0, len(points))
     return {"intensity": intensity.round().astype(np.uint16), "marking": marking.astype(np.uint8)}
 
 
