@@ -72,25 +72,11 @@ def correlate(sites, a, b, lengthscale, normal_weight, out):
             squared += (sites[a, c, p] - sites[b, c, p]) ** 2
         t = np.sqrt(5.0 * squared) / lengthscale
         x = min(t, vanished) / -64.0
-        e = 1.0 + x * (1.0 / 13.0)
-        e = 1.0 + x * e * (1.0 / 12.0)
-        e = 1.0 + x * e * (1.0 / 11.0)
-        e = 1.0 + x * e * (1.0 / 10.0)
-        e = 1.0 + x * e * (1.0 / 9.0)
-        e = 1.0 + x * e * (1.0 / 8.0)
-        e = 1.0 + x * e * (1.0 / 7.0)
-        e = 1.0 + x * e * (1.0 / 6.0)
-        e = 1.0 + x * e * (1.0 / 5.0)
-        e = 1.0 + x * e * (1.0 / 4.0)
-        e = 1.0 + x * e * (1.0 / 3.0)
-        e = 1.0 + x * e * (1.0 / 2.0)
-        e = 1.0 + x * e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
-        e *= e
+        e = 1.0
+        for power in range(13, 0, -1):
+            e = 1.0 + x * e * (1.0 / power)
+        for _ in range(6):
+            e *= e
         even = 2.0 * s * r / (s * s + r * r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
