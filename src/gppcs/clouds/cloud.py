@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeAlias, overload
+from typing import Any, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -16,16 +16,6 @@ from gppcs.errors import InputError, shown
 
 NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
 ACCEPTED = "a PointCloud, an object of Open3D, PyVista, trimesh, pandas or laspy, or an (N, 3) array of coordinates"
-
-
-class _WithPoints(Protocol):
-    @property
-    def points(self) -> Any: ...
-
-
-class _WithVertices(Protocol):
-    @property
-    def vertices(self) -> Any: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +271,8 @@ class PointCloud(ComparedByValue):
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
 
-CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | _WithPoints | _WithVertices  # see `from_object`
+# What `from_object` takes, or a path; Any stands for objects of other libraries.
+CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | Any
 
 
 def with_normals(cloud: PointCloud, normals: NDArray[np.float64]) -> PointCloud:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,8 @@ from gppcs.spatial.stored import StoredPoints
 PART = 1 << 18  # Points of a part at most.
 
 
-class Representatives(NamedTuple):
-    """One point for each occupied cell."""
-
-    indices: NDArray[np.int64]  # (cells,), ascending
-    # (cells, 3) each, the points, and the means of all points of their cells.
-    points: NDArray[np.float64]
-    means: NDArray[np.float64]
+# One point for each occupied cell: indices, (cells,), ascending; the points, and the means of their cells, (cells, 3).
+Representatives: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
 
 
 def representatives_in_parts(
@@ -52,7 +47,7 @@ def representatives_in_parts(
     if keep in COLUMNS and edge:  # columns may have points in several parts
         chosen, _ = representatives(in_cells(points[order], keep), edge, worth(points[order], keep, None))
         order = order[chosen]
-    return Representatives(indices[order], points[order], means[order])
+    return indices[order], points[order], means[order]
 
 
 def _cells(stored: StoredPoints, keep: str, edge: float, part: Part) -> NDArray[np.uint64]:
@@ -65,8 +60,8 @@ def _representatives(stored: StoredPoints, keep: str, edge: float, part: Part) -
     """Return the points of a part that stand for their cells, or all without an edge length."""
     near = stored.near(part, 0.0 if keep in COLUMNS else edge)
     if not edge:
-        return Representatives(near.indices, near.points, near.points)
+        return near.indices, near.points, near.points
     indices, means = representatives(in_cells(near.points, keep), edge, worth(near.points, keep, near.values))
     inside = near.inside[indices]
     chosen = indices[inside]
-    return Representatives(near.indices[chosen], near.points[chosen], means[inside])
+    return near.indices[chosen], near.points[chosen], means[inside]
