@@ -10,12 +10,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gppcs.amounts.options import Options
-from gppcs.app.panels import INPUT, LARGE, LOOK, METHOD, SIZE
 from gppcs.errors import ParameterError, file_path, shown
 
 if TYPE_CHECKING:
     from gppcs.drawing.camera import Viewpoint
 
+
+# The groups in which the help of a command lists its options. Those in no group come first.
+SIZE = "Size of the result"
+CHOICE = "Choice of the points"
+METHOD = "Method"
+INPUT = "Reading the input"
+ATTRIBUTES = "Attributes of the result"
+LOOK = "Figures and pictures"
+LARGE = "Files larger than memory"
 
 HELP = {field.name: field.metadata["help"] for field in dataclasses.fields(Options)}
 

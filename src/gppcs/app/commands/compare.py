@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gppcs.app import options
-from gppcs.app.options import option
+from gppcs.app.options import LOOK, METHOD, option
 from gppcs.app.pages import how_made, rebuilt
-from gppcs.app.panels import LOOK, METHOD
 from gppcs.app.printing import emit, names_of, print_error, say, started
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from gppcs.app import options
-from gppcs.app.options import option
-from gppcs.app.panels import SIZE
+from gppcs.app.options import SIZE, option
 from gppcs.app.printing import emit, names_of, note_left_out, print_error, record_of_run, started, time_in_words
 from gppcs.errors import InputError
 

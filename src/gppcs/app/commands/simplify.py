@@ -9,9 +9,8 @@ from typing import Annotated, Any
 from gppcs.amounts.options import Options
 from gppcs.app import options
 from gppcs.app.levels import sizes_of
-from gppcs.app.options import HELP, from_field, option
+from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, from_field, option
 from gppcs.app.outputs import outputs_of
-from gppcs.app.panels import ATTRIBUTES, CHOICE, LARGE, METHOD, SIZE
 from gppcs.app.printing import emit, for_each, say, say_aside, started
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature

@@ -40,7 +40,7 @@ class Page:
     blocks: Blocks
 
     @classmethod
-    def of(
+    def from_layers(
         cls, layers: Sequence[Layer], blocks: Blocks, viewpoint: Viewpoint, detail: Sequence[str] = (), **described: Any
     ) -> Page:
         """Return the page of some layers; its notes are theirs, and that they do not lie together."""
@@ -82,14 +82,14 @@ def report_page(
     timer, blocks = timer_of(timer), Blocks()
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     with timer("original"):
-        surface = Surface.of(original)
+        surface = Surface.from_cloud(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
     unit = unit_of(original.cloud.header) or ""
     lengths = f"in {unit or 'the unit of the coordinates'}"
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
-            kept, indices = _on_original(Surface.of(result), surface)
+            kept, indices = _on_original(Surface.from_cloud(result), surface)
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
@@ -107,19 +107,19 @@ def report_page(
     lead = f"{len(original.cloud):,} points beside {_counted(results)}"
     said = {"title": original.name, "lead": lead, "made": made, "unit": unit}
     diagonal = math.hypot(*extent)  # which does not overflow
-    return Page.of(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
+    return Page.from_layers(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
 
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
     """Return a page of any clouds."""
     blocks = Blocks()
-    layers = [Layer(blocks, named, "cloud", Surface.of(named)) for named in clouds]
+    layers = [Layer(blocks, named, "cloud", Surface.from_cloud(named)) for named in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = f"{sum(len(named.cloud) for named in clouds):,} points"
     unit, mesh = unit_of(clouds[0].cloud.header) or "", clouds[0].mesh
     if mesh is not None:
         viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
-    return Page.of(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
+    return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
 
 def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:

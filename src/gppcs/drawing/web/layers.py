@@ -43,7 +43,7 @@ class Surface(NamedTuple):
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
 
     @classmethod
-    def of(cls, named: Named) -> Surface:
+    def from_cloud(cls, named: Named) -> Surface:
         """Estimate the surface of a cloud; errors name the cloud."""
         cloud, indices = named.cloud, named.cloud.finite_rows()
         try:

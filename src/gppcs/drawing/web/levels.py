@@ -36,7 +36,7 @@ class Levels:
         _, cloud = nodes.read(first)
         self._names = [key for key, values in cloud.attributes.items() if (values != values[0]).any()]
         named = Named(name, self._varying(cloud))
-        layer = _FirstLevels(blocks, named, "original", Surface.of(named))
+        layer = _FirstLevels(blocks, named, "original", Surface.from_cloud(named))
         indices = np.concatenate([nodes.starts[i] + np.arange(counts[i]) for i in first])
         layer.described["blocks"]["rows"] = blocks.add(indices[layer.shown].astype(np.uint32))
         total = int(counts.sum())
@@ -45,7 +45,9 @@ class Levels:
         self._values, self._full = layer.described["values"], Colourable.from_cloud(named.cloud).full
         said: dict[str, Any] = {"title": name, "lead": f"{total:,} points, shown by level", "made": made}
         content = BytesIO()
-        Page.of([layer], blocks, viewpoint, **said, diagonal=0.0, unit=unit_of(cloud.header) or "").write(content)
+        Page.from_layers([layer], blocks, viewpoint, **said, diagonal=0.0, unit=unit_of(cloud.header) or "").write(
+            content
+        )
         policy = b"default-src 'none';"  # the page may load nothing but nodes
         self.page = content.getvalue().replace(policy, policy + b" connect-src 'self';", 1)
 
@@ -75,7 +77,7 @@ class Levels:
         """
         with self._lock:  # to read and to estimate takes all cores
             integers, cloud = self._nodes.read([number])
-            surface = Surface.of(Named(self._name, cloud))
+            surface = Surface.from_cloud(Named(self._name, cloud))
             usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
         attributes, lower = Colourable.from_cloud(self._varying(cloud), self._full), integers.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
