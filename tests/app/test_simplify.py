@@ -138,6 +138,6 @@ def test_what_a_file_loses_is_told_in_one_line(gppcs_command, refused, scan):
     command = ("simplify", "scan.ply", "--points", 5, *FAST, "-o")
     lost = "attribute curvature (float32)"
     refused((*command, "out.off"), f"OFF cannot hold: {lost}; choose another format, or leave this out with lossy")
-    told = f"gppcs: note: out.off: left out: faces (1), {lost}, 1 comment, 1 line of obj_info\n"
+    told = f"gppcs: note: out.off: left out: faces (1), {lost}, comments (2)\n"
     assert gppcs_command(*command, "out.off", "--lossy")[::2] == (0, told)
     assert gppcs_command(*command, "out.ply")[2].endswith(": faces (1)\n")

@@ -181,6 +181,6 @@ def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, suffix):
     content = (tmp_path / "said.ply").read_bytes().replace(b"element", b"comment mine\nelement", 1)
     (tmp_path / "said.ply").write_bytes(content)
     cloud = read(tmp_path / "said.ply")
-    assert losses(f"a{suffix}", cloud) == ([] if suffix == ".ply" else ["1 comment"])
+    assert losses(f"a{suffix}", cloud) == ([] if suffix == ".ply" else ["comments (1)"])
     write(tmp_path / f"a{suffix}", cloud)
     assert len(read(tmp_path / f"a{suffix}")) == 1

@@ -327,9 +327,7 @@ def write_rows(file: BinaryIO, columns: Sequence[Column], separator: str = " ", 
 
 
 def texts_of(values: Column) -> list[str]:
-    """Return each value as the shortest text that reads back as the same value of its type, and of a list its size."""
-    if values.dtype.hasobject:
-        return [" ".join([str(len(value)), *texts_of(value)]) for value in values]
+    """Return each value as the shortest text that reads back as the same value of its type."""
     if values.dtype.kind == "U":
         return list(map(_quoted, values.tolist()))
     if values.dtype.kind == "b":
