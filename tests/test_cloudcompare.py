@@ -109,12 +109,6 @@ def test_selected_clouds_get_simplified_copies_with_their_fields(plugin, told):
     assert not told
 
 
-@pytest.mark.parametrize(("amount", "count"), [("5%", 100), ("0.1", 200), (".1", 200), ("200", 200), ("1.5k", 1_500)])
-def test_numbers_and_shares(plugin, amount, count):
-    cloud = Cloud(gppcs.sample("bracket", n_points=2_000).points, np.arange(2_000))
-    assert len(plugin.simplified(cloud, amount, "fps", "0.5").field) == count
-
-
 def test_what_is_wrong_is_told_and_other_clouds_are_simplified(plugin, told):
     plugin.simplify_selected()
     points = gppcs.sample("bracket", n_points=50).points

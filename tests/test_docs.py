@@ -13,7 +13,6 @@ import typer.main
 
 import gppcs
 from gppcs.app import program
-from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt
 from gppcs.io import FORMATS
 from gppcs.methods.parameters import parameters_of
 
@@ -183,15 +182,6 @@ def test_tables_are_those_of_the_benchmarks(page):
         assert len(table) > 2
         for row in [*table[:1], *table[2:]]:
             assert row.removesuffix(" |") in measured
-
-
-def test_the_page_on_evaluation_defines_each_figure_as_the_code_does():
-    for report in (gppcs.Report, DetailErrors, Rebuilt, MeshReport):
-        rows = [
-            f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
-            for name, figure in report.definitions().items()
-        ]
-        assert "\n".join(rows) in text("docs/evaluation.md")
 
 
 def test_the_page_on_the_api_has_each_public_name():

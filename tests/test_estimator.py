@@ -56,11 +56,6 @@ def test_moved_points_get_new_coordinates(table, bracket):
     assert len(np.unique(kept[:, 3])) == 50
 
 
-def test_points_of_a_plane_have_two_columns(table):
-    kept = Simplifier(n_points=50, method="fps").fit_transform(table[:, :2])
-    assert len(np.unique(kept, axis=0)) == 50
-
-
 def test_it_works_once_in_a_pipeline_and_can_be_cloned_and_pickled(table, monkeypatch):
     counted = Mock(wraps=simplify)
     monkeypatch.setattr("gppcs.estimator.simplify", counted)

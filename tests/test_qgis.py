@@ -4,7 +4,6 @@ import ast
 import configparser
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -105,16 +104,6 @@ def algorithm(qgis, name, **parameters):
 
 
 @pytest.mark.slow
-def test_qgis_lists_the_algorithms(qgis):
-    listed = re.findall(r"gppcs:(\w+)\t(.+)", qgis.run(QGIS, "list"))
-    assert dict(listed) == {
-        "evaluate": "Evaluate",
-        "make_mesh": "Make mesh",
-        "thin_point_cloud": "Thin point cloud",
-    }
-
-
-@pytest.mark.slow
 def test_qgis_thins_a_cloud_and_evaluates_it(qgis):
     results, log = algorithm(qgis, "thin_point_cloud", INPUT="scan.laz", OUTPUT="small.laz", SIZE="3%", WEIGHT=0.8)
     assert results == {"OUTPUT": "small.laz"}
@@ -139,15 +128,6 @@ def test_qgis_makes_a_mesh_and_passes_options_on(qgis):
     algorithm(qgis, "thin_point_cloud", OUTPUT="marked.laz", METHOD="fps", **asked)
     marked = gppcs.read(qgis.folder / "marked.laz")
     assert (len(marked), marked.attributes["marking"].sum()) == (1500, 100)
-
-
-@pytest.mark.slow
-def test_the_page_shows_what_is_printed(qgis):
-    page = (ROOT / "docs" / "where-you-work.md").read_text(encoding="utf-8")
-    ((words, lines),) = re.findall(r"```text\nqgis_process (.*)\n\n(.*?)```", page, re.DOTALL)
-    printed = qgis.run(QGIS, *words.split())
-    for line in filter(None, lines.splitlines()):
-        assert f"\n{line}\n" in printed
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
 """What holds for every method: exact counts, exact points, the same choice wherever and however large the cloud is."""
 
-import dataclasses
 import gc
-import inspect
 import itertools
 import re
 import weakref
@@ -13,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.amounts.options import Options
 from gppcs.methods import Feature
 from shapes import odd_clouds
 
@@ -197,13 +194,6 @@ def test_a_result_does_not_hold_the_original():
     gc.collect()
     assert original() is None
     assert len(result.cloud) == 50
-
-
-def test_the_keywords_of_simplify_are_the_options():
-    keywords = dict(inspect.signature(gppcs.simplify).parameters)
-    del keywords["cloud"], keywords["timer"]
-    options = {option.name: (option.default, option.type) for option in dataclasses.fields(Options)}
-    assert {name: (keyword.default, keyword.annotation) for name, keyword in keywords.items()} == options
 
 
 def test_what_is_no_ranking_has_no_prefixes():

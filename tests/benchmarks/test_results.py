@@ -24,11 +24,3 @@ def test_each_page_is_of_a_commit_of_this_history():
         pytest.skip("needs the history of the repository")
     for commit in made:
         subprocess.run([*git, "merge-base", "--is-ancestor", commit, "HEAD"], check=True)
-
-
-def test_all_pages_are_made_by_one_command(script):
-    runs = script("run_all.py").SCRIPTS
-    assert sorted(run.page for run in runs) == [page.stem for page in PAGES]
-    for run in runs:
-        source = (BENCHMARKS / run.file).read_text()
-        assert f'"{run.page}"' in source or f'"{run.page}.md"' in source

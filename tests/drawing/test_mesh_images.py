@@ -4,9 +4,6 @@ import pytest
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Camera, Square
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.engine import extras
-from gppcs.engine.extras import require_pyvista
-from gppcs.errors import MissingExtraError
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 3.0) for y in (0.0, 1.0) for z in (0.0, 2.0)])
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -49,10 +46,3 @@ def test_a_balloon_does_not_hide_what_it_does_not_cover(camera):
     mesh = Mesh(np.vstack([CORNERS, balloon]), np.vstack([BOX.faces, [[8, 9, 10]]]))
     one, other = (mesh_images(drawn, [camera])[0] for drawn in (mesh, BOX))
     assert np.abs(one - other).mean() < 0.01
-
-
-def test_a_crash_of_opengl_is_survived_and_its_packages_are_named(monkeypatch):
-    pytest.importorskip("pyvista")
-    monkeypatch.setattr(extras, "_opengl_works", lambda: False)
-    with pytest.raises(MissingExtraError, match=r"needs OpenGL.*apt-get install libegl1"):
-        require_pyvista()

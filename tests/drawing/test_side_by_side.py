@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud
-from gppcs.drawing.colours import Legend
-from gppcs.drawing.side_by_side import BAR, BETWEEN, GAP, TITLE, Column, draw_comparison, feature_squares
+from gppcs.drawing.side_by_side import BETWEEN, GAP, TITLE, Column, draw_comparison, feature_squares
 from gppcs.errors import MissingExtraError
 
 matplotlib = pytest.importorskip("matplotlib")
@@ -49,15 +48,6 @@ def picture(*columns, **options):
     return matplotlib.image.imread(file)[..., :3]
 
 
-@pytest.mark.slow
-def test_columns_stand_in_rows_of_six_at_most_of_a_width_that_is_allowed(original, kept):
-    long = replace(original, title="sample-elimination " * 3)
-    one, six, seven = (picture(long, *[kept] * count) for count in (0, 5, 6))
-    assert one.shape[1] < seven.shape[1] <= six.shape[1] <= 2400  # seven in two rows, of four and three
-    assert seven.shape[0] > 1.7 * six.shape[0]
-    assert one[: 3 * TITLE, [*range(GAP), *range(-GAP, 0)]].min() > 0.9  # the long title stays in its column
-
-
 def test_the_roughest_place_is_framed_and_enlarged(original, camera):
     pixels, _ = camera.pixels(BUMP[None])
     column, row = pixels[0] / 2.0 + (GAP, TOP)
@@ -85,19 +75,6 @@ def test_meshes_stand_under_their_clouds_and_need_pyvista(monkeypatch, original,
     picture(original, kept)
     with pytest.raises(MissingExtraError, match=r"the extra view\): pip install .*pyvista"):
         picture(*columns)
-
-
-def test_both_clouds_are_seen_alike_in_their_own_colours(original):
-    width = 776  # of a column without close-ups
-    cloud = replace(original.cloud, colours=np.broadcast_to((1.0, 0.1, 0.1), original.cloud.points.shape))
-    everything, few = (replace(original, cloud=part) for part in (cloud, cloud.at(cloud.points[:2000])))
-    image = picture(everything, few, legend=Legend("RGB"), close_ups=0)
-    panels = [image[TOP:, left:][:, :width] for left in (GAP, width + 2 * GAP)]
-    red = [np.nonzero((np.ptp(panel, axis=2) > 0.3) & (panel.argmax(axis=2) == 0)) for panel in panels]
-    boxes = [[end for axis in pixels for end in (axis.min(), axis.max())] for pixels in red]
-    assert boxes[0][3] - boxes[0][2] > 0.8 * width
-    np.testing.assert_allclose(boxes[0], boxes[1], atol=12)
-    assert (image[-BAR:] == 1.0).all()  # RGB has no colour bar
 
 
 @given(arrays(np.float64, (15, 20), elements=st.floats(0.0, 1.0, width=16)), st.integers(1, 6))

@@ -13,7 +13,6 @@ from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.web import layers
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.errors import InputError
-from meshes import monument
 from web_page import WebPage
 
 N, M = 3000, 300
@@ -33,12 +32,6 @@ def view_of(cloud, mesh=None, name="scan.ply", made=()):
 
 def rows_in(page, cloud, block):
     return page.array(cloud["blocks"][block], cloud["shown"], 1, np.uint32)[:, 0]
-
-
-def test_the_page_of_a_mesh_looks_at_all_its_surface():
-    mesh = monument()
-    page, _ = view_of(PointCloud(mesh.vertices), mesh)
-    assert page.described["up"] == "z"  # the vertices alone stand along y
 
 
 @pytest.fixture(scope="module")
@@ -134,14 +127,6 @@ def test_invalid_points_are_left_out_and_rows_stay_those_of_the_file(scan):
     assert described["notes"] == ["scan.ply: 2 points with NaN or infinite coordinates are left out."]
     assert (described["up"], described["azimuth"], described["elevation"]) == ("-y", 30, 20)
     assert described["made"] == [["command", "gppcs report"]]
-
-
-def test_classes_are_kinds_though_they_are_many(scan):
-    many = (np.arange(N) % 20).astype(np.uint8)
-    _, cloud = view_of(PointCloud(scan.points, {"classification": many, "kind": many}))
-    kinds = {values["title"]: values["categories"] for values in cloud["values"]}
-    assert kinds["classification"] == list(range(20))
-    assert kinds["kind"] is None
 
 
 def test_large_clouds_are_thinned_by_gp_and_large_meshes_left_out_and_the_page_says_so(scan, monkeypatch):

@@ -106,15 +106,6 @@ class TestTheNodes:
             assert (node.points >= low - 0.01).all()
             assert (node.points <= low + side + 0.01).all()
 
-    def test_their_values_and_colours_are_those_of_the_file(self, nodes, whole):
-        node = nodes[-1]
-        part = whole.take(node.rows)
-        assert np.array_equal(node.values("attribute:intensity"), part.attributes["intensity"])
-        assert np.abs(node.values("attribute:gps_time") - part.attributes["gps_time"]).max() < 9 / 30_000
-        assert np.abs(node.values("z") - part.points[:, 2]).max() < 20 / 30_000
-        colours = np.stack([part.attributes[name] for name in ("red", "green", "blue")], axis=1)
-        assert np.array_equal(node.colours, np.round(colours / 257.0))
-
     def test_a_class_that_the_first_levels_lack_is_unknown(self, cloud, nodes, whole):
         [held] = [values for values in cloud["values"] if values["key"] == "attribute:classification"]
         assert held["categories"] == [2, 6]
@@ -122,10 +113,6 @@ class TestTheNodes:
         assert np.isnan(expected).any()
         for node in nodes:
             assert np.array_equal(node.values("attribute:classification"), expected[node.rows], equal_nan=True)
-
-    def test_attributes_that_do_not_differ_are_left_out(self, cloud):
-        keys = {values["key"] for values in cloud["values"]}
-        assert keys == {"z", *(f"attribute:{name}" for name in ("intensity", "gps_time", "classification"))}
 
     def test_only_the_served_page_may_ask_for_more(self, page):
         [policy] = re.findall(r'Content-Security-Policy" content="(.*?)"', page.text)
@@ -170,10 +157,6 @@ class TestTheServer:
         with socket.create_connection(server.server_address, timeout=30) as silent:
             silent.sendall(begun.format(token=server.token).encode())
             assert silent.recv(1) == b""
-
-    @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "HEAD"])
-    def test_there_are_no_other_methods(self, server, method):
-        assert ask(server, f"/{server.token}/", method)[0] == 501
 
 
 def test_a_damaged_node_is_an_error_and_the_others_are_served(copc, tmp_path):
