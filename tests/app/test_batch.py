@@ -28,12 +28,6 @@ def test_a_folder_is_thinned_by_a_pattern_into_folders_that_are_made(printed, ti
     assert [len(gppcs.read(f"new/deep/{name}")) for name in ("a_small.ply", "b_small.csv")] == [40, 20]
 
 
-@pytest.mark.parametrize("output", ["new/", "new"])
-def test_a_folder_that_is_missing_is_made(printed, tiles, output):
-    printed("simplify", "tiles", "-o", output, "--points", "0.1k", *FAST)
-    assert sorted(path.name for path in Path("new").iterdir()) == ["a.ply", "b.csv"]
-
-
 def test_more_points_than_there_are_is_told(gppcs_command, printed, scan):
     note = "gppcs: note: scan.ply: all of its 400 points were kept, fewer than the 5,000 asked for\n"
     assert gppcs_command(*SIMPLIFY, "5k")[::2] == (0, note)

@@ -1,7 +1,5 @@
 """The program as a whole: its help, its version, its exit codes and streams."""
 
-import logging
-import os
 import subprocess
 import sys
 
@@ -10,7 +8,7 @@ import pytest
 import typer.main
 
 import gppcs
-from command_line import COMMAND, FAST, files
+from command_line import files
 from gppcs.app import program
 
 
@@ -27,10 +25,6 @@ def test_help(printed, words):
     out = printed(*words)
     assert "--help" in out
     assert len(words) == 2 or all(name in out for name in (*COMMANDS, "Examples"))
-
-
-def options_of(command):
-    return {option for parameter in COMMANDS[command].params for option in parameter.opts}
 
 
 @pytest.mark.parametrize(
@@ -79,26 +73,6 @@ def test_words_are_completed(monkeypatch, capsys, words, completions):
         program.run([])
     out, err = capsys.readouterr()
     assert (out.split(), err) == (completions, "")
-
-
-@pytest.mark.slow
-def test_a_terminal_of_another_encoding_is_no_reason_to_fail(scan):
-    run = subprocess.run(
-        [COMMAND, "simplify", "scan.ply", "-o", "out.ply", "--points", "9", *FAST],
-        capture_output=True,
-        env=os.environ | {"PYTHONIOENCODING": "ascii"},
-        check=True,
-    )
-    assert b"400 in, 9 out" in run.stdout
-
-
-def test_what_the_library_logs_is_shown_while_a_command_runs(monkeypatch, capsys):
-    logger = logging.getLogger("gppcs")
-    monkeypatch.setattr(program, "app", lambda *_, **__: logger.info("a notice"))
-    program.run([])
-    logger.info("another")
-    assert capsys.readouterr() == ("", "gppcs: a notice\n")
-    assert (logger.handlers, logger.level) == ([], logging.NOTSET)
 
 
 @pytest.mark.parametrize("name", [None, *COMMANDS])

@@ -1,8 +1,6 @@
 """`gppcs compare`."""
 
 import json
-import os
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -60,40 +58,6 @@ def test_compare_json_is_one_object_a_method(printed, scan):
 
 
 @pytest.fixture
-def columns(monkeypatch):
-    """The columns of the pictures that were drawn."""
-    for module in ("pymeshlab", "pyvista", "matplotlib"):
-        pytest.importorskip(module)
-    found = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, given, *_: found.extend(given))
-    monkeypatch.setattr("gppcs.engine.extras._opengl_works", lambda: True)
-    return found
-
-
-@pytest.mark.slow
-def test_compare_draws_clouds_and_meshes(gppcs_command, columns):
-    ball = gppcs.sample("sphere", 2000)
-    ball.points[7] = np.nan
-    gppcs.write("ball.ply", ball)
-    options = ("--points", 200, "--methods", "fps,random", "-o", "side", "--invalid", "drop", "--report")
-    assert gppcs_command("compare", "ball.ply", *options)[::2] == (0, "")
-    assert [column.title for column in columns] == ["original", "fps", "random"]
-    assert [len(column.cloud.points) for column in columns] == [1999, 200, 200]
-    assert all(column.mesh for column in columns)
-    triangles = [cloud["mesh"]["triangles"] for cloud in page()["clouds"]]
-    assert triangles == [len(column.mesh.faces) for column in columns]
-
-
-@pytest.mark.parametrize("output", ["nowhere", "readonly/side"])
-def test_a_folder_that_cannot_be_made_is_refused_before_any_work(refused, folder, monkeypatch, output):
-    Path("nowhere").symlink_to("missing")
-    Path("readonly").mkdir()
-    access = os.access
-    monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "readonly" and access(path, mode))
-    refused(("compare", "missing.ply", "--points", 9, "-o", output, "--no-picture"), output)
-
-
-@pytest.fixture
 def ball(folder):
     """The cloud in the file ball.ply."""
     pytest.importorskip("pymeshlab")
@@ -131,32 +95,9 @@ def test_a_note_tells_which_pipeline_finds_no_surface(gppcs_command, ball, pipel
     assert Path("side/report.html").exists() == bool(pivoted)
 
 
-def test_compare_meshes_draws_a_column_for_each_mesh(printed, ball, columns):
-    surface = gppcs.mesh(ball, n_points=500).mesh
-    gppcs.write_mesh("surface.ply", surface)
-    ball.points[7] = np.nan
-    gppcs.write("ball.ply", ball, force=True)
-    assert printed(*MESHES, "--invalid", "drop", "--mesh", "surface.ply", "-q") == ""
-    assert [column.title for column in columns] == ["original", "mesh", "ball-pivoting"]
-    original, mesh, _ = columns
-    assert (len(original.cloud.points), len(original.mesh.faces)) == (999, len(surface.faces))
-    assert (len(mesh.cloud.points), len(mesh.mesh.faces), mesh.counted) == (100, 196, "vertices")
-    assert mesh.caption.startswith("mesh mean\n")
-
-
 @pytest.mark.parametrize(("name", "read"), [("table.csv", "scan.ply"), ("table.md", "mesh.ply")])
 def test_compare_never_overwrites_an_input_through_its_folder(refused, scan, name, read):
     gppcs.write("mesh.ply", scan)
     Path("side").mkdir()
     Path("side", name).symlink_to(Path(read).absolute())
     refused((*COMPARE, "--mesh", "mesh.ply", "--force"), f"side/{name}")
-
-
-def test_compare_names_all_missing_extras_at_once(refused, scan, monkeypatch):
-    for module in ("pymeshlab", "matplotlib", "pyvista", "CGAL"):
-        monkeypatch.setitem(sys.modules, module, None)
-    extras = [f"(the extra {extra})" for extra in ("evaluate", "picture", "view")]
-    refused(("compare", "scan.ply", "--ratio", 0.1, "-o", "side"), *extras)
-    meshes = ("compare", "scan.ply", "--ratio", 0.1, "-o", "side", "--meshes", "--methods", "mesh,advancing-front")
-    refused(meshes, *extras, "(the extra cgal)")
-    refused((*meshes, "--no-picture"), extras[0], "(the extra cgal)")

@@ -104,25 +104,6 @@ def test_a_full_disk_leaves_the_old_file(gppcs_command, folder, monkeypatch):
         assert sorted(folder.iterdir()) == files
 
 
-@pytest.mark.parametrize("command", [["convert"], ["simplify", "--points", "50", "-o"]])
-def test_names_that_copc_cannot_hold_are_told_before_the_work(refused, folder, monkeypatch, command):
-    monkeypatch.setattr(copc, "PROGRAM", 0)  # all fits into memory
-    monkeypatch.setattr(gppcs.LocalGP, "__call__", lambda *_: pytest.fail("points were chosen"))
-    points, (verb, *options) = gppcs.sample("bracket", n_points=200).points, command
-    for attributes, message in [
-        ({"a" * 33: np.ones(200)}, "names of at most 32 bytes"),
-        ({"a": np.zeros((200, 342), np.uint8)}, "at most 341 attributes"),
-        ({"label": np.full(200, "text")}, "COPC cannot hold: attribute label (text)"),
-    ]:
-        gppcs.write("scan.npz", gppcs.PointCloud(points, attributes), force=True)
-        refused((verb, "scan.npz", *options, "small.copc.laz", "--quiet"), message)
-
-
-def test_files_of_other_dimensions_are_refused(refused, folder):
-    (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"], (3, 1)))
-    refused(("convert", "scan.vpc", "scan.copc.laz", "--memory", "1GB", "--quiet"), "the same attributes in all files")
-
-
 @pytest.mark.parametrize("digits", [3, None])
 def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeypatch, digits):
     """As in memory, even if the first chunk would have another, or has no point to keep."""
@@ -140,12 +121,3 @@ def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeyp
             np.testing.assert_array_equal(getattr(found.header, name), getattr(expected.header, name))
     found, expected = gppcs.read("scan.copc.laz").points, gppcs.read("whole.copc.laz").points
     np.testing.assert_array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)])
-
-
-def test_coordinates_that_would_move_far_are_refused(gppcs_command, refused, folder):
-    np.save("scan.npy", np.full((5000, 3), 1 / 3))  # which no scale of a power of ten has
-    command = ("convert", "scan.npy", "scan.copc.laz", "--memory", "1GB", "--quiet")
-    refused(command, "which move by at most", "lossy")
-    code, _, err = gppcs_command(*command, "--lossy")
-    assert (code, len(gppcs.read("scan.copc.laz"))) == (0, 5000)
-    assert "the last digits of coordinates" in err

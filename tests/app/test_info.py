@@ -4,9 +4,7 @@ import dataclasses
 import json
 from pathlib import Path
 
-import laspy
 import numpy as np
-from laspy.vlrs.known import WktCoordinateSystemVlr
 
 import gppcs
 from command_line import rows_of, write_scan_with
@@ -41,26 +39,9 @@ def test_info_prints_type_and_range_of_each_attribute(printed):
     ]
 
 
-def test_info_prints_the_unit_that_the_coordinate_system_tells(printed, record, folder):
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.vlrs.append(WktCoordinateSystemVlr('PROJCS["A",UNIT["US survey foot",0.304800609601219]]'))
-    header.global_encoding.wkt = True
-    las = laspy.LasData(header)
-    las.xyz = np.array([[0.0, 0, 0], [3, 4, 0]])
-    las.write("scan.las")
-    assert {"unit us-ft", "diagonal 5", "spacing 5"} <= set(rows_of(printed("info", "scan.las")))
-    assert record("info", "scan.las")["unit"] == "us-ft"
-
-
 def test_info_json_is_the_summary(record, scan):
     summary = json.loads(json.dumps(dataclasses.asdict(gppcs.info(scan))))
     assert record("info", "scan.ply") == {"file": "scan.ply"} | summary | {"faces": 0}
-
-
-def test_info_says_that_a_file_is_a_mesh(printed, record, folder):
-    Path("a.off").write_text("OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n")
-    assert "faces 2" in rows_of(printed("info", "a.off"))
-    assert record("info", "a.off")["faces"] == 2
 
 
 def test_info_takes_several_files_and_folders(gppcs_command, printed, scan):

@@ -1,11 +1,8 @@
 """`gppcs simplify` of several inputs as one cloud, within a given memory, and without doing anything."""
 
 import json
-import os
-import stat
 import subprocess
 import sys
-import tempfile
 
 import laspy
 import numpy as np
@@ -78,33 +75,6 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
 )
 def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_message):
     refused(("simplify", "scan.ply", "-o", "out.ply", "--points", 2, *options), *parts_of_message)
-
-
-def test_a_folder_for_temporary_files_is_the_users_own_and_goes(printed, parts, large, monkeypatch, folder):
-    """Under a new name, so that nobody can prepare it."""
-    seen, made = [], tempfile.mkdtemp
-
-    def noted(**options):
-        seen.append(made(**options))
-        assert stat.S_IMODE(os.stat(seen[-1]).st_mode) == 0o700
-        return seen[-1]
-
-    monkeypatch.setattr(tempfile, "mkdtemp", noted)
-    (folder / "scratch").mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", "scratch")
-    for number in range(2):
-        printed("simplify", "scan.ply", "-o", f"{number}.ply", "--points", 20, "-q", *LARGE)
-    assert len(set(seen)) == 2
-    assert not list((folder / "scratch").iterdir())
-
-
-def test_files_with_different_coordinate_systems(refused, two_systems, large):
-    merged = ("simplify", "a.las", "b.las", "-o", "out.las", "--points", 2, "-q")
-    told = ("expected one coordinate system", "found UTM 32N and ETRS89", "assume_same_crs")
-    refused((*merged, "--method", "fps"), "b.las: ", *told)
-    refused((*merged, *LARGE), *told)
-    result = gppcs.simplify(["a.las", "b.las"], n_points=2, memory="1GB", assume_same_crs=True)
-    assert len(result.cloud) == 2
 
 
 @pytest.mark.slow

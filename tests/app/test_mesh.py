@@ -66,17 +66,6 @@ def test_a_note_tells_that_a_mesh_has_the_noise_of_its_points(gppcs_command):
     assert gppcs_command("mesh", "clean.ply", "-o", "out.ply", "--force", "--points", 500)[2] == ""
 
 
-def test_notes_tell_what_a_tolerance_leaves_out_and_whether_it_is_below_the_noise(gppcs_command):
-    cloud = gppcs.sample("sphere", n_points=10_000, noise=0.0075)
-    noise = gppcs.mesh(cloud, n_points=100).diagnostics.noise
-    gppcs.write("noisy.ply", cloud[np.r_[:10_000, :10_000]])
-    for factor in (0.9, 1.1):
-        options = ("--force", "-q", "--tolerance", factor * noise)
-        first, *second = gppcs_command("mesh", "noisy.ply", "-o", "out.ply", *options)[2].splitlines()
-        assert 2000 < int(re.search(r"and ([\d,]+) that the full mesh misses", first)[1].replace(",", "")) < 4000
-        assert len(second) == (factor < 1.0)
-
-
 def test_the_run_is_printed_as_a_table(printed, ball):
     title, *rows = rows_of(printed("mesh", "ball.ply", "-o", "small.ply", "--points", 100, "--unit", "mm"))
     assert title == "ball.ply → small.ply"
@@ -90,20 +79,6 @@ def test_points_that_a_method_has_chosen_become_the_vertices(gppcs_command, prin
     printed("mesh", "ball.ply", "-o", "small.ply", "--keep-points", "kept.ply")
     kept, made = gppcs.read("kept.ply").points, gppcs.read("small.ply").points
     assert np.array_equal(kept[np.lexsort(kept.T)], made[np.lexsort(made.T)])
-
-
-def test_what_the_mesh_lacks_is_noted(gppcs_command, ball):
-    code, _, err = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--points", "5k")
-    assert (code, err.count("\n"), "3,000 vertices" in err) == (0, 1, True)
-    scrap = [300, 0, 0] + np.eye(3)[[0, 1, 2, 0]] * [[20], [20], [20], [40]]
-    gppcs.write("two.ply", np.concatenate([ball.points, scrap]))
-    code, _, err = gppcs_command("mesh", "two.ply", "-o", "two.obj", "--points", 200)
-    assert (code, err.count("\n"), "0.2%" in err) == (0, 1, True)
-
-
-def test_what_the_format_cannot_hold_is_refused_before_the_work(refused, ball, monkeypatch):
-    monkeypatch.setattr("gppcs.meshing.pipeline.mesh", None)
-    refused(("mesh", "ball.ply", "-o", "small.obj", "--points", 100), "small.obj", "curvature", "lossy")
 
 
 def test_a_cloud_without_attributes_becomes_a_mesh_of_any_format(gppcs_command, ball):

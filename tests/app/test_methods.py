@@ -1,26 +1,11 @@
 """`gppcs methods`."""
 
-import dataclasses
 import json
 
 import pytest
 
 import gppcs
 from gppcs.methods.parameters import parameters_of
-
-
-def test_methods_lists_parameters_with_their_defaults(gppcs_command, printed):
-    out = printed("methods")
-    for name, method in gppcs.METHODS.items():
-        assert f"{name}: {method.summary}\n" in out
-        assert method.source in out
-        for parameter, value in dataclasses.asdict(method()).items():
-            assert f"{parameter}={value}" in out
-    _, out, _ = gppcs_command("methods", "--json")
-    records = [json.loads(line) for line in out.splitlines()]
-    assert {record["name"]: record["parameters"] for record in records} == {
-        name: dataclasses.asdict(method()) for name, method in gppcs.METHODS.items()
-    }
 
 
 @pytest.mark.parametrize("name", gppcs.METHODS)

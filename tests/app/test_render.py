@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.drawing.camera import Viewpoint
 
 
 @pytest.fixture(autouse=True)
@@ -56,34 +55,3 @@ def test_a_file_with_triangles_is_drawn_as_a_mesh(printed, folder):
     Path("tent.ply.gz").write_bytes(gzip.compress(Path("tent.ply").read_bytes()))
     printed("render", "tent.ply.gz", "-o", "again.png", "--size", "120x90")
     assert Path("again.png").read_bytes() == Path("tent.png").read_bytes()
-
-
-OF_COMMAND = {
-    "render": ("scan.ply", "kept.ply", "-o", "a.png"),
-    "compare": ("scan.ply", "-o", "side", "--points", 40, "--methods", "fps", "--invalid", "drop"),
-}
-
-
-@pytest.fixture
-def pictures(monkeypatch):
-    """The arguments of what was drawn."""
-    for module in ("pymeshlab", "pyvista", "matplotlib"):
-        pytest.importorskip(module)
-    found = []
-    monkeypatch.setattr("gppcs.drawing.side_by_side.draw_comparison", lambda file, *given, **_: found.append(given))
-    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 0)
-    return found
-
-
-@pytest.mark.parametrize("command", ["render", "compare"])
-def test_view_and_up_turn_the_picture(gppcs_command, scan, pictures, command):
-    gppcs.write("kept.ply", scan.take(range(0, 400, 10)))
-    for options in ((), ("--view", "-30,20.5"), ("--up", "-z"), ("--view=5,0", "--up=y")):
-        assert gppcs_command(command, *OF_COMMAND[command], "--force", *options)[0] == 0
-    expected = [Viewpoint(), Viewpoint(None, (-30.0, 20.5)), Viewpoint("-z"), Viewpoint("y", (5.0, 0.0))]
-    assert [viewpoint for _, viewpoint, _ in pictures] == expected
-
-
-def test_compare_refuses_a_colour_before_the_work(refused, scan, pictures):
-    words = ("compare", "scan.ply", "-o", "side", "--points", 9, "--methods", "fps", "--colour", "rad")
-    refused(words, "found 'rad'; expected one of rgb")

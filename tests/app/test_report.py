@@ -1,14 +1,12 @@
 """`gppcs report` and `gppcs view`."""
 
 import hashlib
-import warnings
 import webbrowser
 
-import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, described, files
+from command_line import described, files
 
 
 @pytest.fixture
@@ -49,29 +47,6 @@ def test_the_notes_of_a_report_are_printed_too(gppcs_command, folder, scan):
     assert err.splitlines() == [f"gppcs: note: {note}" for note in notes]
 
 
-@pytest.mark.slow
-def test_meshes_are_rebuilt_when_asked_for(gppcs_command, folder, monkeypatch):
-    pytest.importorskip("pymeshlab")
-    ball = gppcs.sample("sphere", 2000)
-    gppcs.write("ball.ply", ball)
-    gppcs.write("small.ply", ball.take(np.arange(500)))
-    monkeypatch.setattr("gppcs.app.pages.MOST_TO_REBUILD", 1999)
-    code, _, err = gppcs_command("report", "ball.ply", "small.ply", "-o", "r.html", "--meshes")
-    assert code == 0
-    assert (err.split(": ")[:2], err.count("\n")) == (["gppcs", "note"], 1)
-    original, result = described("r.html")["clouds"]
-    assert original["mesh"] is None
-    low, step = (np.array(result["mesh"][key]) for key in ("low", "step"))
-    np.testing.assert_allclose([low, low + 65535 * step], [ball.points.min(axis=0), ball.points.max(axis=0)], atol=5)
-
-
-def test_files_of_one_name_are_told_apart_by_their_folders(printed, folder, scan, small):
-    (folder / "other").mkdir()
-    gppcs.write("other/small.ply", scan.take(np.arange(50)))
-    printed("report", "scan.ply", "small.ply", "other/small.ply", "-o", "r.html")
-    assert [cloud["name"] for cloud in described("r.html")["clouds"]] == ["scan.ply", "small.ply", "other/small.ply"]
-
-
 def test_view_opens_a_temporary_page(printed, scan, small, opened, tmp_path_factory, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path_factory.mktemp("temporary")))
     out = printed("view", "scan.ply", "voxel.csv")
@@ -96,12 +71,3 @@ def test_without_a_browser_view_says_where_the_page_is(gppcs_command, printed, s
     told = "gppcs: note: no browser was found; open v.html yourself\n"
     assert gppcs_command("view", "scan.ply", "-o", "v.html") == (0, "v.html\n", told)
     assert printed("view", "scan.ply", "-o", "v.html", "--no-open", "--force") == "v.html\n"
-
-
-def test_a_cloud_of_any_size_is_shown_without_a_warning(gppcs_command, folder):
-    gppcs.write("huge.ply", np.random.default_rng(0).random((300, 3)) * 1e300)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        command = "simplify huge.ply -o out.ply --points 30"
-        assert gppcs_command(*command.split(), *FAST)[0] == 0
-        assert gppcs_command("report", "huge.ply", "out.ply", "-o", "page.html")[0] == 0

@@ -1,6 +1,5 @@
 """`gppcs sample`."""
 
-import json
 from pathlib import Path
 
 import gppcs
@@ -13,10 +12,3 @@ def test_samples_are_the_same_for_the_same_seed(printed):
     assert Path("a.ply").read_bytes() == Path("b.ply").read_bytes() != Path("c.ply").read_bytes()
     expected = gppcs.sample("fan", 300, noise=0.001, outliers=0.1, uneven=0.5)
     assert gppcs.read("a.ply").points.tobytes() == expected.points.tobytes()
-
-
-def test_sample_json_says_what_was_made(printed):
-    out = printed("sample", "fan", "-o", "a.ply", "--points", 300, "--noise", 0.001, "--json")
-    options = {"noise": 0.001, "outliers": 0.0, "uneven": 0.0, "seed": 0}
-    expected = {"output": "a.ply", "name": "fan", "points": 300, **options, "version": gppcs.__version__}
-    assert json.loads(out) == expected

@@ -2,14 +2,13 @@
 
 import dataclasses
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, files, rows_of, write_scan_with
+from command_line import FAST, files, write_scan_with
 
 
 @pytest.mark.parametrize("method", ["gp", "voxel"])
@@ -47,22 +46,6 @@ def test_simplify_json_is_one_strict_object_a_line(record, scan):
     assert told["version"] == gppcs.__version__
 
 
-def test_simplify_prints_times_parameters_and_diagnostics(gppcs_command, scan):
-    gppcs.write("scan.ply", np.vstack([scan.points, [[9e3, 0.0, 0.0]]]), force=True)
-    options = ("--points", 40, "--set", "feature_weight=0.8", "--max-gap", 12, "--drop-outliers")
-    title, *rows = rows_of(gppcs_command("simplify", "scan.ply", "-o", "out.ply", *options)[1])
-    assert title == "scan.ply → out.ply"
-    for expected in (
-        r"points \d+ in, \d+ out \([\d.]+ %\)",
-        r"method gp \(feature_weight=0.8\)",
-        r"noise [\d.e-]+ % of the spacing of the kept points \(.*\)",
-        r"added in gaps \d+",
-        r"outliers \d+",
-        r"time \d+\.\d\d s.*",
-    ):
-        assert any(re.fullmatch(expected, row) for row in rows), expected
-
-
 FPS = ("--points", 40, "--method", "fps")
 ONLY = ("--only", "z > 5", "--drop-outliers")
 
@@ -95,17 +78,6 @@ def test_all_points_are_written_with_a_mark_for_those_kept(printed, case):
     assert marked == read
 
 
-def test_points_that_are_dropped_need_not_be_held(gppcs_command, printed, folder):
-    points = gppcs.sample("bracket", 400).points.round(2)
-    points[7] = np.nan
-    gppcs.write("bare.xyz", points)
-    words = ["simplify", "bare.xyz", "-o", "out.las", "--lossy", "--invalid", "drop", "-q", *FPS]
-    assert gppcs_command(*words, "--mark", "kept")[0] == 2
-    assert not (folder / "out.las").exists()
-    assert printed(*words, "--index") == ""
-    assert 7 not in gppcs.read("out.las").attributes["index"]
-
-
 def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):
     gppcs.write("done.ply", scan)
     Path("broken.ply").write_bytes(Path("done.ply").read_bytes()[:-10])
@@ -129,15 +101,3 @@ def test_no_input_of_the_call_is_overwritten_through_a_link_in_the_folder(refuse
     Path("results/scan.ply").symlink_to(Path("more.ply").absolute())
     told = "results/scan.ply: expected a file that is no input, found an input"
     refused(("simplify", "scan.ply", "more.ply", "-o", "results", "--points", 5, "--force", *FAST), told)
-
-
-def test_what_a_file_loses_is_told_in_one_line(gppcs_command, refused, scan):
-    content = Path("scan.ply").read_bytes().replace(b"element vertex", b"comment mine\nobj_info old\nelement vertex")
-    face = b"element face 1\nproperty uchar flag\nend_header"
-    Path("scan.ply").write_bytes(content.replace(b"end_header", face) + b"1")
-    command = ("simplify", "scan.ply", "--points", 5, *FAST, "-o")
-    lost = "attribute curvature (float32)"
-    refused((*command, "out.off"), f"OFF cannot hold: {lost}; choose another format, or leave this out with lossy")
-    told = f"gppcs: note: out.off: left out: faces (1), {lost}, comments (2)\n"
-    assert gppcs_command(*command, "out.off", "--lossy")[::2] == (0, told)
-    assert gppcs_command(*command, "out.ply")[2].endswith(": faces (1)\n")

@@ -12,8 +12,6 @@ import gppcs
 from command_line import files
 from web_page import WebPage
 
-SMALL = ("--points", 60, "--method", "random")
-
 
 @pytest.fixture
 def piped(monkeypatch):
@@ -45,19 +43,6 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
 
 
-def test_a_file_may_be_called_like_standard_output(printed, record, refused, scan, folder):
-    """`./-` names it, as in other programs."""
-    assert printed("sample", "fan", "-o", "./-", "--to", "ply", "--points", 30, "-q") == ""
-    assert files() == ["-", "scan.ply"]
-    assert record("info", "./-")["points"] == 30
-    for command in (("convert", "./-", ".//-"), ("simplify", "./-", "-o", ".//-", *SMALL)):
-        refused((*command, "--to", "csv", "--force"), "found an input")
-    assert printed("simplify", "scan.ply", "-o", "././-", "--to", "csv", "--force", "-q", *SMALL) == ""
-    assert len(gppcs.read("./-", "csv")) == 60
-    gppcs.write("./-", gppcs.read("scan.ply"), "ply", force=True)
-    assert len(gppcs.read("./-")) == 400
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="no sh")
 @pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&-"])
 def test_a_closed_stream_does_no_harm(folder, scan, closed):
@@ -82,12 +67,3 @@ def test_text_from_files_does_not_control_the_terminal(gppcs_command, folder, co
             assert r"red \x1b[31m" in printed
             assert r"reversed \u202e" in printed
             assert "[bold]x[/bold]" in printed
-
-
-def test_a_deleted_working_directory_does_no_harm(folder, scan):
-    (gone := folder / "gone").mkdir()
-    words = ["simplify", folder / "scan.ply", "-o", folder / "out.ply", "--points", "9", "--method", "fps"]
-    code = f"import os; os.rmdir({str(gone)!r}); from gppcs.app.cli import main; main()"
-    found = subprocess.run([sys.executable, "-c", code, *map(str, words)], cwd=gone, check=False, capture_output=True)
-    assert (found.returncode, found.stderr) == (0, b"")
-    assert len(gppcs.read("out.ply")) == 9

@@ -1,7 +1,6 @@
 """Comparisons as tables."""
 
 import csv
-import dataclasses
 import io
 
 import pytest
@@ -46,15 +45,6 @@ def test_markdown_has_a_row_for_each_method_and_the_best_in_bold(entries):
     assert "surface mean" in titles
     assert "hausdorff mean" not in titles
     assert all(definition_of(name) for name in SHOWN if name != "seconds")
-
-
-def test_entries_of_one_method_have_different_labels(entries):
-    fives = [
-        dataclasses.replace(entry, result=dataclasses.replace(entry.result, method=gppcs.Random(seed=seed)))
-        for entry, seed in zip(entries, (0, 5), strict=True)
-    ]
-    assert [row["parameters"] for row in csv_of(fives)] == ["seed=0 even=False", "seed=5 even=False"]
-    assert [row[0] for row in markdown_of(fives)[1:]] == ["random", "random (seed=5)"]
 
 
 def test_tables_of_meshes_have_their_figures_and_say_which_pipeline_failed():

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import urllib.error
 import urllib.request
-import webbrowser
 from pathlib import Path
 
 import numpy as np
@@ -46,14 +45,3 @@ def test_a_large_file_is_served_until_ctrl_c(folder, kernels):
     assert set(Path().iterdir()) - before == {Path("opened")}
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(url, timeout=60)
-
-
-def test_a_small_file_is_a_page_in_a_file(gppcs_command, folder, monkeypatch):
-    opened = []
-    monkeypatch.setattr(webbrowser, "open", lambda page: opened.append(page) or True)
-    gppcs.write("small.copc.laz", gppcs.sample("bracket", 400), levels_by="order", lossy=True)
-    code, out, _ = gppcs_command("view", "small.copc.laz", "-o", "v.html")
-    assert (code, out) == (0, "v.html\n")
-    assert gppcs_command("view", "small.copc.laz")[0] == 0
-    assert all(page.startswith("file://") for page in opened)
-    assert "octree" not in WebPage(Path("v.html").read_text("utf-8")).described["clouds"][0]

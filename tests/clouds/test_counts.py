@@ -33,14 +33,6 @@ def test_units_multiply_the_number_exactly(whole, places, unit, space):
             count(text + space + unit)
 
 
-HELP = {"5k": 5000, "1e3": 1000, "1.5M": 1_500_000, "5,000": 5000, "5_000": 5000, ".5k": 500, "1,234.5k": 1_234_500}
-
-
-@pytest.mark.parametrize(("text", "number"), HELP.items())
-def test_the_spellings_of_the_help(text, number):
-    assert count(text) == number
-
-
 OF_ANOTHER_SCRIPT = "\u0665"  # a digit five
 MISWRITTEN = (
     "3%",

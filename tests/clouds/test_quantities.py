@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.clouds.quantities import METRES, Length, metres_of, name_of_unit
+from gppcs.clouds.quantities import Length, metres_of
 from gppcs.io.las_header import metres_of_wkt
 
 
@@ -24,12 +24,6 @@ from gppcs.io.las_header import metres_of_wkt
 def test_a_length_in_the_unit_of_the_cloud(given, unit, expected):
     length = Length.from_value("tolerance", given)
     assert length.in_cloud(10.0, metres_of(unit, None)) == pytest.approx(expected, rel=1e-12)
-
-
-def test_the_name_of_a_unit():
-    assert {name_of_unit(metres) for metres in METRES.values()} == {"um", *METRES} - {"µm", "μm"}
-    assert name_of_unit(0.3048006096) == "us-ft"  # as in files
-    assert name_of_unit(0.9144) == "0.9144 m"
 
 
 GEOGRAPHIC = 'GEOGCS["WGS 84",DATUM["W",SPHEROID["W",6378137,298.25]],UNIT["degree",0.0174532925199433]]'

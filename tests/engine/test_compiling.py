@@ -11,25 +11,6 @@ from gppcs.engine import timer as compiling
 from gppcs.engine.kernels import kernel
 from gppcs.engine.timer import NOTICE
 
-COMPILE = """
-import sys, numba
-@numba.njit
-def of_another_package(x):
-    return x + 1
-of_another_package(1)
-from gppcs.engine.timer import compile_timer
-print(compile_timer.seconds == 0)
-from gppcs.engine.kernels import kernel
-import gppcs.engine.kernel_cache as kernels
-kernels.folders = lambda: []
-kernels.folder_to_write = lambda: __import__("pathlib").Path("/no/such")
-@kernel
-def f(x):
-    return x * 2
-f(1), f(1.5)
-print(compile_timer.seconds > 0)
-"""
-
 
 @pytest.fixture
 def fresh(monkeypatch):
@@ -76,10 +57,3 @@ def test_stages_report_compilation_apart(fresh, fails):
     assert compiling.compile_timer.seconds == pytest.approx(timer.seconds["compilation"], abs=0.005)  # both have ended
     assert 0 <= timer.seconds["second"] <= elapsed - 0.2
     assert gc.isenabled()
-
-
-def test_a_result_tells_compilation_from_its_own_time(fresh):
-    result = gppcs.simplify(gppcs.sample("sphere", 1000), n_points=10, method="random")
-    assert "compilation" not in repr(result) or "compilation" in result.seconds
-    known = gppcs.Result(result.indices, result.cloud, result.method, {"a": 1.0, "compilation": 40.0, "b": 2.0}, {})
-    assert repr(known) == "Result(10 points by random in 3 s and 40 s of compilation)"

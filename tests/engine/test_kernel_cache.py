@@ -37,16 +37,6 @@ from gppcs.caller import outer
 from gppcs.callee import inner
 print(outer(3), outer(0.25), sum(sum(kernel.stats.cache_misses.values()) for kernel in (inner, outer)))
 """
-PAIRS = """
-from typing import NamedTuple
-from gppcs.engine.kernels import kernel
-class Pair(NamedTuple):
-    a: int; b: int
-@kernel
-def first(pairs):
-    return pairs[0].a
-"""
-CALL_PAIRS = "from gppcs.pairs import Pair, first; print(first((Pair(a=1, b=2), 3)))"
 COMPILED, LOADED = "17 11.5 4\n", "17 11.5 0\n"
 
 
@@ -107,14 +97,6 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
     change(package, "callee", "3 * x", "2 * x")
     assert call(package) == LOADED
     assert len(kept(package)) == 12
-
-
-@pytest.mark.slow
-def test_fields_of_named_tuples_that_change_places_are_noticed(package):
-    (package / "pairs.py").write_text(PAIRS)
-    assert call(package, CALL_PAIRS) == "1\n"
-    change(package, "pairs", "a: int; b: int", "b: int; a: int")
-    assert call(package, CALL_PAIRS) == "1\n"
 
 
 @pytest.mark.slow

@@ -7,10 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import gppcs
-from gppcs.engine.kernels import kernel
 
 SOURCE = Path(gppcs.__file__).parent
 
@@ -39,26 +36,6 @@ def test_rounding_does_not_depend_on_which_kernel_is_compiled_first():
         if len(callers) > 1 and "fastmath" not in own and "inline" not in own:
             unclear.append(f"{module}.{name}: add fastmath=False")
     assert not unclear
-
-
-@pytest.fixture
-def unkept(monkeypatch):
-    """Nothing compiled is kept or found."""
-    monkeypatch.setattr("gppcs.engine.kernel_cache.folders", list)
-    monkeypatch.setattr("gppcs.engine.kernel_cache.folder_to_write", lambda: None)
-
-
-def test_a_constant_needs_no_code_of_its_own(unkept):
-    @kernel
-    def added(x, y, negative):
-        return x - y if negative else x + y
-
-    @kernel
-    def sums(x):
-        return added(x, 1, False), added(x, 1, True), added(2, x, x > 1)
-
-    assert sums(5) == (6, 4, -3)
-    assert len(added.signatures) == 1
 
 
 def test_warmup_refuses_to_compile_what_cannot_be_kept(tmp_path):

@@ -4,7 +4,6 @@ import os
 import pty
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -56,14 +55,6 @@ def test_a_bar_shows_for_a_slow_stage_and_goes_away_even_if_it_fails(expected):
 @pytest.mark.parametrize(("seconds", "term"), [(0, "xterm"), (0.2, "dumb")])
 def test_no_bar_for_quick_stages_and_plain_terminals(seconds, term):
     assert in_terminal(STAGE.format(seconds=seconds, end="pass"), term) == ("", 0)
-
-
-def test_no_bar_where_stderr_is_no_terminal(capsys, monkeypatch):
-    monkeypatch.setattr(progress, "PATIENCE", 0)
-    with Timer(progress.ProgressBar())("stage", 10) as on_progress:
-        time.sleep(0.05)
-        on_progress(5)
-    assert capsys.readouterr() == ("", "")
 
 
 def test_lines_for_programs_name_each_stage_and_each_percent_once(capsys):

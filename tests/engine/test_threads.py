@@ -4,7 +4,6 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -51,21 +50,6 @@ def test_an_error_in_any_thread_reaches_the_caller_and_the_next_call_works(count
     assert sum(done) == 64
 
 
-def test_many_callers_share_the_helpers(monkeypatch):
-    monkeypatch.setattr(threads, "_pool", None)
-    set_threads(3)
-
-    def add_up(k):
-        totals = np.zeros(1000)
-        on_ranges(lambda begin, end: totals.__setitem__(slice(begin, end), k), 1000)
-        return totals
-
-    with ThreadPoolExecutor(8) as pool:
-        for k, totals in enumerate(pool.map(add_up, range(64))):
-            np.testing.assert_array_equal(totals, k)
-    assert len(threads._pool._threads) == 2
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_fork_starts_its_own_helpers():
     set_threads(3)
@@ -77,18 +61,6 @@ def test_a_fork_starts_its_own_helpers():
         on_ranges(lambda begin, end: barrier.wait(), 3)
         os._exit(0)
     assert os.waitpid(child, 0)[1] == 0
-
-
-def test_a_kernel_works_where_no_thread_can_be_started(monkeypatch):
-    def refuse(self):
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    monkeypatch.setattr(threads, "_pool", None)
-    set_threads(4)
-    done = []
-    on_ranges(lambda begin, end: done.append(end - begin), 64)
-    assert sum(done) == 64
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="needs an affinity")

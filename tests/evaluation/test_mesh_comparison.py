@@ -5,7 +5,6 @@ import pytest
 
 import gppcs
 from gppcs.evaluation import mesh_comparison, reconstruction
-from gppcs.evaluation.mesh_comparison import checked_pipelines
 from gppcs.evaluation.reconstruction import decimated, oriented_alike, without_membranes
 from gppcs.spatial.kdtree import KdTree
 from meshes import hull_mesh, moved
@@ -66,26 +65,6 @@ def test_a_pipeline_without_a_surface_says_why_and_stops_no_other(monkeypatch):
     (entry,) = gppcs.compare_meshes(volume, n_points=100, pipelines=["mesh"])
     assert entry.report is None
     assert "does not lie on the original" in entry.failure
-
-
-def test_all_pipelines_whose_packages_are_there_by_default(monkeypatch):
-    def missing(module):
-        raise gppcs.errors.MissingExtraError("no CGAL")
-
-    monkeypatch.setattr(mesh_comparison, "require_cgal", missing)
-    assert checked_pipelines(None, 0.1, None) == [
-        name for name in mesh_comparison.PIPELINES if name != "advancing-front"
-    ]
-    with pytest.raises(gppcs.errors.MissingExtraError):
-        checked_pipelines(["mesh", "advancing-front"], 0.1, None)
-
-
-def test_distances_are_measured_from_a_surface_that_is_given(sphere):
-    surface = hull_mesh(sphere[:3000])
-    (entry,) = gppcs.compare_meshes(sphere[:1000], n_points=100, pipelines=["mesh"], mesh=surface)
-    assert entry.report == gppcs.evaluate_mesh(sphere[:1000], entry.mesh, surface)
-    with pytest.raises(gppcs.InputError, match="mesh does not lie on the original"):
-        gppcs.compare_meshes(sphere[:1000], n_points=100, pipelines=["mesh"], mesh=moved(surface, 9))
 
 
 @pytest.mark.parametrize(

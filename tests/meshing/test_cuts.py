@@ -48,14 +48,6 @@ def test_on_a_lattice_the_triangles_found_are_exactly_those_that_meet_or_have_no
             assert set(cutting(loose(vertices, faces), vertices)) == faulty_triangles(gppcs.Mesh(lattice, faces))
 
 
-def test_neighbours_in_one_plane_do_not_cut():
-    x, y = np.meshgrid(np.arange(5.0), np.arange(5.0))
-    vertices = np.column_stack([x.ravel() / 3, y.ravel() / 7, x.ravel() / 3 + y.ravel() / 7])  # rounding tilts them
-    i = np.arange(20)[np.arange(20) % 5 < 4]
-    faces = np.concatenate([np.column_stack([i, i + 1, i + 6]), np.column_stack([i, i + 6, i + 5])])
-    assert len(cutting(HalfEdges.from_faces(faces, 25), vertices)) == 0
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tree_that_follows_the_changes_finds_what_a_new_one_finds(seed):
     points, _, faces = ball(300, seed)

@@ -73,21 +73,6 @@ def test_one_collapse_and_one_split_change_the_energy_as_computed(fine, change):
     assert faults(fitted.mesh) == []
 
 
-@pytest.mark.parametrize("rough", [0.0, 0.06])
-def test_after_collapses_the_gains_of_splits_differ_only_near_them(fine, rough):
-    fitted, dense_index = fine
-    fitted.vertices[:] += rough * np.random.default_rng(0).standard_normal(fitted.vertices.shape)
-    edges, rises = fitted.mesh.inner_edges(), np.empty(len(fitted.mesh.origin))
-    rises[edges] = changes(fitted, edges, THIN_COST, split=True)
-    _, count, changed = collapse_cheapest(fitted, dense_index, 40)
-    assert count > 1
-    edges = fitted.mesh.inner_edges()
-    near = module._are_near(fitted, edges, changed)
-    assert 0 < np.count_nonzero(near) < len(near)
-    after = changes(fitted, edges, THIN_COST, split=True)
-    np.testing.assert_array_equal(rises[edges[~near]], after[~near])
-
-
 def test_an_exchange_lowers_the_energy_with_as_many_vertices(fine):
     fitted, dense_index = fine
     before, topology, faces = energy(fitted, THIN_COST), topology_of(fitted.mesh.faces()), len(fitted.mesh.faces())

@@ -78,12 +78,6 @@ def test_of_the_tubes_between_two_sheets_all_but_one_are_cut(tubes):
         assert np.array_equal(left, faces)
 
 
-def test_more_tubes_than_a_code_has_bits_are_cut():
-    faces, vertices, normals = bridged(80 * np.arange(1, 81), n=60)
-    assert topology_of(faces).genus == 79
-    assert topology_of(cut(faces, vertices, normals)).genus == 0
-
-
 def test_a_noisy_relief_has_no_handle():
     """A false handle of a few edges was there."""
     result = gppcs.mesh(noisy("medallion", 20_000), n_points=500)

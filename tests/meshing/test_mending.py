@@ -58,16 +58,6 @@ def test_mending_keeps_the_topology_and_leaves_no_cut(damaged, lost):
     assert len(cutting(mesh, points)) == 0
 
 
-def test_kept_vertices_stay_while_edges_flip():
-    points, normals, faces = crumpled(0)
-    mesh = HalfEdges.from_faces(faces, len(points))
-    before = len(cutting(mesh, points))
-    into, _ = mend(mesh, points, normals, np.ones(len(points), dtype=bool))
-    assert np.array_equal(into, np.arange(len(points)))
-    assert len(np.unique(mesh.faces())) == len(points)
-    assert len(cutting(mesh, points)) <= before
-
-
 def folded_strip():
     """A strip of two rows of points, one of which lies so far ahead that its triangles cut those there."""
     x, y = np.meshgrid(np.arange(12.0), [0.0, 1.0], indexing="ij")

@@ -98,13 +98,6 @@ def test_scores_are_carried_by_the_points():
     assert "score" not in selection.cloud.attributes
 
 
-@pytest.mark.parametrize("n_points", [10, 12, 20])
-def test_points_that_had_not_to_be_chosen_have_no_score(n_points):
-    points = np.tile(np.random.default_rng(0).random((10, 3)), (2, 1))
-    result = gppcs.simplify(points, n_points=n_points, scores=True)
-    assert result.cloud.attributes["score"].tolist() == result.cloud.attributes["deviation"].tolist() == [0] * n_points
-
-
 @pytest.mark.slow
 def test_the_bunny_is_rebuilt_closer_than_from_other_methods(shared_data):
     """Of a twentieth of the points; found H means of 0.93 to 0.95 that of hc, which turns change by 1 %."""

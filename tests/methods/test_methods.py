@@ -58,30 +58,6 @@ def test_a_parameter_of_another_type_is_named(method):
                 method(**{name: value})
 
 
-def test_numbers_of_numpy_become_pythons():
-    method = gppcs.SpectralGP(neighbours=np.int64(5), nu=np.float32(3), k_init=np.uint8(4))
-    assert [(value, type(value)) for value in (method.neighbours, method.nu, method.k_init)] == [
-        (5, int), (3.0, float), (4, int)
-    ]  # fmt: skip
-    assert type(gppcs.SpectralGP(nu=3).nu) is float
-
-
-@pytest.mark.parametrize("method", gppcs.METHODS.values())
-def test_the_docstring_holds_description_source_and_parameters(method):
-    text = " ".join(method.__doc__.split())
-    assert f"{method.description} Source: {method.source}." in text
-    assert ("Parameters ----------" in text) == bool(parameters_of(method))
-    for name, parameter in parameters_of(method).items():
-        default = "" if parameter.default is None else f", default {parameter.default!r}"
-        assert f" {name} : {parameter.kind}{default} {parameter.meaning}" in text
-
-
-def test_a_label_names_what_is_not_the_default():
-    assert str(gppcs.FarthestPoint()) == "fps"
-    assert str(gppcs.SpectralGP()) == "gp-spectral"
-    assert str(gppcs.SpectralGP(nu=math.inf, k_add=5)) == "gp-spectral (nu=inf, k_add=5)"
-
-
 @pytest.mark.parametrize(
     ("parameter", "kind", "values", "others"),
     [
@@ -138,12 +114,6 @@ def test_every_parameter_changes_the_choice(name):
         assert changed != default, parameter
 
 
-@pytest.mark.parametrize("method", [gppcs.SpectralGP, gppcs.FarthestPointVariation])
-def test_more_start_points_than_asked_for_are_cut(method):
-    fps = gppcs.simplify(CLOUD, n_points=20, method="fps")
-    assert gppcs.simplify(CLOUD, n_points=20, method=method(k_init=500)).indices.tolist() == fps.indices.tolist()
-
-
 @pytest.mark.parametrize(
     ("staying", "moving"),
     [(gppcs.WLOP(), gppcs.WLOP(snap=False)), (gppcs.Voxel(), gppcs.Voxel(keep="mean"))],
@@ -163,11 +133,6 @@ def test_points_that_move_keep_their_attributes(staying, moving, sphere):
     assert away.max() < 1.5
     whole_numbers = gppcs.PointCloud(np.rint(points * 100), coordinate_dtype=np.dtype(np.int32))
     assert gppcs.simplify(whole_numbers, n_points=300, method=moving).cloud.coordinate_dtype == np.float64
-
-
-def test_fewer_candidates_than_points_asked_for_are_made_to_suffice():
-    result = gppcs.simplify(CLOUD, n_points=60, method=gppcs.FarthestPointVariation(candidates=5))
-    assert len(set(result.indices.tolist())) == 60
 
 
 @given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())

@@ -61,14 +61,6 @@ def test_each_point_lies_in_a_cell_of_its_own(bracket, keep):
     assert occupied(points, edge) > 1_000  # so that some had to go
 
 
-def test_points_that_rounding_nearly_joins_get_cells_of_their_own():
-    places = np.linspace(0.496, 0.4999, 100)
-    points = np.concatenate([[0.0], places, np.nextafter(places, 1), [0.99]])[:, None] * [[1.0, 0.0, 0.0]]
-    fine = 0.99 * 2.0**-60
-    assert occupied(points, fine) < 200  # which is why cells so small get a power of two for an edge
-    assert edge_for(points, 201) > fine
-
-
 def plain_best(points, edge, worth, axes):
     chosen = {}
     for index, point in enumerate(points):
@@ -99,22 +91,3 @@ def test_too_few_columns_are_told():
     with pytest.raises(gppcs.InputError, match=r"at 20 or more different places in x and y, found 10; ask for fewer$"):
         gppcs.simplify(points, n_points=20, method=gppcs.Voxel(keep="highest"))
     assert len(gppcs.simplify(points, n_points=10, method=gppcs.Voxel(keep="highest")).indices) == 10
-
-
-@pytest.mark.parametrize(
-    ("settings", "found"),
-    [
-        ({"keep": "most"}, "attribute to be the name of an attribute, found None"),
-        ({"attribute": "intensity"}, 'attribute to be None unless keep is "most" or "least"'),
-    ],
-)
-def test_an_attribute_belongs_to_most_and_least(settings, found):
-    with pytest.raises(gppcs.ParameterError, match=found):
-        gppcs.Voxel(**settings)
-
-
-def test_an_attribute_that_is_not_there_is_told(sphere):
-    with pytest.raises(
-        gppcs.InputError, match="the cloud has no attribute 'intensity' to choose points by; it has none"
-    ):
-        gppcs.simplify(sphere, n_points=10, method=gppcs.Voxel(keep="most", attribute="intensity"))

@@ -106,6 +106,15 @@ class TestTheNodes:
             assert (node.points >= low - 0.01).all()
             assert (node.points <= low + side + 0.01).all()
 
+    def test_their_values_and_colours_are_those_of_the_file(self, nodes, whole):
+        node = nodes[-1]
+        part = whole.take(node.rows)
+        assert np.array_equal(node.values("attribute:intensity"), part.attributes["intensity"])
+        assert np.abs(node.values("attribute:gps_time") - part.attributes["gps_time"]).max() < 9 / 30_000
+        assert np.abs(node.values("z") - part.points[:, 2]).max() < 20 / 30_000
+        colours = np.stack([part.attributes[name] for name in ("red", "green", "blue")], axis=1)
+        assert np.array_equal(node.colours, np.round(colours / 257.0))
+
     def test_a_class_that_the_first_levels_lack_is_unknown(self, cloud, nodes, whole):
         [held] = [values for values in cloud["values"] if values["key"] == "attribute:classification"]
         assert held["categories"] == [2, 6]
