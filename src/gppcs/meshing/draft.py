@@ -38,9 +38,8 @@ class Draft:
     def copy(self) -> Draft:
         """Return a draft that can be changed without changing this one."""
         mesh = HalfEdges(*(part.copy() for part in self.mesh))
-        return replace(
-            self, mesh=mesh, dense_index=self.dense_index.copy(), fixed=self.fixed.copy(), vertices=self.vertices.copy()
-        )
+        changed_in_place = ("dense_index", "fixed", "vertices", "nearest")
+        return replace(self, mesh=mesh, **{name: getattr(self, name).copy() for name in changed_in_place})
 
     @property
     def n_vertices(self) -> int:
