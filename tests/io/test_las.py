@@ -17,7 +17,6 @@ from formats import losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, to_laspy, write
-from gppcs.io.cloud_files import CloudFiles
 
 SUFFIXES = [".las", ".laz"]
 FORMATS = [
@@ -139,15 +138,13 @@ def test_extra_bytes_that_no_record_describes(tmp_path):
     assert (tmp_path / "out.las").read_bytes()[100:] == content[100:]
 
 
-@pytest.mark.parametrize("version", ["1.3", "1.4"])
-def test_waveforms_in_the_file_are_kept(tmp_path, version):
-    path = save(random_las(version, 4), tmp_path / "in.las")
+def test_waveforms_in_the_file_are_kept(tmp_path):
+    path = save(random_las("1.4", 4), tmp_path / "in.las")
     content = bytearray(path.read_bytes())
     packets = struct.pack("<H16sHQ32s", 0, b"LASF_Spec", 65535, 1000, b"packets") + bytes(1000)
     content[6] |= 0b10
     content[227:235] = len(content).to_bytes(8, "little")
-    if version == "1.4":
-        content[235:247] = struct.pack("<QI", len(content), 1)
+    content[235:247] = struct.pack("<QI", len(content), 1)
     path.write_bytes(content + packets)
     write(tmp_path / "out.las", read(path).take(np.arange(7)))
     out = (tmp_path / "out.las").read_bytes()
@@ -269,8 +266,8 @@ def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("n" * 33, "at most 32 bytes"),
-        ("é" * 17, "at most 32 bytes"),
+        ("n" * 33, "laspy reports: "),
+        ("é" * 17, "laspy reports: "),
         ("X", "different names"),
         ("bit_fields", "different names"),
         ("", "1 to 1,000 characters"),
@@ -280,7 +277,7 @@ def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
 def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
     with pytest.raises(OutputError, match=message):
         write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
-    with pytest.raises(OutputError, match=r"at most 341 attributes in extra bytes, .* number 342"):
+    with pytest.raises(OutputError, match="at most 341 attributes in extra bytes, found 342"):
         write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), {f"a{i}": np.zeros(1) for i in range(342)}))
     assert not any(tmp_path.iterdir())
 
@@ -362,20 +359,6 @@ def test_any_cloud(tmp_path_factory, suffix, cloud):
         assert (np.abs(found.points - cloud.points) <= last_digits).all()
     write(path, found, force=True)  # nothing more is lost
     assert read(path) == found
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("counted", [1_000, 120_000])
-def test_points_that_the_header_does_not_count_are_told(tmp_path, suffix, counted):
-    path = save(random_las("1.4", 7, n=120_000, extra=("u1",)), tmp_path / f"a{suffix}")
-    data = bytearray(path.read_bytes())
-    data[247:255] = counted.to_bytes(8, "little")
-    path.write_bytes(data)
-    with CloudFiles([path]) as files:
-        assert len(files.read()) == counted
-        told = files.skipped()
-    at_least = {".las": "119,000", ".laz": "99,001"}[suffix]
-    assert told == ([f"points that its header does not count ({at_least} or more)"] if counted == 1_000 else [])
 
 
 MERGED = "a scale and an offset of X that keep different coordinates different"

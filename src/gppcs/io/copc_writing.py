@@ -42,35 +42,45 @@ def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str = ORDERS[0]) ->
 def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any]) -> None:
     """Write a COPC file of points as they are stored, (n,), the most important first. It sorts them in place."""
     import laspy
+    import lazrs
 
     header, info = deepcopy(header), laspy.VLR("copc", 1, "copc info", bytes(160))
     header.vlrs.insert(0, info)
-    compressor = las.write_header(file, header, compressed=True, by_nodes=True)
-    assert compressor
-    times = _count(header, records)
-    octree = Octree(header)
-    pieces = octree.sort(records)
-    keys = sorted(pieces)
+    header.are_points_compressed = True
+    writer: Any = laspy.LazBackend.LazrsParallel.create_writer(file, header)
+    writer.vlr = lazrs.LazVlr.new_for_compression(
+        header.point_format.id, header.point_format.num_extra_bytes, use_variable_size_chunks=True
+    )
     with las.reported_writing():
+        writer.write_initial_header_and_vlrs(header, "surrogateescape")
+        times = _count(header, records)
+        octree = Octree(header)
+        pieces = octree.sort(records)
+        keys = sorted(pieces)
         for begin in range(0, len(keys), 16):  # nodes that are compressed at once
             nodes = (np.concatenate([records[i:j] for i, j in pieces[key]]) for key in keys[begin : begin + 16])
-            compressor.compress_chunks([node.view(np.uint8) for node in nodes])
-        compressor.done()
-    hierarchy = _hierarchy(keys, chunks_of(file, header) if keys else np.zeros(1, copc.ENTRY))
-    position = file.seek(0, 2) + 60  # behind the head of its record
-    header.evlrs = [laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy), *(header.evlrs or [])]
-    half, last_place = octree.side / 2, np.spacing(np.abs([header.mins, header.maxs]).max())
-    spacing = octree.side / np.sqrt(max(1, octree.counts[1]))  # as if the first node were a square
-    info.record_data = struct.pack(
-        "<5d2Q2d88x", *(octree.lower + half), half + last_place, spacing, position, len(hierarchy), *times
-    )
-    las.write_rest(file, header)
+            writer.compressor.compress_chunks([node.view(np.uint8) for node in nodes])
+        writer.done()
+        hierarchy = _hierarchy(keys, chunks_of(file, header) if keys else np.zeros(1, copc.ENTRY))
+        half, last_place = octree.side / 2, np.spacing(np.abs([header.mins, header.maxs]).max())
+        spacing = octree.side / np.sqrt(max(1, octree.counts[1]))  # as if the first node were a square
+        header.start_of_first_evlr = file.seek(0, 2)
+        position = header.start_of_first_evlr + 60  # behind the head of the record
+        info.record_data = struct.pack(
+            "<5d2Q2d88x", *(octree.lower + half), half + last_place, spacing, position, len(hierarchy), *times
+        )
+        index = laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy)
+        header.evlrs = laspy.vlrs.vlrlist.VLRList([index, *(header.evlrs or [])])
+        header.number_of_evlrs = len(header.evlrs)
+        header.evlrs.write_to(file, as_extended=True, encoding_errors="surrogateescape")
+        writer.write_updated_header(header, "surrogateescape")
 
 
 def _count(header: laspy.LasHeader, records: NDArray[Any]) -> tuple[float, float]:
     """Let a header count the points, and return the first and the last time of them."""
     import laspy
 
+    header.partial_reset()
     if not len(records):
         header.update([])
         return 0.0, 0.0

@@ -19,14 +19,13 @@ from gppcs.clouds.columns import Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.las_header import WAVEFORMS, LasHeader, read_header
-from gppcs.io.laz import counted_chunks, points_of, uncounted
+from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of, read_header
+from gppcs.io.laz import counted_chunks, points_of
 from gppcs.io.query import not_empty
 from gppcs.io.rows import BLOCK, at_most
 
 if TYPE_CHECKING:
     import laspy
-    import lazrs
     from laspy.point.dims import DimensionInfo
 
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
@@ -40,6 +39,7 @@ def open_las(
     """Open a LAS, LAZ or COPC file; `select` returns the chunks that are read."""
     las = read_header(file)
     header = LasHeader.from_laspy(las)
+    skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
     def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
         """Read the points in chunks: first a cloud without points, which stays if there are no others."""
@@ -60,7 +60,7 @@ def open_las(
                 begins.append(end)
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-    return Reader(chunks, las.point_count, skipped=partial(uncounted, file, las), spans=spans)
+    return Reader(chunks, las.point_count, skipped=lambda: skipped, spans=spans)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -117,17 +117,18 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file of a cloud that `stored` has returned."""
     import laspy
 
-    las = deepcopy(header_of(cloud))
-    compressor = write_header(file, las, compressed)
-    write = compressor.compress_many if compressor else file.write
-    with reported_writing():
+    las, options = header_of(cloud), {"closefd": False, "encoding_errors": "surrogateescape"}
+    with reported_writing(), laspy.LasWriter(file, las, compressed, **options) as writer:
         for start in range(0, len(cloud), BLOCK):
             block = records_of(cloud[start : start + BLOCK], las)
-            las.grow(laspy.PackedPointRecord(block, las.point_format))
-            write(block.view(np.uint8).data)
-        if compressor:
-            compressor.done()
-    write_rest(file, las)
+            writer.write_points(laspy.PackedPointRecord(block, las.point_format))
+        if las.evlrs:
+            writer.write_evlrs(las.evlrs)
+            position = writer.header.start_of_first_evlr
+            for record in las.evlrs:
+                if kind_of(record) == WAVEFORMS:
+                    writer.header.start_of_waveform_data_packet_record = position
+                position += 60 + len(record.record_data_bytes())
 
 
 def header_of(cloud: PointCloud) -> laspy.LasHeader:
@@ -156,47 +157,6 @@ def set_coordinates(block: NDArray[Any], points: NDArray[np.float64], las: laspy
     """Set the coordinates of points as they are stored."""
     for axis, values, scale, offset in zip("XYZ", points.T, las.scales, las.offsets, strict=True):
         block[axis] = np.rint((values - offset) / scale)
-
-
-def write_header(
-    file: BinaryIO, las: laspy.LasHeader, compressed: bool, by_nodes: bool = False
-) -> lazrs.ParLasZipCompressor | None:
-    """Write what stands before the points, make the header ready to count them, and return what compresses them.
-
-    With `by_nodes`, chunks can have any number of points.
-    """
-    import laspy
-    import lazrs
-
-    extra = las.point_format.num_extra_bytes
-    kind = lazrs.LazVlr.new_for_compression(las.point_format.id, extra, use_variable_size_chunks=by_nodes)
-    if compressed:
-        las.are_points_compressed = True
-        las.vlrs.append(laspy.vlrs.known.LasZipVlr(bytes(kind.record_data())))
-    with reported_writing():
-        las.write_to(file, encoding_errors="surrogateescape")
-        las.partial_reset()
-        return lazrs.ParLasZipCompressor(file, kind) if compressed else None
-
-
-def write_rest(file: BinaryIO, las: laspy.LasHeader) -> None:
-    """Write the records behind the points, and the header again, which has counted these."""
-    import laspy
-
-    position = file.seek(0, 2)
-    if not las.point_count:
-        las.update([])
-    with reported_writing():
-        for record in las.evlrs or []:
-            if (record.user_id, record.record_id) == WAVEFORMS:
-                las.start_of_waveform_data_packet_record = file.tell()
-            one = laspy.vlrs.vlrlist.VLRList([record])
-            one.write_to(file, as_extended=True, encoding_errors="surrogateescape")
-        if las.evlrs and las.version.minor >= 4:
-            las.start_of_first_evlr = position
-            las.number_of_evlrs = len(las.evlrs)
-        file.seek(0)
-        las.write_to(file, ensure_same_size=True, encoding_errors="surrogateescape")
 
 
 @contextmanager
@@ -293,14 +253,11 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
         elif dimension is None or not dimension.is_standard:
             for part, numbers in _extra_columns(name, values, widest).items():
                 check_name(part, (*kept, *taken))
-                if len(part.encode()) > 32 or len(extra) == 341:
-                    raise OutputError(
-                        "expected at most 341 attributes in extra bytes, with names of at most 32 bytes, found "
-                        f"{part!r} as number {len(extra) + 1}; rename or drop attributes"
-                    )
                 kept[part] = numbers
                 dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
                 extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
+    if len(extra) > 341:  # of which the records are longer than one may be
+        raise OutputError(f"expected at most 341 attributes in extra bytes, found {len(extra):,}; drop some")
     if not is_unchanged:
         standard.dimensions += extra
         with reported_writing():

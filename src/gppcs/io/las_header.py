@@ -187,12 +187,6 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     for name in header.point_format.extra_dimension_names:
         if name in ("", "x", "y", "z"):
             raise FileFormatError(f"expected a name of its own for all extra bytes, found {name!r}; rename them")
-    position = header.start_of_waveform_data_packet_record
-    if minor == 3 and header.global_encoding.waveform_data_packets_internal and position:
-        _check_records(file, position, size, 1, extended=True)
-        file.seek(position)
-        with reported("laspy", "a record of waveforms"):
-            header.evlrs = laspy.vlrs.vlrlist.VLRList.read_from(file, 1, extended=True)
     file.seek(start)
     return header
 

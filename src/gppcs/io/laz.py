@@ -68,19 +68,6 @@ def counted_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
     return chunks
 
 
-def uncounted(file: BufferedReader, las: laspy.LasHeader) -> list[str]:
-    """Return in words how many points a file holds behind those that its header counts, if any."""
-    start = las.offset_to_point_data
-    if las.are_points_compressed:
-        counts = chunks_of(file, las)["count"] if las.point_count else np.empty(0, int)
-        n_points = int(counts[:-1].sum()) + (len(counts) > 0)  # the last chunk may have fewer than the table says
-    else:
-        ends = (las.start_of_first_evlr, las.start_of_waveform_data_packet_record)
-        n_points = (min([file.seek(0, 2), *(end for end in ends if end > start)]) - start) // las.point_format.size
-    n_uncounted = n_points - las.point_count
-    return [f"points that its header does not count ({n_uncounted:,} or more)"] if n_uncounted > 0 else []
-
-
 def _check_counts(chunks: NDArray[Any]) -> None:
     """Check that chunks have so few points that a table that lies takes no more memory."""
     bad = chunks["count"][(chunks["count"] <= 0) | (chunks["count"] > 10_000_000)]
