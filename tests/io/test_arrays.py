@@ -61,7 +61,6 @@ def test_archives_hold_points_and_attributes(tmp_path):
         ({"points": np.zeros((2, 3)), "a": np.zeros(3)}, "attribute 'a'"),
         ({"points": np.zeros((2, 3)), "a": np.array(1)}, "each point in 'a'"),
         ({"points": np.zeros((2, 3)), "x": np.zeros(2)}, "'x' twice"),
-        ({"points": np.zeros((2, 3)), "": np.zeros(2)}, "a different name for each array, found ''"),
         ({"points": np.zeros((2, 3)), "a": np.array([None, 1])}, "Object arrays cannot be loaded"),
     ],
 )
@@ -70,15 +69,6 @@ def test_what_is_no_cloud_is_refused(tmp_path, content, message):
     with path.open("wb") as file:
         np.savez(file, **content) if isinstance(content, dict) else np.save(file, content)
     with pytest.raises(FileFormatError, match=message):
-        read(path)
-
-
-def test_two_arrays_of_one_name_in_an_archive_are_refused(tmp_path):
-    path = tmp_path / "cloud.npz"
-    write(path, PointCloud(np.zeros((2, 3)), {"a": np.zeros(2)}))
-    with zipfile.ZipFile(path, "a") as archive:
-        archive.writestr("a", archive.read("a.npy"))
-    with pytest.raises(FileFormatError, match="a different name for each array, found 'a'"):
         read(path)
 
 

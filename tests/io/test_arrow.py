@@ -79,7 +79,6 @@ def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
         ("a", pa.array([{"b": 1}] * 3), r"found struct<b: int64> in 'a'"),
         ("a", pa.array([b"a"] * 3), "found binary in 'a'"),
         ("a", pa.array([1, 2, 3], pa.timestamp("us")), r"found timestamp\[us\] in 'a'"),
-        ("a", pa.array(["a", "b", "c\0"]), "zero character at the end in 'a'"),
         ("x", pa.array(["1", "2", "3"]), "numbers as coordinates, found <U1 in x"),
         ("x", pa.array([2**53, 1, 2]), r"below 2\^53"),
         ("x", pa.array([[1, 2]] * 3, pa.list_(pa.int8(), 2)), r"one x for each point, found shape \(3, 2\)"),

@@ -38,7 +38,7 @@ def by_pye57(tmp_path):
 def by_libe57(tmp_path):
     """Write one scan of given nodes and values by libE57Format; return the path."""
 
-    def make(fields):
+    def make(fields, **pose):
         path = tmp_path / "scan.e57"
         image = libe57.ImageFile(str(path), "w")
         image.extensionsAdd("", libe57.E57_V1_0_URI)
@@ -46,6 +46,12 @@ def by_libe57(tmp_path):
         scans, scan = libe57.VectorNode(image, True), libe57.StructureNode(image)
         image.root().set("data3D", scans)
         scans.append(scan)
+        if pose:
+            scan.set("pose", libe57.StructureNode(image))
+        for part, numbers in pose.items():
+            scan["pose"].set(part, libe57.StructureNode(image))
+            for axis, value in numbers.items():
+                scan["pose"][part].set(axis, libe57.FloatNode(image, value))
         prototype, buffers = libe57.StructureNode(image), libe57.VectorSourceDestBuffer()
         for name, (kind, arguments, values) in fields.items():
             prototype.set(name, getattr(libe57, kind)(image, *arguments))
@@ -95,6 +101,13 @@ def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):
     some = cloud.take(np.array([4, 0, 3]))
     write(tmp_path / "some.e57", some)
     assert read(tmp_path / "some.e57") == some
+
+
+def test_the_numbers_of_a_pose_are_taken_by_name(by_libe57):
+    pose = {"rotation": dict(zip("xyzw", np.sort(TURN), strict=True)), "translation": {"z": 30.0, "y": 20.0, "x": 10.0}}
+    fields = {f"cartesian{axis}": ("FloatNode", (), POINTS[:, i].copy()) for i, axis in enumerate("XYZ")}
+    moved = np.stack([10 - POINTS[:, 1], 20 + POINTS[:, 0], 30 + POINTS[:, 2]], axis=1)
+    assert np.allclose(read(by_libe57(fields, **pose)).points, moved, rtol=1e-15)
 
 
 def test_invalid_points_are_left_out_with_a_word(by_pye57):

@@ -41,14 +41,8 @@ def _mapped(file: BufferedReader) -> Column:
 
 def open_npz(file: BufferedReader) -> Reader:
     """Open an NPZ file: the array `points`, as NPY files have it, and all other arrays as attributes."""
-    with _reported(), zipfile.ZipFile(file) as archive:
-        arrays = {}
-        for entry in archive.infolist():
-            name = entry.filename.removesuffix(".npy")
-            if not name or name in arrays:
-                raise FileFormatError(f"expected a different name for each array, found {name!r}; rename one")
-            with archive.open(entry) as member:
-                arrays[name] = npy.read_array(member, allow_pickle=False)
+    with _reported(), np.load(file, allow_pickle=False) as archive:
+        arrays = {name: np.asarray(archive[name]) for name in archive.files}
     if "points" not in arrays:
         raise FileFormatError(f"expected an array 'points', found {', '.join(map(repr, arrays)) or 'none'}; rename one")
     columns = _columns(arrays.pop("points"))

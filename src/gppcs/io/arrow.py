@@ -99,13 +99,12 @@ def _values(name: str, column: Any) -> Column:
 
 
 def _texts(name: str, texts: list[str]) -> Column:
+    """Return texts as an array, which drops zero characters at their ends."""
     longest, total = max(map(len, texts), default=0), sum(map(len, texts))
     if longest * len(texts) > 64 * (total + _ROWS):  # NumPy stores all as long as the longest
         raise FileFormatError(
             f"expected texts of similar length in {name!r}, found one of {longest:,} characters; shorten or remove it"
         )
-    if any(text.endswith("\0") for text in texts):
-        raise FileFormatError(f"expected texts without a zero character at the end in {name!r}, found one; remove it")
     return np.array(texts, f"<U{max(longest, 1)}")
 
 

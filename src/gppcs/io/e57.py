@@ -205,13 +205,15 @@ def _coordinates(scan: Any, block: Mapping[str, Column], dtypes: Mapping[str, np
     pye57 = require_pye57()
     axes = _axes(dtypes)
     columns = [block[axis].astype(dtypes[axis]) for axis in axes]
-    rotation, translation = scan.rotation, scan.translation
-    if not (np.isfinite([*rotation, *translation]).all() and rotation.any()):
-        raise FileFormatError(f"expected a pose of finite numbers, found {rotation} and {translation}")
     if axes == _SPHERICAL:
         columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1)).T)
-    if not np.array_equal([*rotation, *translation], [1, 0, 0, 0, 0, 0, 0]):
-        columns = list(pye57.E57.to_global(np.stack(columns, axis=1), rotation, translation).T)
+    # pye57's own properties take the numbers in the order of the file.
+    names = [*(f"pose/rotation/{axis}" for axis in "wxyz"), *(f"pose/translation/{axis}" for axis in "xyz")]
+    pose = [scan[name].value() if scan.node.isDefined(name) else float(name.endswith("w")) for name in names]
+    if not (np.isfinite(pose).all() and any(pose[:4])):
+        raise FileFormatError(f"expected a pose of finite numbers, found {pose}")
+    if pose != [1, 0, 0, 0, 0, 0, 0]:
+        columns = list(pye57.E57.to_global(np.stack(columns, axis=1), np.array(pose[:4]), np.array(pose[4:])).T)
     return dict(zip("xyz", columns, strict=True))
 
 
@@ -277,16 +279,14 @@ def _fill(image: Any, node: Any, values: Mapping[str, Any]) -> Any:
 def _limits(columns: Mapping[str, Column]) -> dict[str, dict[str, float]]:
     """Return between which values intensity and colours lie, by which other programs scale them."""
     limits = {}
-    if "intensity" in columns:
-        finite = columns["intensity"][np.isfinite(columns["intensity"])]
-        minimum, maximum = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-        limits["intensityLimits"] = {"intensityMinimum": minimum, "intensityMaximum": maximum}
+    finite = columns.get("intensity", np.empty(0))
+    finite = finite[np.isfinite(finite)]
+    if len(finite):
+        limits["intensityLimits"] = {"intensityMinimum": float(finite.min()), "intensityMaximum": float(finite.max())}
     if "colorRed" in columns:
         fields = ("colorRed", "colorGreen", "colorBlue")
-        full = full_scale(np.stack([columns[field] for field in fields]))
-        limits["colorLimits"] = {f"{field}Minimum": 0.0 for field in fields} | {
-            f"{field}Maximum": full for field in fields
-        }
+        ends = {"Minimum": 0.0, "Maximum": full_scale(np.stack([columns[field] for field in fields]))}
+        limits["colorLimits"] = {f"{field}{end}": value for field in fields for end, value in ends.items()}
     return limits
 
 

@@ -192,12 +192,10 @@ class _Block:
             )
         except ValueError as error:
             self._check_widths(range(len(self.lines)))
-            reason = " ".join(str(error).split())[:200]
-            raise FileFormatError(f"expected rows of {self.width} columns, but pandas reports: {reason}") from error
+            raise self._unexpected(" ".join(str(error).split())[:200]) from error
         if table.shape != (len(self.lines), self.width):
             self._check_widths(range(len(self.lines)))
-            size = f"{len(self.lines):,} lines of {self.width} columns"
-            raise FileFormatError(f"expected {size}, but pandas reads {len(table):,} lines of {table.shape[1]} columns")
+            raise self._unexpected(f"{len(table):,} rows of {table.shape[1]} columns")
         last = table[self.width - 1]  # in which fields that lack at the end of a row are empty
         self._check_widths(np.flatnonzero(last.isna() | (last == "")).tolist())
         return table
@@ -209,6 +207,10 @@ class _Block:
                 raise FileFormatError(
                     f"{self.what} {self.start + i + 1}: expected {self.width} columns, found {shortened(self.lines[i])}"
                 )
+
+    def _unexpected(self, actual: str) -> FileFormatError:
+        size = f"{len(self.lines):,} rows of {self.width} columns"
+        return FileFormatError(f"expected {size}, but pandas reports: {actual}")
 
     def _exact_numbers(self, column: int) -> Column:
         fields = ["nan" if field in MISSING else field for field in self.parsed([column])[column]]
