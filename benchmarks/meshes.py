@@ -71,7 +71,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
         lengths = (f"{1e4 * figures[f'mesh_{key}']:.2f}" for key in ("mean", "max", "back_mean", "back_max"))
         counts = (
             f"{figures[key]:.0f}"
-            for key in ("mesh_pieces", "borders", "genus", "non_manifold_edges", "non_manifold_vertices",
+            for key in ("mesh_pieces", "boundary_loops", "genus", "non_manifold_edges", "non_manifold_vertices",
                         "self_intersections")
         )  # fmt: skip
         rows.append(
@@ -95,8 +95,8 @@ def main() -> None:
         [
             report.Section(
                 "",
-                ("cloud", "points", "vertices", "mesh", "mean", "max", "back mean", "back max", "pieces", "borders",
-                 "genus", "bad edges", "bad vertices", "cutting", "slivers, %", "seconds"),
+                ("cloud", "points", "vertices", "mesh", "mean", "max", "back mean", "back max", "pieces",
+                 "boundary loops", "genus", "bad edges", "bad vertices", "cutting", "slivers, %", "seconds"),
                 rows,
             )
         ],

@@ -57,6 +57,6 @@ def test_tables_of_meshes_have_their_figures_and_say_which_pipeline_failed():
     assert [value for value in second.values() if value] == ["ball-pivoting", "0.5", "no surface, at all"]
     titles, mesh, failed = markdown_of(entries)
     shown = dict(zip(titles, mesh, strict=True))
-    assert [shown[name] for name in ("vertices", "triangles", "borders", "genus")] == ["100", "196", "0", "0"]
+    assert [shown[name] for name in ("vertices", "triangles", "boundary loops", "genus")] == ["100", "196", "0", "0"]
     assert shown["mesh mean"] == f"{1e4 * made.report.mesh_mean / made.report.diagonal:.3g}"
     assert failed[1:3] == ["-", "-"]

@@ -368,7 +368,7 @@ def test_a_mesh_is_measured_in_both_directions():
     edges = ((np.roll(corners, 1, axis=1) - corners) ** 2).sum(axis=(1, 2))
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     assert report.slivers == pytest.approx((4 * np.sqrt(3) * areas / edges < 0.2).mean())
-    assert (report.mesh_pieces, report.borders, report.genus) == (1, 0, 0)
+    assert (report.mesh_pieces, report.boundary_loops, report.genus) == (1, 0, 0)
     shrunk = gppcs.Mesh(0.95 * small.vertices, small.faces)
     with_surface = gppcs.evaluate_mesh(ball, shrunk, surface)
     back = distances_to_triangles(shrunk.vertices, surface.vertices[surface.faces])

@@ -23,7 +23,7 @@ SHOWN = (
     "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
     "surface_mean", "surface_mean_by_area", "surface_max", "feature_error", "feature_recall", "normal_deviation",
     "mean_surface_variation", "covering_radius", "covering_p999", "mean_distance", "chamfer",
-    "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "borders", "genus",
+    "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "boundary_loops", "genus",
     "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip
 

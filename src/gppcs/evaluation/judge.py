@@ -160,7 +160,7 @@ def evaluate_mesh(
         **_mean_and_max("mesh", forth),
         **_mean_and_max("mesh_back", back),
         mesh_pieces=topology.pieces,
-        borders=topology.boundary_loops,
+        boundary_loops=topology.boundary_loops,
         genus=math.nan if topology.genus is None else float(topology.genus),
         non_manifold_edges=topology.non_manifold_edges,
         non_manifold_vertices=topology.non_manifold_vertices,

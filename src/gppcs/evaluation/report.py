@@ -89,7 +89,7 @@ class Rebuilt(Figures):
     stray_share: float = figure(
         "share",
         "share of the rebuilt mesh's area in triangles with a corner farther from the original mesh than a twentieth "
-        "of the diagonal, such as stray pieces and membranes over open borders",
+        "of the diagonal, such as stray pieces and membranes over boundary loops",
     )
 
 
@@ -104,7 +104,7 @@ class MeshReport(Figures):
     --------
     >>> cloud = gppcs.sample("sphere", n_points=3000)
     >>> report = gppcs.evaluate_mesh(cloud, gppcs.mesh(cloud, n_points=100).mesh)
-    >>> report.triangles, report.borders, report.genus
+    >>> report.triangles, report.boundary_loops, report.genus
     (196, 0, 0.0)
     """
 
@@ -123,7 +123,7 @@ class MeshReport(Figures):
     )
     mesh_back_max: float = figure("length", "largest of those distances")
     mesh_pieces: int = figure("count", "connected pieces of the simplified mesh", None)
-    borders: int = figure("count", "closed curves of edges with one triangle, such as the rims of holes", None)
+    boundary_loops: int = figure("count", "closed curves of edges with one triangle, such as the rims of holes", None)
     genus: float = figure("count", "handles of all pieces together; NaN if the mesh is no oriented manifold", None)
     non_manifold_edges: int = figure("count", "edges of more than two triangles, or of two not oriented alike")
     non_manifold_vertices: int = figure("count", "vertices at which several fans of triangles meet")

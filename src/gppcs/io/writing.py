@@ -50,7 +50,7 @@ def write(
     Raises
     ------
     FileFormatError
-        If the format is unfile_format, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
+        If the format is unknown, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
         values of the cloud and `lossy` is False, or it cannot hold its points.
