@@ -56,7 +56,7 @@ def test_the_original_is_closed_and_the_others_are_single_points():
 
 
 def test_a_close_up_is_the_same_picture_enlarged():
-    points, normals = ellipsoid(100_000)
+    points, normals = ellipsoid(40_000)
     view = view_of(points, normals)
     colours = np.where(points[:, :1] > 0.3, RED, BLUE)
     square = Square(150, 100, 80)
