@@ -219,7 +219,7 @@ def test_attributes_may_come_go_and_change(tmp_path):
     found = laspy.read(tmp_path / "b.las")
     assert found.point_format.id == 1
     assert not np.asarray(found.intensity).any()
-    extra = [*(f"extra {i}" for i in range(1, 30)), *(f"extra 30_{i}" for i in range(100))]
+    extra = [f"extra {i}" for i in range(1, 31)]
     extra += ["scaled", "score", "index", "flag", *(f"embedding_{i}" for i in range(5))]
     assert sorted(found.point_format.extra_dimension_names) == sorted(extra)
     assert found.points.array["scaled"].tobytes() == attributes["scaled"].tobytes()

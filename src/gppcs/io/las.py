@@ -236,18 +236,16 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
     import laspy
     from laspy.point.dims import DimensionInfo
 
-    standard, described = laspy.PointFormat(las.point_format.id), list(las.point_format.extra_dimensions)
-    dimensions = {dimension.name: dimension for dimension in (*standard.dimensions[3:], *described)}
-    columns = {name: _stored(cloud.attributes[name], d) for name, d in dimensions.items() if name in cloud.attributes}
-    names = [name for name in cloud.attributes if name not in standard.dimension_names]
-    is_unchanged = names == [d.name for d in described if columns.get(d.name) is not None]
-    is_unchanged = is_unchanged and all(d.num_elements <= widest or d.num_elements > 3 for d in described)
+    standard = laspy.PointFormat(las.point_format.id)
     taken = (*standard.dimension_names, *standard.dtype().names)
+    dimensions = {dimension.name: dimension for dimension in las.point_format.dimensions[3:]}
     kept: dict[str, Column] = {}
     extra = []
     for name, values in cloud.attributes.items():
-        dimension, column = dimensions.get(name), columns.get(name)
-        if dimension and column is not None and (is_unchanged or dimension.num_elements <= widest):
+        dimension = dimensions.get(name)
+        is_usable = dimension and (dimension.num_elements <= widest or dimension.num_elements > 3 == widest)
+        column = _stored(values, dimension) if dimension and is_usable else None
+        if dimension and column is not None:
             kept[name] = values if dimension.is_scaled else column
             extra += [] if dimension.is_standard else [dimension]
         elif dimension is None or not dimension.is_standard:
@@ -258,8 +256,8 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
                 extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
     if len(extra) > 341:  # of which the records are longer than one may be
         raise OutputError(f"expected at most 341 attributes in extra bytes, found {len(extra):,}; drop some")
-    if not is_unchanged:
-        standard.dimensions += extra
+    standard.dimensions += extra
+    if standard != las.point_format:
         with reported_writing():
             las.point_format = standard
     return kept

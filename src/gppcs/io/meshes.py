@@ -46,46 +46,35 @@ def _reader(cloud: PointCloud, n_faces: int, triangles: Callable[[], Faces], ski
 
 
 def open_off(file: BufferedReader) -> Reader:
-    """Open an OFF file, of normals, colours and texture coordinates (NOFF, COFF, STOFF) too."""
+    """Open an OFF file, of normals and colours (NOFF, COFF, CNOFF) too."""
     lines = (text for line in lines_of(file) if (text := line.partition("#")[0].strip()))
     first = next(lines, "")
-    header = re.match(r"(ST)?(C)?(N)?OFF(?![A-Za-z])(.*)", first)
+    header = re.match(r"(C)?(N)?OFF(?![A-Za-z])(.*)", first)
     if header is None or "BINARY" in first:
         raise FileFormatError(f"expected a text file that begins with OFF, COFF or NOFF, found {shortened(first)}")
-    text = header[4].strip() or next(lines, "")
-    counts = [as_count(word) for word in text.split()[:2]]
-    if not counts or None in counts:
+    text = header[3].strip() or next(lines, "")
+    counts = [as_count(word) for word in text.split()]
+    if None in counts or len(counts) < 2:
         raise FileFormatError(f"expected numbers of vertices, faces, edges, found {shortened(text)}")
-    n_vertices, n_faces = int(counts[0] or 0), int(counts[-1] or 0) if len(counts) > 1 else 0
-    texture, colour, normal = header.groups()[:3]
-
-    def names(width: int) -> list[str]:
-        expected = [*default_names(3), *(NORMALS if normal else ()), *(COLOUR if colour else ())]
-        if colour and width > len(expected) + 2 * bool(texture):
-            expected.append("alpha")
-        expected += ["s", "t"] if texture else []
-        if len(expected) > width and n_vertices:
-            raise FileFormatError(f"expected {len(expected)} numbers for each vertex, found {width}")
-        return [*expected, *default_names(width)[len(expected) :]][:width]
-
+    n_vertices, n_faces = (count or 0 for count in counts[:2])
+    names = [*default_names(3), *(NORMALS if header[2] else ()), *((*COLOUR, "alpha") if header[1] else ())]
     cloud = _cloud(read_rows((f"{line}\n" for line in lines), count=n_vertices, what="vertex"), names)
     face_lines = list(islice(lines, n_faces))
     if len(face_lines) < n_faces:
         raise ends_early("face", len(face_lines), n_faces)
 
     def corners(line: str, _: int) -> list[int]:
-        n_corners, *fields = line.split()
-        indices = [int(field) for field in fields[: as_count(n_corners)]]
-        return indices if len(indices) == as_count(n_corners) else [-1]
+        n_corners, *fields = map(int, line.split())
+        return fields[:n_corners] if len(fields) >= n_corners else [-1]
 
     return _reader(cloud, n_faces, lambda: _triangles(((n_vertices, line) for line in face_lines), corners), [])
 
 
 def open_obj(file: BufferedReader) -> Reader:
-    """Open an OBJ file to read its `v` lines (x y z, then w, or red green blue, or both), and its faces."""
+    """Open an OBJ file to read its `v` lines (x y z, and perhaps red green blue), and its faces."""
     vertices: list[str] = []
     face_lines: list[tuple[int, str]] = []  # with the number of vertices before them
-    counts = {"vn": 0, "vt": 0}
+    n_normals = 0
     for line in lines_of(file):
         keyword, _, text = line.partition(" ")
         if keyword not in ("v", "f"):  # few lines begin with blanks, or have tabs
@@ -94,28 +83,25 @@ def open_obj(file: BufferedReader) -> Reader:
             vertices.append(text if text.endswith("\n") else f"{text}\n")
         elif keyword == "f":
             face_lines.append((len(vertices), text))
-        elif keyword in counts:
-            counts[keyword] += 1
+        n_normals += keyword == "vn"
 
     def corners(line: str, n_vertices: int) -> list[int]:
         indices = [int(field.partition("/")[0]) for field in line.split()]
         return [index - 1 if index > 0 else n_vertices + index for index in indices]
 
-    def names(width: int) -> list[str]:
-        extras = {3: (), 4: ("w",), 6: COLOUR, 7: ("w", *COLOUR)}.get(width)
-        if extras is None:
-            raise FileFormatError(f"expected 3, 4, 6 or 7 numbers in each v line, found {width}")
-        return [*default_names(3), *extras]
-
-    nouns = {"vn": "normals", "vt": "texture coordinates"}
-    skipped = [f"{nouns[keyword]} ({count:,})" for keyword, count in counts.items() if count]
+    have_colours = vertices and len(vertices[0].split()) == 6
+    names = [*default_names(3), *(COLOUR if have_colours else ())]
     cloud = _cloud(read_rows(iter(vertices), what="vertex"), names)
+    skipped = [f"normals ({n_normals:,})"] if n_normals else []
     return _reader(cloud, len(face_lines), lambda: _triangles(face_lines, corners), skipped)
 
 
-def _cloud(blocks: Iterable[list[Column]], names: Callable[[int], list[str]]) -> PointCloud:
-    """Return the cloud of blocks of columns, which get names by their number."""
-    clouds = (cloud_of_columns(dict(zip(names(len(block)), block, strict=True))) for block in blocks)
+def _cloud(blocks: Iterable[list[Column]], names: list[str]) -> PointCloud:
+    """Return the cloud of blocks of columns, given names of the first ones."""
+    clouds = (
+        cloud_of_columns(dict(zip([*names, *default_names(len(block))[len(names) :]], block, strict=False)))
+        for block in blocks
+    )
     return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))
 
 
@@ -148,12 +134,12 @@ def open_stl(file: BufferedReader) -> Reader:
     from trimesh.exchange import stl
 
     data = file.read()
-    is_text = _is_text_stl(data[:1024], len(data))
+    is_text = data.lstrip().startswith(b"solid") and not _is_binary_stl(data, len(data))
     if is_text and b"endsolid" not in data:
         raise FileFormatError("expected 'endsolid' at the end of an STL file, found none; get the whole file again")
     with reported("trimesh", "a whole STL file"), warnings.catch_warnings():
         warnings.simplefilter("error")  # of text that is no number
-        loaded = stl.load_stl_ascii(BytesIO(data)) if is_text else stl.load_stl_binary(BytesIO(data))
+        loaded = (stl.load_stl_ascii if is_text else stl.load_stl_binary)(BytesIO(data))
         solids = [loaded] if "vertices" in loaded else loaded["geometry"].values()
         corners = np.concatenate([np.empty((0, 3), np.float32), *(solid["vertices"] for solid in solids)])
         vertex = pandas.DataFrame(corners).groupby([0, 1, 2], sort=False, dropna=False).ngroup().to_numpy()
@@ -162,16 +148,12 @@ def open_stl(file: BufferedReader) -> Reader:
     return _reader(PointCloud(points, coordinate_dtype=corners.dtype), len(faces), lambda: faces, [])
 
 
-def _is_text_stl(start: bytes, size: int) -> bool:
-    return start.lstrip().startswith(b"solid") and b"\0" not in start and not _is_binary_stl(start, size)
-
-
 def _is_binary_stl(start: bytes, size: int) -> bool:
     return size == 84 + 50 * int.from_bytes(start[80:84], "little")  # a header with the number of facets, and these
 
 
 def _is_stl(start: bytes, size: int) -> bool:
-    is_text = _is_text_stl(start, size) and (b"facet" in start or b"endsolid" in start)
+    is_text = start.lstrip().startswith(b"solid") and (b"facet" in start or b"endsolid" in start)
     return is_text or _is_binary_stl(start, size)
 
 
@@ -274,7 +256,7 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         (".off",),
         open_off,
         write_off,
-        lambda start, size: re.match(rb"\s*(ST)?C?N?4?n?OFF(?![A-Za-z])", start) is not None,
+        lambda start, size: re.match(rb"\s*C?N?OFF(?![A-Za-z])", start) is not None,
         stored_of,
         _MESH,
     ),
