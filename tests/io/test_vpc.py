@@ -35,8 +35,11 @@ def test_the_files_are_listed_in_order(tmp_path):
         feature(**data("/elsewhere/c.las")),
         feature(**data("file:///elsewhere/d%20e.las")),
         feature(**overview, points={"href": "f.laz", "roles": ["data"]}),
+        feature(**data("FILE://localhost/elsewhere/g.las")),
+        feature(**data("file:/elsewhere/h.las")),
     )
     names = ["b ü%20.laz", "deeper/../a.copc.laz", "/elsewhere/c.las", "/elsewhere/d e.las", "f.laz"]
+    names += ["/elsewhere/g.las", "/elsewhere/h.las"]
     assert files_of(vpc) == [tmp_path / name for name in names]
     os.chdir(tmp_path)
     assert files_of(Path("a.vpc"))[0] == Path("b ü%20.laz")
@@ -55,7 +58,7 @@ def test_the_files_are_listed_in_order(tmp_path):
         (json.dumps({"features": [feature(**data("a.laz")), feature()]}), "as asset 'data' of feature 2, found none"),
         (json.dumps({"features": [feature(**data(7))]}), "as asset 'data' of feature 1, found none"),
         (json.dumps({"features": [feature(data=[])]}), "as asset 'data' of feature 1, found none"),
-        (json.dumps({"features": [feature(**data("https://a.org/a.laz"))]}), "found https://a.org/a.laz; get them"),
+        (json.dumps({"features": [feature(**data("https://a.org/a.laz"))]}), "found 'https://a.org/a.laz'; get them"),
     ],
 )
 def test_what_is_no_list_of_files_is_refused(tmp_path, content, message):
@@ -63,6 +66,31 @@ def test_what_is_no_list_of_files_is_refused(tmp_path, content, message):
     with pytest.raises(FileFormatError, match=message) as caught:
         files_of(tmp_path / "a.vpc")
     assert str(caught.value).startswith(f"{tmp_path / 'a.vpc'}: ")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "HTTPS://a.org/a.laz",
+        "file://host/share/a.laz",
+        "file:////host/share/a.laz",
+        "file:///%5Chost/share/a.laz",
+        "//host/share/a.laz",
+        r"\\host\share\a.laz",
+        "file://[/a.laz",
+        "file:///a%00.laz",
+    ],
+)
+def test_files_of_other_machines_are_refused(tmp_path, name):
+    vpc = write_vpc(tmp_path / "a.vpc", feature(**data(name)))
+    with pytest.raises(FileFormatError, match="expected files of this machine, found"):
+        files_of(vpc)
+
+
+def test_a_file_called_as_standard_input_is_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_vpc(Path("a.vpc"), feature(**data("-")))
+    assert files_of(Path("a.vpc")) == [tmp_path / "-"]
 
 
 def test_the_files_of_a_list_are_read_as_one_cloud(tmp_path):

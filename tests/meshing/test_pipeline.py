@@ -358,6 +358,7 @@ def test_a_ball_stays_closed_whatever_its_noise_and_the_number_of_vertices(level
         (np.tile(np.eye(3), (5, 1)), "at least 4 points on a surface, found 3"),
         (np.outer(np.arange(100.0), [1, 2, 3]), "100 points on a line"),
         (np.random.default_rng(0).random((3000, 3)), "fill a volume"),
+        (np.random.default_rng(4).random((30, 3)) * [10, 10, 0] + np.repeat([[0, 0, 0], [0, 0, 1e6]], 15, 0), "none"),
     ],
 )
 def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, message):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, file_path
 
 SUFFIX = ".vpc"
 
@@ -35,11 +35,21 @@ def _file_of(path: Path, feature: Any, number: int) -> Path:
         name = data["href"]
     except (LookupError, TypeError, AttributeError, StopIteration):
         name = None
-    if not isinstance(name, str) or not name or "\0" in name:
+    if not isinstance(name, str) or not name:
         raise FileFormatError(f"{path}: expected the name of a file as asset 'data' of feature {number}, found none")
-    scheme = re.match(r"(\w[\w+.-]+)://", name)
-    if scheme and scheme[1] != "file":
-        raise FileFormatError(f"{path}: expected files of this machine, found {name}; get them first, and the list")
-    from urllib.request import url2pathname  # it loads ssl, which takes longer than all else here
+    file = _local_name(name)
+    if file is None or "\0" in file:
+        raise FileFormatError(f"{path}: expected files of this machine, found {name!r}; get them first, and the list")
+    return file_path(os.path.join(path.parent, file))  # where it is "-", that is no standard input
 
-    return Path(url2pathname(urlsplit(name).path)) if scheme else path.parent / name
+
+def _local_name(name: str) -> str | None:
+    """Return the name of a file that a name or a URL stands for; None if it is that of another machine."""
+    url = re.match(r"([a-z][\w+.-]+):(?=/)(?://(?P<host>[^/?#]*))?(?P<path>[^?#]*)", name, re.IGNORECASE | re.ASCII)
+    if url:
+        from urllib.request import url2pathname  # it loads ssl, which takes longer than all else here
+
+        if url[1].lower() != "file" or (url["host"] or "").lower() not in ("", "localhost") or not url["path"]:
+            return None
+        name = url2pathname(url["path"])
+    return None if name[:2].replace("\\", "/") == "//" else name  # which Windows would fetch from a host

@@ -56,6 +56,8 @@ def assembled(
     if cut is not mesh:
         mesh = HalfEdges.from_faces(gaps_filled(cut, *surface, LARGEST_GAP), n)
     corners = points[mesh.faces()]
+    if not len(corners):
+        return mesh
     edge = np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1))
     return holes_filled(mesh, points, normals, 4.0 * edge, 6)  # pinholes, which random samples have
 

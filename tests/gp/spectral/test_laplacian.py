@@ -71,3 +71,13 @@ def test_a_far_point_does_not_cost_the_landmarks(bracket, distance):
 def test_landmarks_that_are_all_equally_far_have_the_same_weight():
     corners = np.indices((2, 2, 2)).reshape(3, -1).T + 0.0
     np.testing.assert_allclose(laplacian._lift(corners, corners, np.full((1, 3), 0.5)), 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("distance", [1e6, 1e9, 1e12])
+def test_clusters_far_from_each_other_have_finite_eigenpairs(distance):
+    for seed in range(6):
+        points = np.random.default_rng(seed).random((50, 3))
+        points[25:] += distance
+        eigenvalues, functions = eigenpairs(points, 20)
+        assert np.isfinite(eigenvalues).all()
+        assert np.isfinite(functions).all()

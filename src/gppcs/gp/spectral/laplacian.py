@@ -52,6 +52,8 @@ def surface_laplacian(points: Floats) -> tuple[scipy.sparse.csr_matrix, Floats, 
     except RuntimeError:  # the library found no triangles
         return *_graph_laplacian(points), True
     masses = mass.diagonal()
+    if not (np.isfinite(operator.data).all() and np.isfinite(masses).all()):  # clusters are too far from each other
+        return *_graph_laplacian(points), True
     is_complete = bool(np.median(masses) >= 0.75 * _disc_area(scaled))  # complete surfaces have 0.83 to 1.9
     masses = np.maximum(masses, 1e-6 * masses.mean())  # every point needs a positive area
     return operator, masses, is_complete
