@@ -27,14 +27,6 @@ def ins():
     }
 
 
-def test_the_mask_is_that_of_simplify(ins):
-    outs = {}
-    assert gppcs.pdal.simplify(ins, outs, ratio=0.05)
-    expected = gppcs.simplify(np.column_stack([ins[axis] for axis in "XYZ"]), ratio=0.05)
-    assert outs.keys() == {"Mask"}
-    np.testing.assert_array_equal(np.flatnonzero(outs["Mask"]), np.sort(expected.indices))
-
-
 def test_attributes_have_the_names_of_las_files(ins):
     names = ["Intensity", "GpsTime", "PointSourceId", "ScanChannel", "Red", "NumberOfReturns", "Infrared"]
     expected = ["intensity", "gps_time", "point_source_id", "scanner_channel", "red", "number_of_returns", "nir"]

@@ -63,17 +63,6 @@ def test_the_margins_in_h_mean_are_those_of_the_table():
     assert behind.keys() == {"tum_desk", "turbine", "blade", "fan_40k"}
 
 
-def test_the_cover_beside_that_of_fps_is_that_of_the_table():
-    cover = [
-        ratio for page in (FOUND_ON, HELD_OUT) for ratio in ratios(page, "covering radius, times that of fps").values()
-    ]
-    assert_stated_together(*(round(figure, 1) for figure in (min(cover), max(cover))))
-    for heading, rows in tables("quality").items():
-        if "points to" in heading:
-            radius = column(rows, "covering radius, 1e-3 diagonals")
-            assert min(radius, key=radius.get) == "fps", heading
-
-
 def test_the_errors_and_gaps_on_scenes_are_those_of_the_table():
     rows = {
         row["measure"]: number(row["all"]) for row in tables("scenes")["Summary: geometric means of gp divided by fps"]

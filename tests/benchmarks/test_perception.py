@@ -6,6 +6,7 @@ import pytest
 from meshes import hull_mesh
 
 pytest.importorskip("pyvista")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

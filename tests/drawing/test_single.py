@@ -84,18 +84,6 @@ def test_normals_of_the_cloud_shade_it_where_they_are_known():
     np.testing.assert_array_equal(shaded[50, 70], plain[50, 70])
 
 
-def test_lines_of_a_sparse_scan_are_drawn_as_points_and_surfaces_stay_closed():
-    along, across = np.meshgrid(np.arange(400.0), np.arange(0.0, 400.0, 40.0))
-    lines = np.column_stack([along.ravel(), across.ravel(), np.zeros(along.size)])
-    image, _ = picture(PointCloud(lines), size=(400, 400))
-    rows = (image.min(axis=2) < 0.97).any(axis=1)  # with discs as in a surface, 7 rows of each line or more
-    assert 10 <= rows.sum() <= 10 * 4
-    along, across = np.meshgrid(np.arange(400.0), np.arange(0.0, 400.0, 5.0))  # near enough that discs close the gaps
-    near = np.column_stack([along.ravel(), across.ravel(), np.zeros(along.size)])
-    image, _ = picture(PointCloud(near), size=(400, 400))
-    assert (image[50:-50, 50:-50].min(axis=2) < 0.97).all()
-
-
 @pytest.mark.parametrize(("offset", "factor"), [(5e6, 1.0), (0.0, 2.0**-500), (5e6, 2.0**500)])
 def test_place_and_unit_of_a_cloud_do_not_matter(offset, factor):
     points = np.random.default_rng(0).random((2000, 3))

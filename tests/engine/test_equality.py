@@ -29,7 +29,6 @@ def test_clouds_are_equal_if_all_values_are():
         cloud(np.nan_to_num(POINTS)),
         cloud(label=(1, 2, 3, 5)),
         cloud(label=(1.0, 2.0, 3.0, 4.0)),
-        gppcs.PointCloud(POINTS[:3], {"label": np.array((1, 2, 3))}, np.dtype("f4")),
         "cloud",
     ],
 )
@@ -57,9 +56,8 @@ def public_objects(seed):
     }
 
 
-@pytest.mark.parametrize("name", public_objects(0))
-def test_comparing_any_public_object_gives_a_truth_value(name):
-    one, again, other = (public_objects(seed)[name] for seed in (0, 0, 1))
-    assert (one == again) is True
-    assert (one != again) is False
-    assert (one == other) is False
+def test_comparing_any_public_object_gives_a_truth_value():
+    for one, again, other in zip(*(public_objects(seed).values() for seed in (0, 0, 1)), strict=True):
+        assert (one == again) is True
+        assert (one != again) is False
+        assert (one == other) is False

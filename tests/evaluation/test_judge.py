@@ -263,19 +263,6 @@ def with_normals(points, normals):
     return gppcs.PointCloud(points, dict(zip(["nx", "ny", "nz"], normals.T, strict=True)))
 
 
-@pytest.mark.slow
-def test_carried_normals_without_direction(ball, sphere):
-    mesh, points, report = ball
-    for value in (0.0, np.nan):
-        none = gppcs.evaluate(sphere, with_normals(points, np.full_like(points, value)), mesh)
-        assert none.rebuilt == report.rebuilt
-        assert none.rebuilt_carried is None
-        some = points.copy()
-        some[[7, 9]] = value
-        with pytest.raises(gppcs.InputError, match=r"2 of the 3000 normals .* the first at index 7"):
-            gppcs.evaluate(sphere, with_normals(points, some), mesh)
-
-
 @pytest.fixture(scope="module")
 def bowl():
     """A bowl, whose opening is closed with a membrane; in a box from the origin on, of a size between 1/2 and 1."""

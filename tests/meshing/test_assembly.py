@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.assembly import gaps_filled, taken, without_scraps
+from gppcs.meshing.assembly import gaps_filled, taken
 from gppcs.meshing.filling import BEND, LENGTH, boundary_loops, holes_filled
 from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
@@ -31,11 +31,6 @@ def test_any_triangles_become_a_manifold(seed):
 def test_triangles_of_a_manifold_are_all_taken():
     _, _, faces = ball(100)
     assert np.array_equal(taken(np.concatenate([faces, faces[:, [0, 2, 1]]]), 100), faces)
-
-
-def test_at_a_bow_tie_the_larger_fan_stays():
-    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 5]])
-    assert np.array_equal(without_bow_ties(faces, 6).faces(), faces[:2])
 
 
 @pytest.mark.parametrize("hole", [0.0, 0.2])
@@ -103,10 +98,3 @@ def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     assert topology_of(closed.faces()).boundary_loops == 1
     assert faults(closed) == []
     assert np.array_equal(holes_filled(mesh, points, normals, 0.5).faces(), faces)
-
-
-def test_scraps_are_dropped():
-    _, _, faces = ball(50)
-    scrap = np.array([[50, 51, 52], [51, 53, 52]])
-    mesh = HalfEdges.from_faces(np.concatenate([faces, scrap]), 54)
-    assert np.array_equal(without_scraps(mesh, 12).faces(), faces)

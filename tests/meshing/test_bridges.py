@@ -44,8 +44,3 @@ def test_a_gap_that_no_points_cover_stays_open():
     points, normals, faces, crossing = parted(0, [0.5])
     points[points[:, 0] > 0.5, 0] += 0.5
     assert np.array_equal(joined_faces(faces, crossing, points, normals), faces)
-
-
-def test_one_piece_stays_as_it_is():
-    points, normals, faces = sheet(400)
-    assert np.array_equal(joined_faces(faces, faces, points, normals), faces)

@@ -5,13 +5,11 @@ import pytest
 
 import gppcs
 from gppcs.meshing.collapse import collapse
-from gppcs.meshing.cuts import cutting
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.exchange import exchanged
 from gppcs.meshing.flips import flip, fraction_of_thin
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import mend_draft
 from gppcs.meshing.refinement import refine
 from gppcs.spatial.triangles import qualities
 from shapes import ball, faults, hull
@@ -61,15 +59,3 @@ def test_exchanges_leave_a_draft_as_it_was_and_return_one_that_is_nearer(draft):
     assert changed.n_vertices == 300
     assert after.mean_square() < 0.5 * before
     assert changed.assigned().mean_square() <= after.mean_square() * (1 + 1e-9)
-
-
-def test_mending_puts_vertices_elsewhere_for_those_it_removes(draft):
-    before = draft.n_vertices
-    draft.vertices = draft.vertices.copy()
-    draft.vertices[::40] *= -0.95
-    cuts = len(cutting(draft.mesh, draft.vertices))
-    mend_draft(draft, counts_faces=False)
-    assert cuts > 0 == len(cutting(draft.mesh, draft.vertices))
-    assert draft.n_vertices == before
-    assert len(draft.dense_index) > before
-    assert faults(draft.mesh) == []

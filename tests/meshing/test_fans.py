@@ -40,17 +40,6 @@ def test_fans_in_a_plane_are_the_delaunay_triangulation(tilt):
     assert radii == pytest.approx(sides / (4 * areas))
 
 
-def test_neighbours_on_another_sheet_are_left_out():
-    rng = np.random.default_rng(3)
-    upper = np.column_stack([rng.random((200, 2)), np.full(200, 0.02)])
-    lower = np.column_stack([rng.random((200, 2)), np.zeros(200)])
-    points = np.concatenate([upper, lower])
-    normals = np.repeat([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], 200, axis=0)
-    triangles, _, _ = fans_of(points, normals, neighbours(points, 24))
-    assert len(triangles) > 300
-    assert ((triangles < 200).all(axis=1) | (triangles >= 200).all(axis=1)).all()
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.3])
 def test_fans_agree_on_grids(angle):
     """The corners of each square lie on a circle: all fans have the same of the two diagonals."""

@@ -23,11 +23,6 @@ def test_the_smaller_patch_is_turned():
     assert np.array_equal(found, turned)
 
 
-def test_a_patch_between_two_wrong_ones_tells_both():
-    turned, found = patches(lambda points: abs(points[:, 0] - 0.5) > 0.3)
-    assert np.array_equal(found, turned)
-
-
 def test_points_that_no_triangle_joins_follow_their_neighbours():
     turned, found = patches(lambda points: np.arange(len(points)) % 40 == 7)
     assert np.array_equal(found, turned)

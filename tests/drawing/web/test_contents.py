@@ -140,16 +140,6 @@ def test_large_clouds_are_thinned_by_gp_and_large_meshes_left_out_and_the_page_s
         assert any(said.startswith(f"scan.ply: {note}") for said in page.described["notes"])
 
 
-def test_a_result_that_is_elsewhere_has_no_figures_and_the_page_says_why(scan):
-    elsewhere = PointCloud(1000.0 * scan.points[:200])
-    page = written(report_page(Named("scan.ply", scan), [Named("far.ply", elsewhere)], []))
-    assert page.described["clouds"][1]["prefixes"] == []
-    first, second = page.described["notes"]
-    assert first.startswith("far.ply: there are no figures: ")
-    assert "frame of its own" in second
-    assert page.described["together"] is False
-
-
 def test_a_mesh_comes_back_without_vertices_that_no_triangle_uses(scan):
     corners = np.array([[5, 5, 9], [0, 0, 0], [4, 0, 1], [0, 3, 2], [99, 0, 0]], dtype=float)
     page, cloud = view_of(scan, Mesh(corners, [[3, 1, 2], [0, 2, 1]]))
