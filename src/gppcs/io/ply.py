@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
@@ -229,62 +230,54 @@ def _tables(file: BufferedReader, order: _Order | None, element: _Element) -> It
 
 def _lists(file: BufferedReader, order: _Order | None, element: _Element) -> dict[str, _Lists]:
     """Read an element with lists."""
-    return _binary_lists(file, order, element) if order else _text_lists(file, element)
+    if order is None:
+        return _text_lists(file, element)
+    start = file.tell()
+    columns, size = _binary_lists(file.read(), order, element)
+    file.seek(start + size)
+    return columns
 
 
-def _binary_lists(file: BufferedReader, order: _Order, element: _Element) -> dict[str, _Lists]:
-    start, data, position = file.tell(), file.read(), 0
-    byte_order: Literal["little", "big"] = "little" if order == "<" else "big"
+def _binary_lists(data: bytes, order: _Order, element: _Element) -> tuple[dict[str, _Lists], int]:
+    """Return the numbers of an element with lists, and its size in bytes."""
+    counts = {column.name: struct.Struct(order + column.length.char) for column in element.properties if column.length}
     parts: dict[str, list[bytes]] = {column.name: [] for column in element.properties}
+    position = 0
     for i in range(element.count):
         for column in element.properties:
             length = 1
-            if column.length is not None:
-                begin = position
-                position += column.length.itemsize
-                length = int.from_bytes(data[begin:position], byte_order, signed=column.length.kind == "i")
-            if length < 0:
-                raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length}")
-            begin = position
-            position += length * column.dtype.itemsize
+            if count := counts.get(column.name):
+                length = count.unpack_from(data, position)[0] if position + count.size <= len(data) else 0
+                position += count.size
+                if not 0 <= length < 2**63:
+                    raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length:g}")
+            begin, position = position, position + int(length) * column.dtype.itemsize
             parts[column.name].append(data[begin:position])
         if position > len(data):
             raise ends_early(element.name, i, element.count)
-    file.seek(start + position)
     columns = {}
     for column in element.properties:
         content, size = parts[column.name], column.dtype.itemsize
         values = np.frombuffer(b"".join(content), column.dtype.newbyteorder(order)).astype(column.dtype)
         columns[column.name] = values, np.array([len(part) // size for part in content], np.int64)
-    return columns
+    return columns, position
 
 
 def _text_lists(file: BufferedReader, element: _Element) -> dict[str, _Lists]:
-    texts: dict[str, list[str]] = {column.name: [] for column in element.properties}
-    lengths: dict[str, list[int]] = {column.name: [] for column in element.properties}
-    n_read = 0
-    for n_read, line in enumerate(islice(filter(is_row, lines_of(file)), element.count), 1):
-        fields = iter(line.split())
-        for column in element.properties:
-            length = as_count(next(fields, "")) if column.length is not None else 1
-            items = [*islice(fields, length)]
-            if length is None or len(items) < length:
-                raise FileFormatError(f"{element.name} {n_read}: expected more numbers, found {shortened(line)}")
-            texts[column.name] += items
-            lengths[column.name].append(length)
-        if next(fields, None) is not None:
-            raise FileFormatError(f"{element.name} {n_read}: expected fewer numbers, found {shortened(line)}")
-    if n_read < element.count:
-        raise ends_early(element.name, n_read, element.count)
-    columns = {}
-    for column in element.properties:
-        try:
-            numbers = np.array(texts[column.name], np.float64)
-        except ValueError as error:
-            raise FileFormatError(f"expected {column.label}, but {error}") from error
-        values = cast(numbers, column.dtype, f"{column.label}, value")
-        columns[column.name] = values, np.array(lengths[column.name], np.int64)
-    return columns
+    """Read an element with lists of a text file, as if it were one of double numbers."""
+    double = np.dtype(np.float64)
+    columns = [replace(column, dtype=double, length=column.length and double) for column in element.properties]
+    try:
+        numbers = np.array(" ".join(islice(filter(is_row, lines_of(file)), element.count)).split(), "<f8")
+    except ValueError as error:
+        raise FileFormatError(f"expected numbers in {element.name}, but {error}") from error
+    lists, size = _binary_lists(numbers.tobytes(), "<", replace(element, properties=columns))
+    if size < numbers.nbytes:
+        raise FileFormatError(f"expected {size // 8:,} numbers in {element.name}, found {len(numbers):,}")
+    return {
+        column.name: (cast(lists[column.name][0], column.dtype, f"{column.label}, value"), lists[column.name][1])
+        for column in element.properties
+    }
 
 
 def write_ply(
