@@ -92,7 +92,7 @@ def test_columns_that_a_cloud_cannot_hold_are_refused_by_name(folder, suffix, na
 
 @pytest.mark.parametrize(
     ("names", "message"),
-    [("xy", "x, y and z for each point, found 'x', 'y'"), ("xyzx", "different names, found 'x' twice")],
+    [("xy", "x, y and z for each point, found 'x', 'y'"), ("xyzx", "different names, found 'x', 'y', 'z', 'x'")],
 )
 def test_tables_without_coordinates_or_with_names_twice_are_refused(folder, names, message):
     with pytest.raises(FileFormatError, match=message):

@@ -47,9 +47,8 @@ def _reported() -> AbstractContextManager[None]:
 def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], count: int | None = None) -> Reader:
     """Return a reader of a table, whose `batches` of at most n rows have the columns that are asked for."""
     names = list(schema.names)
-    repeated = next((name for name in names if names.count(name) > 1), None)
-    if repeated is not None:
-        raise FileFormatError(f"expected columns of different names, found {repeated!r} twice; rename one")
+    if len(set(names)) < len(names):
+        raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
     axes = list(coordinate_names(names))
 
     def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:

@@ -239,10 +239,8 @@ def _write_scan(image: Any, cloud: PointCloud) -> None:
     for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", normals), ("gppcs", "urn:gppcs:attributes")):
         image.extensionsAdd(prefix, uri)
     columns = _columns_written(cloud)
-    digest = hashlib.blake2b(digest_size=16)
-    for values in columns.values():
-        digest.update(np.ascontiguousarray(values).data)
-    guid = f"{{{uuid.UUID(bytes=digest.digest())}}}"  # of the content, so that the same cloud gives the same file
+    digest = hashlib.blake2b(cloud.points.tobytes(), digest_size=16).digest()
+    guid = f"{{{uuid.UUID(bytes=digest)}}}"  # of the content, so that the same cloud gives the same file
     scans, points = libe57.VectorNode(image, True), _points_node(image, columns)
     about = {
         "formatName": "ASTM E57 3D Imaging Data File",

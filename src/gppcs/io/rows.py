@@ -213,31 +213,25 @@ class _Block:
         return FileFormatError(f"expected {size}, but pandas reports: {actual}")
 
     def _exact_numbers(self, column: int) -> Column:
+        """Return a column as integers if all numbers are, else as float64 if that rounds none of the whole numbers."""
         fields = ["nan" if field in MISSING else field for field in self.parsed([column])[column]]
+        for dtype in (np.int64, np.uint64):
+            with suppress(ValueError, OverflowError):
+                return np.array([int(field) for field in fields], dtype)
         for i, field in enumerate(fields, self.start + 1):
             if not is_number(field):
                 raise FileFormatError(f"{self.what} {i}: expected a number, found {shortened(field)}")
-        return _exact_numbers(fields)
+            value, is_whole = float(field), re.fullmatch(r"\s*[+-]?\d+\s*", field)
+            if is_whole and (np.isinf(value) or int(field) != value):
+                raise FileFormatError(
+                    "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that "
+                    f"none does, with {shortened(field)}; write this with a decimal point if it may be rounded"
+                )
+        return np.array(fields, np.float64)
 
 
 def _holds_numbers(values: Column) -> bool:
     return values.dtype.kind in "iuf" or all(is_number(str(value)) for value in values.tolist())
-
-
-def _exact_numbers(fields: Sequence[str]) -> Column:
-    """Return numbers as integers if all are, else as float64 if that rounds none of the whole numbers."""
-    for dtype in (np.int64, np.uint64):
-        with suppress(ValueError, OverflowError):
-            return np.array([int(field) for field in fields], dtype)
-    values = np.array(fields, dtype=np.float64)
-    for i in np.flatnonzero(np.abs(values) >= EXACT).tolist():
-        is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", fields[i])
-        if is_whole and (np.isinf(values[i]) or int(fields[i]) != float(values[i])):
-            raise FileFormatError(
-                "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that none "
-                f"does, with {shortened(fields[i])}; write this with a decimal point if it may be rounded"
-            )
-    return values
 
 
 def _texts(texts: list[str]) -> Column:
