@@ -119,6 +119,8 @@ def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monk
     function(**usual)
     refused = []
     for value in WRONG:
+        if argument == "pipelines" and value is None:
+            continue  # all of them, which takes long
         try:
             function(**{**usual, argument: value})
         except OURS as error:

@@ -84,7 +84,7 @@ WORK = "docs/where-you-work.md"
 def test_python_runs(page, workplace):
     has_meshlab = importlib.util.find_spec("pymeshlab")
     code = "\n".join(block for block in blocks(page, "python") if has_meshlab or "import pymeshlab" not in block)
-    exec(compile(code, page, "exec"), {"__name__": "page"})
+    exec(compile(code.replace("depth=8", "depth=5"), page, "exec"), {"__name__": "page"})  # a quick reconstruction
 
 
 def examples():
