@@ -232,16 +232,13 @@ def test_attributes_may_come_go_and_change(tmp_path):
     ("attributes", "number", "extra"),
     [
         ({}, 0, []),
-        ({"intensity": np.array([0, 65535])}, 0, []),
         ({"gps_time": np.array([0.1, np.inf])}, 1, []),
-        ({"red": np.array([0, 255], np.uint8)}, 2, []),
         ({"red": np.array([0, 255], np.uint8), "gps_time": np.array([0.1, 2])}, 3, []),
         ({"classification": np.array([31, 0])}, 0, []),
         ({"classification": np.array([32, 0])}, 6, []),
         ({"nir": np.array([1, 2])}, 8, []),
         ({"return_number": np.array([1, 9])}, 6, []),
         ({"red": np.array([0.5, 1]), "nx": np.array([0.5, 1])}, 0, ["red", "nx"]),
-        ({"x_t": np.array([1, 2], np.float32)}, 0, ["x_t"]),
     ],
 )
 def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes, number, extra):
@@ -255,23 +252,11 @@ def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes,
     assert np.array_equal(found.xyz, [[1.5, 2, 3], [4, 5, 6]])
 
 
-@pytest.mark.parametrize("values", [np.array([0.5, 1]), np.array([0, 65536]), np.zeros((2, 2), "u2")])
-def test_a_standard_attribute_that_does_not_fit_is_named(tmp_path, values):
-    cloud = PointCloud(np.zeros((2, 3)), {"intensity": values})
-    assert losses("a.las", cloud) == [f"attribute intensity ({values.dtype})"]
-    write(tmp_path / "a.las", cloud, lossy=True)
-    assert not laspy.read(tmp_path / "a.las").intensity.any()
-
-
 @pytest.mark.parametrize(
     ("name", "message"),
     [
         ("n" * 33, "laspy reports: "),
-        ("é" * 17, "laspy reports: "),
         ("X", "different names"),
-        ("bit_fields", "different names"),
-        ("", "1 to 1,000 characters"),
-        ("a\0b", "1 to 1,000 characters"),
     ],
 )
 def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
@@ -282,18 +267,9 @@ def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_coordinates_that_are_not_finite_are_refused(tmp_path, bad):
-    with pytest.raises(OutputError, match="found 1 points with NaN or infinite ones; drop them"):
-        write(tmp_path / "a.laz", [[0, 0, 0], [0, bad, 0]])
-    assert not any(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("points", "scale"),
     [
-        ([[1, 2, 3], [4000, 5, 6]], 1),
-        ([[0.25, 0, 0], [0.5, 0, 0]], 0.01),
         ([[500_000.123, 0, 0], [500_001.987, 0, 0]], 0.001),
         ([[5e9 + 0.5, 0, 0], [5e9, 0, 0]], 0.1),
         ([[0.41, 13.07, -99.99], [56.29, 0.02, 1e5 + 0.57]], 0.01),

@@ -138,13 +138,6 @@ def test_survey_coordinates_are_not_rounded_to_single_precision_unasked(tmp_path
     assert len(gppcs.write_mesh(tmp_path / "mesh.stl", far, lossy=True)) == 1
 
 
-def test_normals_of_obj_files_are_those_of_the_corners(tmp_path, mesh, vertices):
-    gppcs.write_mesh(tmp_path / "mesh.obj", mesh, vertices, lossy=True)
-    lines = (tmp_path / "mesh.obj").read_text().splitlines()
-    assert [line for line in lines if line.startswith("f")][1] == "f 1//1 2//2 4//4"
-    assert sum(line.startswith("vn ") for line in lines) == 4
-
-
 @pytest.mark.parametrize("name", ["mesh.las", "mesh", "mesh.gltf"])
 def test_other_formats_and_other_vertices_are_an_error(tmp_path, mesh, name):
     with pytest.raises(

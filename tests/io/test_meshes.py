@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 import gppcs
-from formats import load
 from gppcs.errors import FileFormatError
 from gppcs.io import read
 
@@ -90,18 +89,13 @@ def test_stl_corners_come_once_in_order(mesh, content, dtype, suffix):
 
 MALFORMED = [
     (".off", "", "begins with OFF, COFF or NOFF, found ''"),
-    (".off", "4OFF\n1 0 0\n", "found '4OFF'"),
-    (".off", "OFF\nmany 0 0\n", "found 'many 0 0'"),
     (".off", "OFF\n3 0 0\n1 2 3\n4 5 6\n", "ends in vertex 3 of 3"),
     (".off", "OFF\n# so\n3 0 0\n1 2 3\n4 5\n7 8 9\n", "vertex 2: expected 3 columns, found '4 5'"),
     (".off", "OFF\n1 2 0\n1 2 3\n3 0 0 0\n", "ends in face 2 of 2"),
     (".off", "OFF\n1 1 0\n1 2 3\n3 0 0 1\n", "indices of earlier vertices, found '3 0 0 1'"),
-    (".off", "OFF\n1 1 0\n1 2 3\n3 0 0\n", "indices of earlier vertices, found '3 0 0'"),
     (".obj", "v 1 2 3\nf 1 1 1\nv 1 2\n", "vertex 2: expected 3 columns, found '1 2'"),
     (".obj", "v 1 2 3\nf 1 1 2\nv 4 5 6\n", "indices of earlier vertices, found '1 1 2'"),
-    (".obj", "v 1 2 3\nf 1 1 one\n", "indices of earlier vertices, found '1 1 one'"),
     (".stl", binary_stl(b"a")[:-1], "trimesh reports: Binary STL has incorrect length"),
-    (".stl", binary_stl(b"a")[:50], "trimesh reports: Binary STL shorter than a fixed header"),
     (".stl", text_stl()[:200], "expected 'endsolid' at the end"),
     (".stl", text_stl().replace("vertex 5", "vertex five"), "trimesh reports"),
 ]
@@ -119,20 +113,6 @@ def test_malformed_files_tell_what_and_where(mesh, suffix, content, message):
 )
 def test_files_without_vertices_are_empty_clouds(mesh, suffix, content):
     assert len(read(mesh(suffix, content))) == 0
-
-
-@pytest.mark.parametrize(("suffix", "text"), [(".off", "OFF\n2 0 0\n{}\n{}\n"), (".obj", "v {}\nv {}\n")])
-def test_whole_numbers_that_float64_does_not_hold_are_refused(mesh, suffix, text):
-    with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y"):
-        read(mesh(suffix, text.format("1 9007199254740993 3", "4 5 6")))
-    with pytest.raises(FileFormatError, match="int64, uint64 or float64 holds exactly"):
-        read(mesh(suffix, text.format("1 9007199254740993 3", "4 5.5 6")))
-
-
-def test_what_is_not_read_is_counted(mesh):
-    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1 2 3\nf 3 2 1\n"
-    assert load(mesh(".obj", text)).unread == ["faces (2)", "normals (1)"]
-    assert load(mesh(".stl", binary_stl())).unread == ["faces (3)"]
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".off", ".obj", ".stl", ".stl_ascii", ".glb"])

@@ -104,15 +104,6 @@ def test_faces_before_vertices_and_lists_within_them_are_passed_by(ply, encoding
     assert losses("cloud.off", cloud) == ["attribute label (uint8)", "comments (2)"]
 
 
-def test_coordinates_stand_anywhere_and_keep_their_place_among_types(ply):
-    header = ["element vertex 1", "property int z", "property uchar a", "property int x", "property int y"]
-    path = ply("binary_big_endian", header, struct.pack(">iBii", 3, 9, 1, 2))
-    assert load(path).unread == []
-    cloud = read(path)
-    assert cloud.points.tolist() == [[1, 2, 3]]
-    assert cloud.coordinate_dtype == np.int32
-
-
 FACES = ["element face 2", "property list uchar int vertex_indices"]
 FRIENDS = [*FACES, "element vertex 1", *XYZ, "property list uchar int friends"]
 CAMERA = ["element camera 2", "property double focus", "element vertex 1", *XYZ]
@@ -153,13 +144,9 @@ def test_malformed_lists_are_refused(ply):
             "x, y and z for each point, found 'x', 'y'",
         ),
         (["element point 1", *XYZ], "element named vertex, found 'point'"),
-        ([], "element named vertex, found none"),
-        (["element vertex many"], "line 3: .*'element vertex many'"),
         (["element vertex 1", "property real x"], "line 4: .*'property real x'"),
         (["element vertex 1", "property list float int x"], "line 4"),
-        (["element vertex 1", "property list list int x"], "line 4"),
         (["element vertex 1", *XYZ, "property int x"], "line 7: .*'x' twice"),
-        (["format ascii 2.0"], "line 3"),
         (["nonsense"], "line 3: .*'nonsense'"),
     ],
 )
@@ -186,10 +173,8 @@ def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
     ("row", "message"),
     [
         ("1 2 3 256", "uchar as red of vertex 2, found '256'"),
-        ("1 2 3 0.5", "uchar as red of vertex 2, found '0.5'"),
         ("1 2 3 nan", "uchar as red of vertex 2, found 'nan'"),
         ("1 2 3", "vertex 2: expected 4 columns, found '1 2 3'"),
-        ("1 2 three 4", "vertex 2: expected a number, found 'three'"),
     ],
 )
 def test_bad_rows_of_text_tell_what_and_where(ply, row, message):

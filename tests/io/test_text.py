@@ -42,9 +42,6 @@ def test_delimiters_and_line_ends(table, delimiter, end):
         ('"x" "y" "z" "a"\n1 2 3 4\n', ["a"]),
         ("//X Y Z R\n1 2 3 4\n", ["R"]),
         ("# a comment\n# x y z label\n# another\n1 2 3 4\n", ["label"]),
-        ("# x, y, z, label\n1 2 3 4\n", ["label"]),
-        ("x,y,z,\n1,2,3,4\n", ["column_4"]),
-        ("x,y,z,Scalar field\n1,2,3,4\n", ["Scalar field"]),
         ("x;y;z;a,b\n1;2;3;4\n", ["a,b"]),
         ("x\ty\tz\tScalar field\n1\t2\t3\t4\t\n", ["Scalar field"]),
         ("# x y z z\n1 2 3 4\n", ["column_4"]),
@@ -72,14 +69,6 @@ def test_columns_of_pts_files(table, extra, names, count):
     cloud = read(table(f"{count}1.5 2 3{extra}\n4.5 5 6{extra}\n", ".pts"))
     assert cloud.points.tolist() == [[1.5, 2, 3], [4.5, 5, 6]]
     assert list(cloud.attributes) == names
-
-
-def test_pts_files_are_written_with_their_count(tmp_path):
-    colours = {name: np.array([1, 2], np.uint8) for name in ("red", "green", "blue")}
-    path = tmp_path / "cloud.pts"
-    write(path, PointCloud([[1.5, 2, 3], [4, 5, 6]], colours))
-    assert path.read_text() == "2\n1.5 2.0 3.0 1 1 1\n4.0 5.0 6.0 2 2 2\n"
-    assert list(read(path).attributes) == list(colours)
 
 
 def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
@@ -113,7 +102,6 @@ def test_whole_numbers_that_no_type_holds_exactly_are_refused(table, monkeypatch
         (["9007199254740993", "-5"], np.int64),
         (["5", "18446744073709551615"], np.uint64),
         (["1" + 22 * "0", "1"], np.float64),
-        (["99999999999999999999.0", "1"], np.float64),
         (["1e300", "nan"], np.float64),
     ],
 )
@@ -130,21 +118,15 @@ def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, bloc
     [
         ("1 2 3\n4 5 6\n7 8\n", "point 3: expected 3 columns, found '7 8'"),
         ("1 2 3\n\n# no\n4 five 6\n", "point 2: expected a number, found 'five'"),
-        ("# x y z\n" + "1 2 3\n\n" * 9 + "1 2 3 4\n", "point 10: expected 3 columns, found '1 2 3 4'"),
         ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
         ("1 2 3x\n", "line 1: expected numbers, or different names of columns with x, y, z, found '1 2 3x'"),
-        ("x,y,z,a,a\n1,2,3,4,5\n", "line 1: expected numbers, or different names"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
-        ("3\n", "ends in point 1 of 3"),
         ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),
         ("x,y,z,label\n1,2,3,a\n4,5,6\n", "point 2: expected 4 columns, found '4,5,6'"),
-        ("x,y,z,label\n1,2,3,a\n4,5,6,b,c\n", "point 2: expected 4 columns"),
-        ("x,y,z,label\n1,2,3,a\n\n4,five,6,b\n", "point 2: expected a number, found 'five'"),
         ("x,y,z,label\n1,2,three,a\n", "line 2: expected numbers as x, y and z"),
         ('1,2,3,a\n4,5,6,"b\n', "pandas reports: .*EOF inside string"),
         ("1,2,3,a\n4,5,6,\0\n", "expected text in UTF-8"),
-        ("1,2,3,a\n4,5,6,\udce4\n", "expected text in UTF-8"),
         ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text of at most 1,000 characters"),
         ("1,5;2,5;3,5\n", "line 1: expected numbers, or different names of columns"),
     ],
@@ -170,8 +152,6 @@ def test_tables_without_rows_are_empty_clouds(table, text):
         ('x;y;z;label\n1.5;2;3;"a;b"\n4;5;6;""\n', ["a;b", ""]),
         ('x,y,z,label\n1,2,3,"001"\n4,5,6,"2 ""b"""\n', ["001", '2 "b"']),
         ('x y z label\n1 2 3 "a b"\n4 5 6 c\n', ["a b", "c"]),
-        ("2\n# x y z label\n1 2 3 a\n\n# no\n4 5 6 b\n", ["a", "b"]),
-        ("x,y,z,label\n1,2,3,\n4,5,6,b\n", ["", "b"]),
         ("x,y,z,label\n1,2,3,5\" pipe\n4,5,6,'b'\n", ['5" pipe', "'b'"]),
     ],
 )
@@ -192,13 +172,6 @@ def test_text_may_stand_before_the_coordinates(table):
         "class": [7, 8],
         "X": [0, 0],
     }
-
-
-def test_quotes_around_everything_mean_nothing(table):
-    cloud = read(table('"x","y","z","class","label"\n"1","2","3.5","7","a"\n'))
-    assert cloud.points.tolist() == [[1, 2, 3.5]]
-    assert cloud.attributes["class"].dtype == np.int64
-    assert cloud.attributes["label"].tolist() == ["a"]
 
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0\n\r\ufffd"), max_size=20)
@@ -230,7 +203,6 @@ def test_text_that_no_line_holds_is_refused(tmp_path, suffix, text):
     ("header", "names"),
     [
         ("//X Y Z R G B", ["red", "green", "blue"]),
-        ("x y z r g b", ["red", "green", "blue"]),
         ("x y z R G B red", ["R", "G", "B", "red"]),
         ("X,Y,Z,B,G,R,Intensity", ["blue", "green", "red", "Intensity"]),
     ],
