@@ -93,11 +93,3 @@ def test_a_note_tells_which_pipeline_finds_no_surface(gppcs_command, ball, pipel
     assert (err.split(": ")[:3], err.count("\n")) == (["gppcs", "note", "mesh"], 1)
     assert [each["figures"]["triangles"] > 0 and each["failure"] is None for each in pivoted] == [True] * len(pivoted)
     assert Path("side/report.html").exists() == bool(pivoted)
-
-
-@pytest.mark.parametrize(("name", "read"), [("table.csv", "scan.ply"), ("table.md", "mesh.ply")])
-def test_compare_never_overwrites_an_input_through_its_folder(refused, scan, name, read):
-    gppcs.write("mesh.ply", scan)
-    Path("side").mkdir()
-    Path("side", name).symlink_to(Path(read).absolute())
-    refused((*COMPARE, "--mesh", "mesh.ply", "--force"), f"side/{name}")

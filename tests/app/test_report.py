@@ -64,10 +64,3 @@ def test_view_shows_the_faces_of_a_mesh(printed, refused, folder, opened):
     content = (folder / "tent.ply").read_bytes()
     (folder / "tent.ply").write_bytes(content[:-4] + b"\xff\xff\xff\x7f")  # the last corner is no vertex
     refused(("view", "tent.ply", "-o", "bad.html", "--no-open"), "tent.ply: ", "indices of vertices 0 to 3")
-
-
-def test_without_a_browser_view_says_where_the_page_is(gppcs_command, printed, scan, monkeypatch):
-    monkeypatch.setattr(webbrowser, "open", lambda page: False)
-    told = "gppcs: note: no browser was found; open v.html yourself\n"
-    assert gppcs_command("view", "scan.ply", "-o", "v.html") == (0, "v.html\n", told)
-    assert printed("view", "scan.ply", "-o", "v.html", "--no-open", "--force") == "v.html\n"

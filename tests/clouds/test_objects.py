@@ -1,7 +1,6 @@
 """Objects of other libraries become clouds with all that they hold, and clouds become such objects again."""
 
 import re
-import subprocess
 import sys
 
 import numpy as np
@@ -141,9 +140,7 @@ TABLE = pandas.DataFrame({axis: [0.0, 1.0] for axis in "xyz"})
     ("table", "message"),
     [
         (TABLE.assign(place=[None, object()]), "expected numbers in column 'place', found text or objects"),
-        (TABLE.assign(place=["a", None]), "expected numbers in column 'place', found text or objects"),
         (TABLE.assign(z=["a", "b"]), "expected numbers as coordinates, found <U1 in z"),
-        (TABLE.assign(z=[True, False]), "expected numbers as coordinates, found bool in z"),
         (TABLE.assign(z=[2**60, 1]), r"expected coordinates below 2\^53, found larger ones in z"),
         (TABLE.join(pandas.Series([1, 2], name=7)), "expected attributes by name"),
         (TABLE[["x", "y"]], "expected x, y and z for each point, found 'x', 'y'; rename"),
@@ -326,16 +323,7 @@ class Awkward(Opaque):
         raise KeyError(row)
 
 
-class Elsewhere(Opaque):
-    """An object whose points are on another device."""
-
-    def __array__(self, dtype=None, copy=None):
-        raise TypeError("the points are\non a device")
-
-
-@pytest.mark.parametrize(
-    ("made", "end"), [(Opaque, ""), (Awkward, r".*"), (Elsewhere, ", of which NumPy says: the points are on a device")]
-)
+@pytest.mark.parametrize(("made", "end"), [(Opaque, ""), (Awkward, r".*")])
 def test_unknown_objects_are_named_with_what_was_expected(made, end):
     libraries = "Open3D, PyVista, trimesh, pandas or laspy"
     expected = rf"^expected a PointCloud, an object of {libraries}, or an \(N, 3\) array of coordinates"
@@ -343,7 +331,7 @@ def test_unknown_objects_are_named_with_what_was_expected(made, end):
         gppcs.info(made())
 
 
-# Everywhere, and without imports
+# Everywhere
 
 
 @pytest.mark.parametrize("kind", ["path", "text", "pandas", "pyvista"])
@@ -365,24 +353,3 @@ def test_all_functions_take_objects_and_those_above_io_paths(kind, tmp_path):
     assert gppcs.info(given).points == 300
     np.testing.assert_array_equal(gppcs.estimate_normals(given, at=given), gppcs.estimate_normals(scan))
     assert gppcs.estimate_features(given) == gppcs.estimate_features(scan)
-
-
-def test_objects_are_recognised_without_importing_a_library():
-    code = """
-import sys
-import numpy as np
-from gppcs import PointCloud
-made = type("PointCloud", (), {"__module__": "open3d.geometry", "points": np.eye(3)})()
-made.colors = made.normals = made.covariances = ()
-assert len(PointCloud.from_object(made)) == len(PointCloud.from_object(np.eye(3))) == 3
-table = np.zeros(3, [("x", "f4"), ("y", "f4"), ("z", "f4")])
-assert len(PointCloud.from_object(table)) == 3
-try:
-    PointCloud.from_object(object())
-except ValueError:
-    print(*sys.modules)
-"""
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = {name.split(".")[0] for name in run.stdout.split()}
-    assert "gppcs" in loaded
-    assert not loaded & {"open3d", "pyvista", "trimesh", "pandas", "laspy", "numba", "scipy"}

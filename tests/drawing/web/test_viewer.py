@@ -137,11 +137,19 @@ class TestInTheBrowser:
         assert digests(seen["reset"]) == digests(seen["start"])
         assert "\N{MINUS SIGN}" in seen["up"]["text"]
 
+    def test_coloured_scans_open_in_their_colours(self, seen):
+        assert next(iter(seen["colourings"])) == "RGB"
+        assert digests(seen["start"]) == digests(seen["colourings"]["RGB"]["pictures"])
+        assert seen["scene"]["colouring"] == "rgb"
+
     def test_the_first_view_fits_the_frame(self, seen):
         for picture in (*seen["start"], *seen["narrow"]["pictures"], *seen["scene"]["start"]):
             left, top, right, bottom = picture["box"]
             assert 0.0 < min(left, top) < max(right, bottom) < 1.0
             assert max(right - left, bottom - top) > 0.85
+
+    def test_the_surface_has_no_pinholes(self, seen):
+        assert max(picture["holes"] for picture in seen["start"]) < 2e-4
 
     def test_each_colouring_changes_the_views_and_its_legend(self, seen):
         colourings = seen["colourings"]
@@ -187,6 +195,12 @@ class TestInTheBrowser:
         assert other["values"]["why"] == "a point for each cell"
         assert "why" not in original["values"]
         assert seen["hidden"]
+
+    def test_the_swipe_compares_two_clouds(self, seen):
+        assert [label.splitlines()[0] for label in seen["swipe"]["labels"]] == [f"{MARKUP}.ply", "voxel.ply"]
+        assert all_differ(seen["swipe"]["middle"], seen["swipe"]["left"])
+        assert int(seen["swipe"]["dragged"]["divider"]) == pytest.approx(700, abs=5)
+        assert all_differ(seen["swipe"]["left"], seen["swipe"]["dragged"]["pictures"])
 
     def test_a_disc_is_round_from_above_and_thin_from_the_front_and_the_side(self, seen):
         directions = seen["directions"]
@@ -249,6 +263,12 @@ class TestInTheBrowser:
         legend = image[height:, :, :3]
         assert (legend.min(axis=2) < 0.6).sum() > 100  # letters
 
+    def test_the_views_fill_the_full_screen(self, seen):
+        full = seen["full"]
+        assert full["within"]["height"] > full["before"] + 40
+        assert full["within"]["overflow"] <= 0
+        assert full["after"] == full["before"]
+
     def test_meshes_take_the_place_of_points_where_there_are_some(self, seen):
         *meshes, voxels = seen["meshes"]["labels"]
         assert all(re.fullmatch(r".*\n[\d,]+ triangles", label) for label in meshes)
@@ -259,6 +279,13 @@ class TestInTheBrowser:
         assert digests(seen["meshes"]["pictures"])[2] == digests(seen["start"])[2]
         assert digests(seen["points"]) == digests(seen["start"])
         assert seen["meshes"]["pressed"] == "true"
+
+    def test_figures_and_plot_are_there_below_a_verdict(self, seen, scan, kept):
+        report = gppcs.evaluate(scan, kept.cloud)
+        for figure in (report.surface_max, report.surface_p95):
+            assert f"{float(f'{figure:.3g}')}" in seen["verdicts"][0]
+        assert "covering radius\n" in seen["figures"]
+        assert seen["plotted"] == 8
 
     def test_it_can_be_read_by_everybody(self, seen):
         assert seen["accessible"] == seen["narrow"]["accessible"] == seen["scene"]["accessible"] == []
@@ -314,6 +341,10 @@ class TestByLevel:
         assert len(arrived) == len(set(arrived))
         more = drawn(looked["near"]) - drawn(looked["start"])
         assert 0 < more <= nodes.entries["count"][arrived].sum()  # some came and were passed on the way
+
+    def test_they_are_coloured_as_the_others(self, looked):
+        assert looked["coloured"]["picture"] != looked["near"]["picture"]
+        assert looked["coloured"]["arrived"] == []
 
     def test_a_picked_point_is_the_point_of_the_file(self, looked, copc):
         whole, picked = gppcs.read(copc), looked["picked"]
