@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from io import BufferedReader
-from typing import Any, BinaryIO, NamedTuple
+from itertools import islice
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from gppcs.io.rows import (
     at_most,
     bytes_left,
     cast,
-    ends_early,
     lines_of,
     read_records,
     read_rows,
+    reported,
     shortened,
     write_records,
     write_rows,
@@ -38,111 +38,102 @@ _BYTES = {"red": 2, "green": 1, "blue": 0, "alpha": 3}  # where a packed colour 
 _START = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+(?:FIELDS|COLUMNS)\s)")
 
 
-class _Header(NamedTuple):
-    """What stands before the points."""
-
-    fields: list[tuple[str, np.dtype[Any]]]  # names of padding begin with a space
-    n_points: int
-    encoding: str
-
-
 def open_pcd(file: BufferedReader) -> Reader:
     """Open a PCD file."""
-    header, start = _read_header(file), file.tell()
-    axes = coordinate_names(name for name, _ in header.fields)
+    record, n_points, encoding = _read_header(file)
+    start, names = file.tell(), record.names or ()
+    axes = coordinate_names(names)
 
     def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
         file.seek(start)
-        kept = [name for name, _ in header.fields if name in axes or (attributes and not name.startswith(" "))]
-        if header.encoding == "binary":
-            clouds = read_records(file, np.dtype(header.fields), header.n_points, n, "point", kept)
+        kept = [name for name in names if name in axes or (attributes and not name.startswith(" "))]
+        if encoding == "binary":
+            clouds = read_records(file, record, n_points, n, "point", kept)
         else:
-            read = _text_columns if header.encoding == "ascii" else _unpacked_columns
-            clouds = at_most(n, map(cloud_of_columns, read(file, header, kept)))
+            read = _text_columns if encoding == "ascii" else _unpacked_columns
+            clouds = at_most(n, map(cloud_of_columns, read(file, record, n_points, kept)))
         return map(_with_channels, clouds)
 
-    return Reader(chunks, header.n_points, at_once=header.encoding == "binary_compressed")
+    return Reader(chunks, n_points, at_once=encoding == "binary_compressed")
 
 
-def _read_header(file: BufferedReader) -> _Header:
+def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
+    """Return the type of a point, in which names of padding begin with a space, their number and the encoding."""
     entries: dict[str, list[str]] = {}
     while "DATA" not in entries:
         line = file.readline(1 << 20)
         keyword, *values = line.decode("utf-8-sig", "replace").split() or [""]
         keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # the name before version 0.7
-        if keyword in _KEYWORDS and keyword not in entries:
+        if keyword in _KEYWORDS:
             entries[keyword] = values
         elif not line or (keyword and not keyword.startswith("#")):
             actual = shortened(line.decode("utf-8", "replace")) if line else "the end of the file"
-            raise FileFormatError(f"expected a PCD header with one line of each keyword up to DATA, found {actual}")
+            raise FileFormatError(f"expected lines of keywords up to DATA in a PCD file, found {actual}")
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
         raise FileFormatError(f"expected DATA to be ascii, binary or binary_compressed, found {shortened(encoding)}")
-    text = {keyword: " ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT", "POINTS")}
-    width, height = as_count(text["WIDTH"] or text["POINTS"]), as_count(text["HEIGHT"] or "1")
-    if width is None or height is None or (text["POINTS"] and as_count(text["POINTS"]) != width * height):
-        raise FileFormatError(
-            "expected WIDTH and HEIGHT as whole numbers, and POINTS as their product, found "
-            f"{', '.join(map(shortened, text.values()))}"
-        )
-    return _Header(_fields(entries), width * height, encoding)
+    keywords = ["POINTS"] if "POINTS" in entries else ["WIDTH", "HEIGHT"]
+    texts = [" ".join(entries.get(keyword, [])) for keyword in keywords]
+    if None in map(as_count, texts):
+        actual = " and ".join(map(shortened, texts))
+        raise FileFormatError(f"expected whole numbers as {' and '.join(keywords)}, found {actual}")
+    return _record(entries), math.prod(map(int, texts)), encoding
 
 
-def _fields(entries: dict[str, list[str]]) -> list[tuple[str, np.dtype[Any]]]:
-    """Return the name and the type of each field."""
+def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
     names, sizes, letters = (entries.get(keyword, []) for keyword in ("FIELDS", "SIZE", "TYPE"))
     counts = entries.get("COUNT", ["1"] * len(names))
-    if not len(names) == len(sizes) == len(letters) == len(counts) > 0:
+    if not len(names) == len(sizes) == len(letters) == len(counts):
         raise FileFormatError("expected as many values in the lines FIELDS, SIZE, TYPE and COUNT of the PCD header")
-    fields: list[tuple[str, np.dtype[Any]]] = []
-    for name, size, letter, text in zip(names, sizes, letters, counts, strict=True):
-        dtype = {f"{dtype.kind.upper()} {dtype.itemsize}": dtype for dtype in _TYPES}.get(f"{letter} {size}")
-        count = as_count(text)
-        if dtype is None and name == _PADDING:
-            dtype, count = np.dtype("u1"), (count or 0) * (as_count(size) or 0)
-        name = f" {len(fields)}" if name == _PADDING else name
-        if dtype is None or not count or name in dict(fields):
+    types = {f"{dtype.kind.upper()} {dtype.itemsize}": dtype.newbyteorder("<") for dtype in _TYPES}
+    fields: list[Any] = []
+    for name, size, letter, count in zip(names, sizes, letters, counts, strict=True):
+        kind = f"{letter} {size}"
+        if kind not in types or as_count(count) is None:
             raise FileFormatError(
-                "expected different FIELDS, TYPE and SIZE of F 4, F 8, or I or U 1, 2, 4 or 8, and COUNT from 1 on, "
-                f"found {shortened(f'{name} {letter} {size} {text}')}"
+                "expected TYPE and SIZE of F 4, F 8, or I or U 1, 2, 4 or 8, and COUNT as a whole number, found "
+                f"{shortened(f'{name} {kind} {count}')}"
             )
-        if sum(field.itemsize for _, field in fields) + dtype.itemsize * count >= 1 << 31:
-            raise FileFormatError("expected less than 2^31 bytes for each point, found more in SIZE and COUNT")
-        fields.append((name, np.dtype((dtype.newbyteorder("<"), (count,) if count > 1 else ()))))
-    return fields
+        shape = () if count == "1" else (int(count),)
+        fields.append((f" {len(fields)}" if name == _PADDING else name, types[kind], shape))
+    with reported("numpy", "different FIELDS of few bytes"):
+        return np.dtype(fields)
 
 
-def _text_columns(file: BufferedReader, header: _Header, kept: Collection[str]) -> Iterator[dict[str, Column]]:
+def _text_columns(
+    file: BufferedReader, record: np.dtype[Any], n_points: int, kept: Collection[str]
+) -> Iterator[dict[str, Column]]:
     """Yield some columns of a text file, block by block."""
-    widths, done = [math.prod(dtype.shape) for _, dtype in header.fields], 0
-    starts = np.cumsum([0, *widths]).tolist()
-    for numbers in read_rows(lines_of(file), sum(widths), header.n_points):
-        columns = {}
-        for (name, dtype), start, width in zip(header.fields, starts, widths, strict=False):
+    widths = {name: math.prod(record[name].shape) for name in record.names or ()}
+    done = 0
+    for numbers in read_rows(lines_of(file), sum(widths.values()), n_points):
+        columns, values = {}, iter(numbers)
+        for name, width in widths.items():
+            parts, dtype = [*islice(values, width)], record[name]
             if name in kept:
                 what = f"{dtype.base.name} as {name} of point"
-                values = [cast(column, dtype.base, what, done) for column in numbers[start : start + width]]
-                columns[name] = np.stack(values, axis=1).reshape(-1, *dtype.shape)
+                table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
+                columns[name] = table.reshape(-1, *dtype.shape)
         yield columns
         done += len(numbers[0])
 
 
-def _unpacked_columns(file: BufferedReader, header: _Header, kept: Collection[str]) -> Iterator[dict[str, Column]]:
+def _unpacked_columns(
+    file: BufferedReader, record: np.dtype[Any], n_points: int, kept: Collection[str]
+) -> Iterator[dict[str, Column]]:
     """Yield some columns of a file that holds them one by one, compressed."""
-    if len(sizes := file.read(8)) < 8:
-        raise ends_early("point", 0, header.n_points)
-    n_packed, n_bytes = struct.unpack("<II", sizes)
-    expected, left = header.n_points * np.dtype(header.fields).itemsize, bytes_left(file)
+    n_packed, n_bytes = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
+    expected, left = n_points * record.itemsize, bytes_left(file)
     if n_bytes != expected or n_packed > left:
         raise FileFormatError(
             f"expected {expected} bytes of points in at most {left} compressed ones, found {n_bytes} in {n_packed} "
             "announced; get the whole file again"
         )
     data, start, columns = _decompressed(file.read(n_packed), n_bytes), 0, {}
-    for name, dtype in header.fields:
+    for name in record.names or ():
         if name in kept:
-            columns[name] = np.frombuffer(data, dtype, header.n_points, start)
-        start += header.n_points * dtype.itemsize
+            columns[name] = np.frombuffer(data, record[name], n_points, start)
+        start += n_points * record[name].itemsize
     yield columns
 
 
