@@ -278,7 +278,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
 
 def _finite_indices(cloud: PointCloud, invalid: str) -> Ints:
     """Return the indices of the points with finite coordinates, if the others may be dropped."""
-    bad = cloud.non_finite()
+    bad = np.flatnonzero(~cloud.is_finite())
     check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
     return np.delete(np.arange(len(cloud)), bad)
 

@@ -160,7 +160,7 @@ def test_groups_stay_whole(tmp_path):
     options = {"invalid": "drop", "drop_outliers": True}
     result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **options)
     assert len(result.indices) == pytest.approx(2_000, abs=4)
-    usable = np.setdiff1d(gppcs.read(path).finite_rows(), result.outliers)
+    usable = np.setdiff1d(np.flatnonzero(gppcs.read(path).is_finite()), result.outliers)
     pulses = gppcs.read(path).attributes["pulse"]
     assert set(result.indices) == set(usable[np.isin(pulses[usable], result.cloud.attributes["pulse"])])
     assert result.diagnostics["groups"] == len(np.unique(result.cloud.attributes["pulse"]))

@@ -140,7 +140,7 @@ def _simplified(
 def _check_storable(job: Job, output: Output, cloud: PointCloud) -> None:
     """Check that the output can hold the first points with the attributes that the options add."""
     if job.mark is None:
-        cloud = cloud.take(cloud.finite_rows())  # only these are kept
+        cloud = cloud[cloud.is_finite()]  # only these are kept
     names = (NORMALS if job.options.normals else ()) + (SCORES if job.options.scores else ())
     cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, np.zeros(len(cloud), np.float32))})
     added: dict[str, Any] = {} if job.mark is None else {job.mark: np.uint8}

@@ -10,11 +10,13 @@ from typing import Any, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from gppcs.clouds import objects
+from gppcs.clouds.columns import NORMALS as NORMALS
+from gppcs.clouds.columns import Column, parts_of_columns
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
 
-NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
 ACCEPTED = "a PointCloud, an object of Open3D, PyVista, trimesh, pandas or laspy, or an (N, 3) array of coordinates"
 
 
@@ -91,6 +93,11 @@ class PointCloud(ComparedByValue):
             raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
 
     @classmethod
+    def from_columns(cls, columns: Mapping[str, Column]) -> PointCloud:
+        """Make a cloud of columns, (N, ...): x, y and z are the coordinates, the others become attributes."""
+        return cls(*parts_of_columns(columns))
+
+    @classmethod
     def from_object(cls, cloud: CloudLike) -> PointCloud:
         """Return a cloud unchanged, or make one of an array or an object of another library.
 
@@ -140,11 +147,9 @@ class PointCloud(ComparedByValue):
                 f"expected {ACCEPTED}, found the path {shown(os.fspath(cloud))}; read the file with gppcs.read first"
             )
         if type(cloud) is not np.ndarray or cloud.dtype.names:
-            from gppcs.clouds.objects import cloud_of_object
-
-            made = cloud_of_object(cloud)
-            if made is not None:
-                return made
+            parts = objects.parts_of_object(cloud)
+            if parts is not None:
+                return cls(*parts)
         points = array_of(cloud, ACCEPTED)
         if points.ndim == 0:
             raise InputError(f"expected {ACCEPTED}, found {_described(cloud)}")
@@ -203,25 +208,15 @@ class PointCloud(ComparedByValue):
         `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates are float32 if
         `coordinate_dtype` is, otherwise float64. An InputError names attributes of types that Open3D lacks.
         """
-        from gppcs.clouds.objects import open3d_of
-
-        return open3d_of(self)
+        return objects.open3d_of(self)
 
     def to_pyvista(self) -> Any:
         """Return the cloud as a new `pyvista.PolyData`, with all attributes as `point_data`.
 
         `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of `red`, `green`, `blue` and `alpha`. An attribute of
         three or more axes becomes one of two. An InputError names attributes of types that PyVista lacks.
-
-        Examples
-        --------
-        >>> made = gppcs.sample("sphere", n_points=100).to_pyvista()
-        >>> made.n_points, made.point_data.keys()
-        (100, ['curvature', 'RGB', 'Normals'])
         """
-        from gppcs.clouds.objects import pyvista_of
-
-        return pyvista_of(self)
+        return objects.pyvista_of(self)
 
     def to_trimesh(self) -> Any:
         """Return the cloud as a new `trimesh.PointCloud`, with all attributes.
@@ -229,9 +224,7 @@ class PointCloud(ComparedByValue):
         `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8; without `alpha`, trimesh sets it to
         255. All other attributes are in `metadata["vertex_attributes"]`.
         """
-        from gppcs.clouds.objects import trimesh_of
-
-        return trimesh_of(self)
+        return objects.trimesh_of(self)
 
     def to_pandas(self) -> Any:
         """Return the cloud as a new `pandas.DataFrame` with the columns x, y, z and one for each attribute.
@@ -239,28 +232,11 @@ class PointCloud(ComparedByValue):
         An attribute with k numbers for each point becomes k columns, called name_0, name_1 and so on; an InputError
         names columns that would be twice. The coordinates are of type `coordinate_dtype`; but if that is a type of
         integers and some coordinates are none, they are float64.
-
-        Examples
-        --------
-        >>> cloud = gppcs.PointCloud([[0, 0, 0], [1, 0, 0]], {"intensity": [7, 9]})
-        >>> cloud.to_pandas()
-             x    y    z  intensity
-        0  0.0  0.0  0.0          7
-        1  1.0  0.0  0.0          9
         """
-        from gppcs.clouds.objects import pandas_of
+        return objects.pandas_of(self)
 
-        return pandas_of(self)
-
-    def non_finite(self) -> NDArray[np.int64]:
-        """Return the indices of the points that have a NaN or infinite coordinate, ascending."""
-        return np.flatnonzero(~self._is_finite())
-
-    def finite_rows(self) -> NDArray[np.int64]:
-        """Return the indices of the points whose coordinates are all finite, ascending."""
-        return np.flatnonzero(self._is_finite())
-
-    def _is_finite(self) -> NDArray[np.bool_]:
+    def is_finite(self) -> NDArray[np.bool_]:
+        """Return for which points, (N,), all coordinates are finite."""
         x, y, z = np.isfinite(self.points).T  # several times as fast as `all` along the short axis
         return x & y & z
 
@@ -286,10 +262,10 @@ def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
     cloud = PointCloud.from_object(cloud)
     if len(cloud) == 0:
         raise InputError(f"the {name} is empty: expected at least one point")
-    if len(bad := cloud.non_finite()):
+    if not (mask := cloud.is_finite()).all():
         raise InputError(
-            f"expected finite coordinates in the {name}, found {len(bad)} points with NaN or infinite ones, the "
-            f"first at index {bad[0]}: drop them first"
+            f"expected finite coordinates in the {name}, found {(~mask).sum()} points with NaN or infinite ones, the "
+            f"first at index {np.argmin(mask)}: drop them first"
         )
     return cloud.points
 

@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import InputError
 
 Column = NDArray[Any]
 
+# Points, (N, 3), attributes by name, and the type of the coordinates: what a cloud is made of.
+CloudParts = tuple[NDArray[Any], dict[str, Column], np.dtype[Any]]
+
+NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
+COLOUR = ("red", "green", "blue")
 EXACT = 2**53  # float64 represents every whole number up to here
 
 
@@ -28,8 +32,8 @@ def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
     return x, y, z
 
 
-def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
-    """Make a cloud of columns, (N, ...): x, y and z are the coordinates, the others become attributes."""
+def parts_of_columns(columns: Mapping[str, Column]) -> CloudParts:
+    """Return what a cloud is made of: of the columns, (N, ...), x, y and z are the coordinates."""
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
     for i, axis in enumerate(axes):
@@ -41,7 +45,7 @@ def cloud_of_columns(columns: Mapping[str, Column]) -> PointCloud:
         for name, values in columns.items()
         if name not in axes
     }
-    return PointCloud(points, attributes, kept.newbyteorder("="))
+    return points, attributes, kept.newbyteorder("=")
 
 
 def check_coordinate(axis: str, values: Column) -> None:

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.columns import COLOUR, NORMALS, CloudParts, Column, parts_of_columns
 from gppcs.engine.extras import require
 from gppcs.errors import InputError
 
-COLOUR = ("red", "green", "blue")
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
+
 RGBA = (*COLOUR, "alpha")
 
 # Arrays of several columns that libraries keep under names of their own, and the attributes that their columns become.
@@ -28,8 +29,8 @@ PYVISTA: Vectors = {"RGBA": RGBA, "RGB": COLOUR, "Normals": NORMALS}
 VERTEX_ATTRIBUTES = "vertex_attributes"  # trimesh's name for them at meshes; its point clouds hold them as metadata
 
 
-def cloud_of_object(value: Any) -> PointCloud | None:
-    """Make a cloud of an object of another library, or of a structured array."""
+def parts_of_object(value: Any) -> CloudParts | None:
+    """Return what a cloud is made of, from an object of another library or a structured array; else None."""
     for base in type(value).__mro__:
         maker = MAKERS.get((base.__module__.partition(".")[0], base.__name__))
         if maker is not None:
@@ -37,19 +38,19 @@ def cloud_of_object(value: Any) -> PointCloud | None:
     return None
 
 
-def _from_structured(table: Any) -> PointCloud | None:
+def _from_structured(table: Any) -> CloudParts | None:
     if table.dtype.names is None:
         return None
     if table.ndim != 1:
         raise InputError(f"expected a structured array of shape (N,), found {table.shape}")
-    return cloud_of_columns({name: np.asarray(table[name]) for name in table.dtype.names})
+    return parts_of_columns({name: np.asarray(table[name]) for name in table.dtype.names})
 
 
-def _from_pandas(table: Any) -> PointCloud:
+def _from_pandas(table: Any) -> CloudParts:
     if not table.columns.is_unique:
         repeated = table.columns[table.columns.duplicated()][0]
         raise InputError(f"expected columns of different names, found {repeated!r} twice; rename one")
-    return cloud_of_columns({name: _column(table[name], name) for name in table.columns})
+    return parts_of_columns({name: _column(table[name], name) for name in table.columns})
 
 
 def _column(series: Any, name: Any) -> Column:
@@ -71,13 +72,13 @@ def _require_numbers(values: Column, name: str) -> None:
         raise InputError(f"expected numbers in {name}, found text or objects; drop it, or turn it into numbers")
 
 
-def _from_open3d(cloud: Any) -> PointCloud:
+def _from_open3d(cloud: Any) -> CloudParts:
     if hasattr(cloud, "point"):  # a point cloud of `open3d.t`, which holds tensors
         arrays = {name: _flat(tensor.cpu().numpy()) for name, tensor in cloud.point.items()}
-        return _cloud(arrays.pop("positions", np.empty((0, 3))), arrays, OPEN3D)
+        return _parts(arrays.pop("positions", np.empty((0, 3))), arrays, OPEN3D)
     # Copies, since Open3D may move what its vectors hold.
     arrays = {name: np.array(getattr(cloud, name)) for name in ("colors", "normals", "covariances")}
-    return _cloud(np.array(cloud.points), {name: values for name, values in arrays.items() if len(values)}, OPEN3D)
+    return _parts(np.array(cloud.points), {name: values for name, values in arrays.items() if len(values)}, OPEN3D)
 
 
 def _flat(values: Column) -> Column:
@@ -85,32 +86,32 @@ def _flat(values: Column) -> Column:
     return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
 
-def _from_pyvista(data: Any) -> PointCloud:
-    return _cloud(data.points, {name: data.point_data[name] for name in data.point_data}, PYVISTA)
+def _from_pyvista(data: Any) -> CloudParts:
+    return _parts(data.points, {name: data.point_data[name] for name in data.point_data}, PYVISTA)
 
 
-def _from_trimesh_cloud(cloud: Any) -> PointCloud:
+def _from_trimesh_cloud(cloud: Any) -> CloudParts:
     arrays = dict(cloud.metadata.get(VERTEX_ATTRIBUTES, {}))
     if len(cloud.colors):
         arrays |= zip(RGBA, cloud.colors.T, strict=True)
-    return _cloud(cloud.vertices, arrays)
+    return _parts(cloud.vertices, arrays)
 
 
-def _from_trimesh(mesh: Any) -> PointCloud:
+def _from_trimesh(mesh: Any) -> CloudParts:
     arrays = dict(mesh.vertex_attributes)
     if mesh.visual.kind == "vertex":
         arrays |= zip(RGBA, mesh.visual.vertex_colors.T, strict=True)
     if "vertex_normals" in mesh._cache:  # the property itself would compute them
         arrays |= zip(NORMALS, mesh.vertex_normals.T, strict=True)
-    return _cloud(mesh.vertices, arrays)
+    return _parts(mesh.vertices, arrays)
 
 
-def _from_laspy(data: Any) -> PointCloud:
+def _from_laspy(data: Any) -> CloudParts:
     names = [name for name in data.point_format.dimension_names if name not in ("X", "Y", "Z")]
-    return _cloud(np.column_stack([data.x, data.y, data.z]), {name: data[name] for name in names})
+    return _parts(np.column_stack([data.x, data.y, data.z]), {name: data[name] for name in names})
 
 
-MAKERS: Mapping[tuple[str, str], Callable[[Any], PointCloud | None]] = {  # by package and class
+MAKERS: Mapping[tuple[str, str], Callable[[Any], CloudParts | None]] = {  # by package and class
     ("numpy", "ndarray"): _from_structured,
     ("open3d", "PointCloud"): _from_open3d,
     ("pyvista", "DataSet"): _from_pyvista,
@@ -121,8 +122,8 @@ MAKERS: Mapping[tuple[str, str], Callable[[Any], PointCloud | None]] = {  # by p
 }
 
 
-def _cloud(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = None) -> PointCloud:
-    """Return a cloud of an object's points and arrays; each column of a vector becomes an attribute."""
+def _parts(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = None) -> CloudParts:
+    """Return what a cloud is made of, from points and arrays; each column of a vector becomes an attribute."""
     attributes: dict[str, Column] = {}
     for name, array in arrays.items():
         values = np.asarray(array)
@@ -133,7 +134,7 @@ def _cloud(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = Non
         else:
             attributes[name] = values
     points = np.asarray(points)
-    return PointCloud(points, attributes, points.dtype if points.dtype.kind == "f" else np.dtype(np.float64))
+    return points, attributes, points.dtype if points.dtype.kind == "f" else np.dtype(np.float64)
 
 
 def open3d_of(cloud: PointCloud) -> Any:
@@ -162,13 +163,15 @@ def pyvista_of(cloud: PointCloud) -> Any:
 
 def trimesh_of(cloud: PointCloud) -> Any:
     """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it."""
-    trimesh = require("trimesh", "an object of trimesh needs trimesh")
+    import trimesh
+
     arrays = {name: values.copy() for name, values in cloud.attributes.items()}
     parts = RGBA if "alpha" in arrays else COLOUR
     colours = None
     if all(part in arrays and arrays[part].dtype == np.uint8 and arrays[part].ndim == 1 for part in parts):
         colours = np.column_stack([arrays.pop(part) for part in parts])
-    return trimesh.PointCloud(cloud.points.copy(), colours, {VERTEX_ATTRIBUTES: arrays} if arrays else None)
+    metadata = {VERTEX_ATTRIBUTES: arrays} if arrays else None
+    return trimesh.PointCloud(cloud.points.copy(), colours, metadata)  # type: ignore[no-untyped-call]
 
 
 def pandas_of(cloud: PointCloud) -> Any:

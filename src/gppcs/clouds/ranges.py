@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import full_scale, oklab
+from gppcs.clouds.columns import COLOUR
 from gppcs.clouds.lookup import as_floats, bounded, check_named
-from gppcs.clouds.objects import COLOUR
 from gppcs.errors import InputError, ParameterError, number, shown
 
 COLOURS = "rgb"  # stands for the attributes red, green and blue

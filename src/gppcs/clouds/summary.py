@@ -93,7 +93,7 @@ def info(cloud: CloudLike) -> Summary:
     from gppcs.spatial.kdtree import KdTree, nearest_distances
 
     cloud = PointCloud.from_object(cloud)
-    points = cloud.points[cloud.finite_rows()]
+    points = cloud.points[np.flatnonzero(cloud.is_finite())]
     first = first_occurrences(points)
     # In units of a power of two, which round nothing, no difference and no square of one overflows.
     exponent = math.frexp(np.abs(points).max(initial=0.0))[1] + 1

@@ -47,7 +47,7 @@ def draw_single(
     if mesh is not None:
         require_pyvista()
     width, height = checked_size(size)
-    indices = cloud.finite_rows()
+    indices = np.flatnonzero(cloud.is_finite())
     if len(indices) == 0:
         raise InputError(f"expected points with finite coordinates to draw, found none among {len(cloud)}")
     finite = cloud.take(indices)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
@@ -51,7 +51,7 @@ def open_npz(file: BufferedReader) -> Reader:
             raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
         if values.ndim == 0:
             raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
-    cloud = cloud_of_columns({**columns, **arrays})
+    cloud = PointCloud.from_columns({**columns, **arrays})
     return Reader(lambda n, attributes: iter([cloud]), len(cloud), at_once=True)
 
 

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
@@ -71,7 +71,9 @@ def _cloud(batch: Any) -> PointCloud:
     """Return the cloud of some rows of a table whose schema has been checked."""
     batch.validate(full=True)  # damaged texts would crash what reads them
     names = batch.schema.names
-    return cloud_of_columns({name: _values(name, column) for name, column in zip(names, batch.columns, strict=True)})
+    return PointCloud.from_columns(
+        {name: _values(name, column) for name, column in zip(names, batch.columns, strict=True)}
+    )
 
 
 def _values(name: str, column: Any) -> Column:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.objects import COLOUR
+from gppcs.clouds.columns import COLOUR
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.meshes import colours_of

@@ -23,9 +23,8 @@ import numpy as np
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import full_scale
-from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.columns import COLOUR, Column
 from gppcs.clouds.header import Header
-from gppcs.clouds.objects import COLOUR
 from gppcs.engine.extras import require_pye57
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type
@@ -102,7 +101,7 @@ def open_e57(file: BufferedReader) -> Reader:
                         columns[name] = block[field].astype(dtype)
                     if attributes and len(scans) > 1:
                         columns["scan"] = np.full(len(columns["x"]), number, np.int32)
-                    yield replace(cloud_of_columns(columns), header=E57Header(crs) if crs else None)
+                    yield replace(PointCloud.from_columns(columns), header=E57Header(crs) if crs else None)
 
     def skipped() -> list[str]:
         n_invalid = 0

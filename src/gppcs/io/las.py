@@ -208,7 +208,7 @@ def check_coordinates(points: NDArray[np.float64]) -> None:
     if n := np.count_nonzero(~np.isfinite(points).all(axis=1)):
         raise OutputError(
             f"expected finite coordinates, which alone LAS can hold, found {n:,} points with NaN or infinite ones; "
-            "drop them first, as with cloud[cloud.finite_rows()] or invalid=drop, or write PLY"
+            "drop them first, as with cloud[cloud.is_finite()] or invalid=drop, or write PLY"
         )
     if np.abs(points).max(initial=0.0) > 1e300:  # beyond, a whole number times the scale overflows
         raise OutputError("expected coordinates of at most 1e300 in LAS, found larger ones; drop them, or write PLY")

@@ -56,7 +56,7 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
             raise FileFormatError(f"expected a mesh, found {content.name}, whose files are point clouds")
         reader = content.open(file)
         cloud = reader.read()
-        if len(bad := cloud.non_finite()):
+        if len(bad := np.flatnonzero(~cloud.is_finite())):
             raise FileFormatError(
                 f"expected finite vertices, found {len(bad)} that are not, the first at index {bad[0]}: "
                 "remove them and their faces"

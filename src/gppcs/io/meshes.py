@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits
-from gppcs.clouds.columns import Column, cloud_of_columns
-from gppcs.clouds.objects import COLOUR
+from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
@@ -99,7 +98,7 @@ def open_obj(file: BufferedReader) -> Reader:
 def _cloud(blocks: Iterable[list[Column]], names: list[str]) -> PointCloud:
     """Return the cloud of blocks of columns, given names of the first ones."""
     clouds = (
-        cloud_of_columns(dict(zip([*names, *default_names(len(block))[len(names) :]], block, strict=False)))
+        PointCloud.from_columns(dict(zip([*names, *default_names(len(block))[len(names) :]], block, strict=False)))
         for block in blocks
     )
     return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import check_name, columns_of, exact_type
 from gppcs.io.format import Format, Reader, keeping
@@ -51,7 +51,7 @@ def open_pcd(file: BufferedReader) -> Reader:
             clouds = read_records(file, record, n_points, n, "point", kept)
         else:
             read = _text_columns if encoding == "ascii" else _unpacked_columns
-            clouds = at_most(n, map(cloud_of_columns, read(file, record, n_points, kept)))
+            clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points, kept)))
         return map(_with_channels, clouds)
 
     return Reader(chunks, n_points, at_once=encoding == "binary_compressed")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of, exact_type
@@ -129,7 +129,7 @@ def open_ply(file: BufferedReader) -> Reader:
             clouds = read_records(file, vertices.record(order), vertices.count, n, "vertex", names, span)
         else:
             tables = _tables(file, order, vertices)
-            clouds = at_most(n, (cloud_of_columns({name: table[name] for name in names}) for table in tables))
+            clouds = at_most(n, (PointCloud.from_columns({name: table[name] for name in names}) for table in tables))
         for cloud in clouds:
             yield replace(cloud, header=kept_header)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns
+from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader
 from gppcs.io.rows import as_count, lines_of, read_rows, shortened
@@ -35,7 +35,7 @@ def open_ptx(file: BufferedReader) -> Reader:
         joined = {name: np.concatenate([columns.pop(name) for columns in parts]) for name in list(parts[0])}
         if not joined["scan"].any():
             del joined["scan"]
-        yield cloud_of_columns({name: joined[name] for name in joined if attributes or name in "xyz"})
+        yield PointCloud.from_columns({name: joined[name] for name in joined if attributes or name in "xyz"})
 
     return Reader(chunks, at_once=True, skipped=lambda: [f"rows without a return ({n_missing:,})"] if n_missing else [])
 

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT, Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import EXACT, Column, coordinate_names
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
@@ -281,7 +281,9 @@ def column_chunks(
     for start in range(first, max(last, first + 1), n):
         part = slice(start, min(start + n, last))
         # Copies, since the file may change.
-        yield cloud_of_columns({name: np.array(columns[name][part]) for name in (columns if attributes else axes)})
+        yield PointCloud.from_columns(
+            {name: np.array(columns[name][part]) for name in (columns if attributes else axes)}
+        )
 
 
 def read_records(

@@ -26,7 +26,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, cloud_of_columns, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of, default_names
 from gppcs.io.format import Format, Reader, keeping
@@ -77,7 +77,9 @@ def open_table(
         lines = _rows(file, preview)
         for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
             table = _with_byte_colours(dict(zip(names, block, strict=True)))
-            yield from at_most(n, [cloud_of_columns({name: table[name] for name in (names if attributes else axes)})])
+            yield from at_most(
+                n, [PointCloud.from_columns({name: table[name] for name in (names if attributes else axes)})]
+            )
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 

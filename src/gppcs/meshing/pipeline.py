@@ -130,8 +130,8 @@ def mesh(
     )  # fmt: skip
     with timer("preparation"):
         cloud = as_cloud(cloud)
-        finite = cloud.finite_rows()
-        bad = cloud.non_finite()
+        finite = np.flatnonzero(cloud.is_finite())
+        bad = np.flatnonzero(~cloud.is_finite())
         one_of("invalid", invalid, ("error", "drop"))
         check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
         points, frame = normalised(cloud.points[finite] if len(bad) else cloud.points)

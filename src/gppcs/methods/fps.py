@@ -33,7 +33,7 @@ class FarthestPoint(Method):
         Feature.SPACING: "No two kept points are nearer to each other. Every original point has a kept one within it.",
         Feature.FILES: "Other points than in memory, as far from each other.",
     }
-    _bytes_per_point: ClassVar[int] = 150
+    _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""

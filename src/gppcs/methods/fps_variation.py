@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task, largest, random_candidates
 from gppcs.methods.parameters import parameter
@@ -28,7 +27,6 @@ class FarthestPointVariation(Method):
         "the rest."
     )
     source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
-    _bytes_per_point: ClassVar[int] = 200
 
     k_init: int | None = parameter(
         None, "Number of farthest points; by default, a third of the points asked for.", minimum=1

@@ -10,9 +10,7 @@ from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from gppcs.engine.arrays import Floats
     from gppcs.gp.local.algorithm import Criterion
 
 
@@ -133,7 +131,7 @@ class LocalGP(Method):
         return 16 * n + max(sampled + ranked, placed)
 
 
-def _number_at(points: NDArray[np.float64], task: Task) -> int:
+def _number_at(points: Floats, task: Task) -> int:
     """Return how many points have a spacing on the surface, of which a sample, (n, 3), tells the area."""
     from gppcs.gp.local.candidates import sample
     from gppcs.spatial.kdtree import KdTree, surface_area

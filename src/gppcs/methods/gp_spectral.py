@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task, random_candidates
 from gppcs.methods.parameters import parameter, require
@@ -33,7 +32,7 @@ class SpectralGP(Method):
         "mean predicts worse than a constant, which can happen if the chosen points are not typical."
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
-    _bytes_per_point: ClassVar[int] = 1000
+    _bytes_per_point = 1000
 
     neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", minimum=3)
     eigenfunctions: int = parameter(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from gppcs.engine.arrays import Floats, Ints
     from gppcs.spatial.boxes import MapParts
     from gppcs.spatial.stored import StoredPoints
 
@@ -79,16 +80,16 @@ class Task:
     (10,)
     """
 
-    points: NDArray[np.float64]
+    points: Floats
     n_points: int
     spacing: float | None = None
     fixed: int = 0
-    weights: NDArray[np.float64] | None = None
+    weights: Floats | None = None
     detail: NDArray[np.float32] | None = None
-    values: NDArray[np.float64] | None = None
+    values: Floats | None = None
     timer: Timer = field(default_factory=Timer)
     stored: StoredPoints | None = None
-    indices: NDArray[np.int64] | None = None
+    indices: Ints | None = None
     map_parts: MapParts = map
 
 
@@ -121,12 +122,12 @@ class Selection(ComparedByValue):
     (True, 10)
     """
 
-    indices: NDArray[np.int64]
+    indices: Ints
     diagnostics: Mapping[str, float] = field(default_factory=dict)
-    points: NDArray[np.float64] | None = None
-    attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    points: Floats | None = None
+    attributes: Mapping[str, Floats] = field(default_factory=dict)
     ranked: bool = True
-    normals: NDArray[np.float64] | None = None
+    normals: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -238,7 +239,7 @@ class Method(ABC):
         return self._bytes_per_point * n
 
 
-def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> NDArray[np.int64]:
+def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> Ints:
     """Choose a random subset of n points. Shapes: returns (size,)."""
     import numpy as np
 
@@ -247,12 +248,8 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
     return np.sort(np.random.default_rng(seed).permutation(n)[: max(candidates, n_points)])
 
 
-def largest(values: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def largest(values: Floats, count: int) -> Ints:
     """Return the indices of the largest values. Shapes: values (N,); returns (count,)."""
     import numpy as np
 
-    if count == 0:
-        return np.empty(0, dtype=np.int64)
-    threshold = np.partition(values, len(values) - count)[len(values) - count]
-    candidates = np.flatnonzero(values >= threshold)
-    return candidates[np.argsort(-values[candidates], kind="stable")[:count]]
+    return np.argsort(-values, kind="stable")[:count]

@@ -6,7 +6,6 @@ import dataclasses
 import inspect
 import math
 import numbers
-import sys
 import textwrap
 import typing
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gppcs.errors import ParameterError, nearest_name, number, shown
+from gppcs.errors import ParameterError, nearest_name, shown
 
 if TYPE_CHECKING:
     from gppcs.methods.method import Method
@@ -29,23 +28,7 @@ _INVALID = object()  # stands for a value that a parameter cannot have
 
 @dataclass(frozen=True)
 class Parameter:
-    """The description of a method's parameter.
-
-    Attributes
-    ----------
-    kind : str
-        Its type, or the values that it may have.
-    default : int, float, bool, str or None
-    meaning : str
-        What it does, in one or more sentences.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> from gppcs.methods.parameters import Parameter, parameters_of
-    >>> parameters_of(gppcs.Random)["seed"] == Parameter("int", 0, "Seed of the permutation.")
-    True
-    """
+    """A parameter of a method: its type or the values that it may have, its default, and what it does."""
 
     kind: str
     default: Any
@@ -68,11 +51,6 @@ def parameter(default: Value, meaning: str, minimum: float | None = None, maximu
     dataclasses.Field
         Typed as `default`, as type checkers expect of the default of a field.
 
-    Raises
-    ------
-    ParameterError
-        If an argument has a wrong type.
-
     Examples
     --------
     >>> from dataclasses import dataclass
@@ -88,13 +66,6 @@ def parameter(default: Value, meaning: str, minimum: float | None = None, maximu
     >>> parameters_of(FirstRows)["step"].meaning
     'Distance between the rows that are taken.'
     """
-    if not isinstance(default, numbers.Real | str | None):
-        raise ParameterError(f"expected a number, a text, a truth value or None as default, found {shown(default)}")
-    if not isinstance(meaning, str):
-        raise ParameterError(f"expected the meaning of the parameter as text, found {shown(meaning)}")
-    for end in (minimum, maximum):
-        if end is not None and math.isnan(number(end)):
-            raise ParameterError(f"expected a number as end of the range of the parameter, found {shown(end)}")
     declared: Any = field(default=default, metadata={_MEANING: meaning, _RANGE: (minimum, maximum)})
     return declared
 
@@ -108,7 +79,9 @@ def check_parameter(method: Method, declared: dataclasses.Field[Any]) -> None:
     object.__setattr__(method, declared.name, value)
     if isinstance(value, int | float):
         minimum, maximum = declared.metadata.get(_RANGE, (None, None))
-        require(method, _lies_within(value, minimum, maximum), declared.name, _range(value, minimum, maximum))
+        is_finite = abs(value) < math.inf or value == maximum
+        is_within = (minimum is None or value >= minimum) and (maximum is None or value <= maximum)
+        require(method, is_finite and is_within, declared.name, _range(value, minimum, maximum))
 
 
 def require(method: Method, condition: bool, parameter: str, expected: str) -> None:
@@ -133,35 +106,20 @@ def _as_one_of(alternatives: tuple[Any, ...], value: Any) -> Any:
     """Return a value as one of the types or literal texts, or `_INVALID` if it is none of them."""
     if isinstance(value, str | bool | None):
         return value if value in alternatives or type(value) in alternatives else _INVALID
-    families: tuple[tuple[Any, type], ...] = ((int, numbers.Integral), (float, numbers.Real))
-    for kind, family in families:
-        if kind in alternatives and isinstance(value, family):
-            try:
-                return kind(value)
-            except OverflowError:  # a whole number too large for a float
-                return _INVALID
-    return _INVALID
-
-
-def _lies_within(value: float, minimum: float | None, maximum: float | None) -> bool:
-    """Return whether a number is in a range, whose ends may be open; a float must be finite and not denormal."""
-    if value != value or _is_denormal(value) or (abs(value) == math.inf and value != maximum):
-        return False
-    return (minimum is None or value >= minimum) and (maximum is None or value <= maximum)
+    if int in alternatives and isinstance(value, numbers.Integral):
+        return int(value)
+    try:
+        return float(value) if float in alternatives and isinstance(value, numbers.Real) else _INVALID
+    except OverflowError:  # a whole number too large for a float
+        return _INVALID
 
 
 def _range(value: float, minimum: float | None, maximum: float | None) -> str:
     """Return the range outside of which a number lies, as messages show it."""
     if minimum is not None and maximum is not None:
-        text = f"from {minimum:g} to {maximum:g}"
-    else:
-        ends = [f"at {side} {end:g}" for side, end in (("least", minimum), ("most", maximum)) if end is not None]
-        text = " and ".join(["finite", *ends] if isinstance(value, float) else ends)
-    return f"{text}, and not denormal" if _is_denormal(value) else text
-
-
-def _is_denormal(value: float) -> bool:
-    return 0 < abs(value) < sys.float_info.min
+        return f"from {minimum:g} to {maximum:g}"
+    ends = [f"at {side} {end:g}" for side, end in (("least", minimum), ("most", maximum)) if end is not None]
+    return " and ".join(["finite", *ends] if isinstance(value, float) else ends)
 
 
 def _written(alternative: Any) -> str:
@@ -191,10 +149,8 @@ def _read(value: Any, expected: Any) -> Any:
 
 def parameters_of(method: Method | type[Method]) -> dict[str, Parameter]:
     """Return the descriptions of all parameters of a method, by name."""
-    return described(
-        method if isinstance(method, type) else type(method),
-        {declared.name: declared for declared in dataclasses.fields(method)},
-    )
+    cls = method if isinstance(method, type) else type(method)
+    return described(cls, {declared.name: declared for declared in dataclasses.fields(cls)})
 
 
 def described(cls: type[Method], fields: Mapping[str, dataclasses.Field[Any]]) -> dict[str, Parameter]:

@@ -11,8 +11,7 @@ from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from gppcs.engine.arrays import Ints
 
 PART = 1 << 18  # Points of a part at most.
 
@@ -40,7 +39,7 @@ class Random(Method):
         Feature.RANKING: RANKING,
         Feature.FILES: "Other points than in memory, as random.",
     }
-    _bytes_per_point: ClassVar[int] = 60
+    _bytes_per_point = 60
 
     seed: int = parameter(0, "Seed of the permutation.", minimum=0)
     even: bool = parameter(
@@ -65,7 +64,7 @@ class Random(Method):
                 return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: task.n_points])
             return Selection(rng.permutation(len(points))[: task.n_points])
 
-    def _of_stored(self, task: Task) -> NDArray[np.int64]:
+    def _of_stored(self, task: Task) -> Ints:
         """Return the indices of the different points with the smallest random numbers."""
         import numpy as np
 

@@ -27,7 +27,7 @@ class TopVariation(Method):
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
     supports: ClassVar[Mapping[Feature, str]] = {Feature.RANKING: RANKING}
-    _bytes_per_point: ClassVar[int] = 150
+    _bytes_per_point = 150
 
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", minimum=3)
 
@@ -35,7 +35,6 @@ class TopVariation(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
-        points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("surface variation"):
-            variation = estimate_features(points, self.neighbours).surface_variation
-        return Selection(largest(variation, n_points))
+        with task.timer("surface variation"):
+            variation = estimate_features(task.points, self.neighbours).surface_variation
+        return Selection(largest(variation, task.n_points))

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.objects import COLOUR
+from gppcs.clouds.columns import COLOUR
+from gppcs.engine.arrays import Floats
 from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
@@ -29,9 +30,6 @@ SCANS: dict[str, Scan] = {
     "fresco": FRESCO, "road": ROAD,
 }  # fmt: skip
 SCENES: dict[str, Scene] = {"room": ROOM, "street": STREET, "terrain": TERRAIN}
-
-MAX_POINTS = 10**17  # the size of an array of more is beyond the range of its numbers
-MAX_UNEVEN = 0.999  # of the points drawn, about the root of the rest to 1 is kept: here one in 32
 
 
 def sample(
@@ -130,23 +128,18 @@ def _checked(name: str, n_points: int, noise: float, outliers: float, uneven: fl
     samples: dict[str, Scan | Scene] = {**SCANS, **SCENES}
     if not isinstance(name, str) or name not in samples:
         raise ParameterError(f"expected the name of a sample scan, found {shown(name)}{nearest_name(name, samples)}")
-    count, parts = whole_number("the number of points", n_points, 1), "give a fraction, such as 0.05 for 5 %"
+    count = whole_number("the number of points", n_points, 1)
     whole_number("the seed", seed, 0)
-    for value, holds, expected, advice in (
-        (n_points, count <= MAX_POINTS, f"at most {MAX_POINTS:,} points", "no computer holds more"),
-        (
-            noise,
-            0.0 <= number(noise) < np.inf,
-            "noise as a fraction of the diagonal, 0 or more",
-            "0.005 is a noisy scan",
-        ),
-        (outliers, 0.0 <= number(outliers) < 1.0, "outliers from 0 to below 1", parts),
-        (uneven, 0.0 <= number(uneven) < 1.0, "uneven from 0 to below 1", parts),
-        (uneven, number(uneven) <= MAX_UNEVEN, f"uneven of at most {MAX_UNEVEN}", "beyond, hardly a point is left"),
-        (uneven, number(uneven) == 0.0 or name in SCANS, f"uneven of 0 for the scene {name}", "its sensor decides"),
+    # An array of more points is beyond the range of its size. About the root of 1 - uneven of the drawn points is kept.
+    max_points, max_uneven = 10**17, 0.999 if name in SCANS else 0.0
+    for value, is_valid, expected in (
+        (n_points, count <= max_points, f"at most {max_points:,} points"),
+        (noise, 0.0 <= number(noise) < np.inf, "noise as a fraction of the diagonal, 0 or more"),
+        (outliers, 0.0 <= number(outliers) < 1.0, "outliers from 0 to below 1"),
+        (uneven, 0.0 <= number(uneven) <= max_uneven, f"uneven from 0 to {max_uneven:g} for {name}"),
     ):
-        if not holds:
-            raise ParameterError(f"expected {expected}, found {shown(value)}: {advice}")
+        if not is_valid:
+            raise ParameterError(f"expected {expected}, found {shown(value)}")
     return samples[name]
 
 
@@ -177,10 +170,10 @@ def _on_surface(
     return points, normals, curvature, colours
 
 
-def _density(scan: Scan, x: NDArray[np.float64], uneven: float) -> NDArray[np.float64]:
+def _density(scan: Scan, x: Floats, uneven: float) -> Floats:
     """Return the density at x, (n,), relative to the highest, for a scanner at the low end of x."""
     lower, upper = scan.box[0][0], scan.box[1][0]
     # This distance of the scanner makes the density at the far end 1 - uneven.
     growth = 1.0 / np.sqrt(1.0 - uneven) - 1.0
-    density: NDArray[np.float64] = (1.0 + growth * (x - lower) / (upper - lower)) ** -2.0
+    density: Floats = (1.0 + growth * (x - lower) / (upper - lower)) ** -2.0
     return density

@@ -5,9 +5,8 @@ lengths are in millimetres.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gppcs.scans.jets import Values
+from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.patch import Patch, Scan, flat, turned
 
 PLATE_X, PLATE_Y, PLATE_Z = 50.0, 30.0, 10.0  # half width, half depth, height
@@ -23,39 +22,39 @@ STEEL = (150, 164, 180)
 MACHINED = (214, 178, 108)
 
 
-def _in_corner_cut(x: Values, y: Values) -> NDArray[np.bool_]:
+def _in_corner_cut(x: Floats, y: Floats) -> Flags:
     """Return where, at (n,) x and y, the rounding of the front corners removes the plate."""
     over_x, over_y = np.abs(x) - (PLATE_X - CORNER), -y - (PLATE_Y - CORNER)
     return (over_x > 0.0) & (over_y > 0.0) & (np.hypot(over_x, over_y) > CORNER)
 
 
-def _in_hole(x: Values, y: Values, radius: float) -> NDArray[np.bool_]:
+def _in_hole(x: Floats, y: Floats, radius: float) -> Flags:
     return np.logical_or.reduce([np.hypot(x - hx, y - hy) < radius for hx, hy in HOLES])
 
 
-def _plate_bottom(x: Values, y: Values) -> NDArray[np.bool_]:
+def _plate_bottom(x: Floats, y: Floats) -> Flags:
     return ~_in_corner_cut(x, y) & ~_in_hole(x, y, HOLE)
 
 
-def _plate_top(x: Values, y: Values) -> NDArray[np.bool_]:
+def _plate_top(x: Floats, y: Floats) -> Flags:
     under_wall = (np.abs(x) < WALL_X) & (y > WALL_FRONT - FILLET)
     return ~_in_corner_cut(x, y) & ~_in_hole(x, y, SINK) & ~under_wall
 
 
-def _arched(z: Values, x: Values) -> NDArray[np.bool_]:
+def _arched(z: Floats, x: Floats) -> Flags:
     return (z < EYE) | (np.hypot(x, z - EYE) < WALL_X)
 
 
-def _wall_front(z: Values, x: Values) -> NDArray[np.bool_]:
+def _wall_front(z: Floats, x: Floats) -> Flags:
     return _arched(z, x) & (np.hypot(x, z - EYE) > BOSS)
 
 
-def _wall_back(z: Values, x: Values) -> NDArray[np.bool_]:
+def _wall_back(z: Floats, x: Floats) -> Flags:
     wall = (np.abs(x) < WALL_X) & _arched(z, x) & (np.hypot(x, z - EYE) > BORE)
     return (z < PLATE_Z) | wall
 
 
-def _wall_side(y: Values, z: Values) -> NDArray[np.bool_]:
+def _wall_side(y: Floats, z: Floats) -> Flags:
     beside_fillet = (z < PLATE_Z + FILLET) & (np.hypot(y - (WALL_FRONT - FILLET), z - (PLATE_Z + FILLET)) > FILLET)
     return (y > WALL_FRONT) | beside_fillet
 
@@ -105,7 +104,6 @@ def _wall() -> list[Patch]:
 
 
 BRACKET = Scan(
-    "a steel bracket of 100 mm: flat faces, sharp edges, countersunk holes, a bored boss, a fillet (closed)",
     (*_plate(), *_wall()),
     ((-PLATE_X, -PLATE_Y, 0.0), (PLATE_X, PLATE_Y, EYE + WALL_X)),
 )

@@ -5,9 +5,9 @@ sweep, which grows with the radius. Lengths are in millimetres.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet, Values
+from gppcs.engine.arrays import Flags, Floats
+from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan, turned
 
 BLADES = 7
@@ -58,20 +58,20 @@ def _blade(number: int) -> list[Patch]:
     return [sheet(HALF_THICKNESS, 1), sheet(-HALF_THICKNESS, -1), edge(-HALF_CHORD, 1), edge(HALF_CHORD, -1)]
 
 
-def _nearest_blade(angle: Values) -> Values:
+def _nearest_blade(angle: Floats) -> Floats:
     """Convert angles around the axis, (n,), to angles from the middle of the nearest blade."""
     return angle - np.round(angle / BLADE_STEP) * BLADE_STEP
 
 
-def _hub_free(fraction: Values, angle: Values) -> NDArray[np.bool_]:
+def _hub_free(fraction: Floats, angle: Floats) -> Flags:
     return _between_blades(HUB_HALF - 2.0 * HUB_HALF * fraction, angle)
 
 
-def _duct_free(fraction: Values, angle: Values) -> NDArray[np.bool_]:
+def _duct_free(fraction: Floats, angle: Floats) -> Flags:
     return _between_blades(2.0 * DUCT_HALF * fraction - DUCT_HALF, angle - SWEEP)
 
 
-def _between_blades(z: Values, swept_back: Values) -> NDArray[np.bool_]:
+def _between_blades(z: Floats, swept_back: Floats) -> Flags:
     phi = _nearest_blade(swept_back)
     return (np.abs(phi) > HALF_CHORD) | (np.abs(z - PITCH * phi - CAMBER * phi**2) > HALF_THICKNESS)
 
@@ -97,7 +97,6 @@ def _hub_and_duct() -> list[Patch]:
 
 
 FAN = Scan(
-    "a ducted fan of 100 mm: seven thin swept blades between a hub and a thin ring (closed)",
     (*_hub_and_duct(), *(patch for number in range(BLADES) for patch in _blade(number))),
     ((-DUCT_OUTER, -DUCT_OUTER, -HUB_HALF), (DUCT_OUTER, DUCT_OUTER, HUB_HALF + HUB)),
 )

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Values = NDArray[np.float64]
+from gppcs.engine.arrays import Flags, Floats
 
 # The first derivatives whose product is a term of each second derivative: uu, uv and vv.
 FIRST, SECOND = [1, 1, 2], [1, 2, 2]
 
 
 class Jet:
-    """Values of a function of (u, v) at N places, and its derivatives along u, v, uu, uv and vv: parts, (6, N)."""
+    """Floats of a function of (u, v) at N places, and its derivatives along u, v, uu, uv and vv: parts, (6, N)."""
 
-    def __init__(self, parts: Values) -> None:
+    def __init__(self, parts: Floats) -> None:
         self.parts = parts
 
     @classmethod
-    def variables(cls, u: Values, v: Values) -> tuple[Jet, Jet]:
+    def variables(cls, u: Floats, v: Floats) -> tuple[Jet, Jet]:
         """Return the two parameters, (N,) each, as jets."""
         parts = np.zeros((2, 6, len(u)))
         parts[0, 0], parts[0, 1] = u, 1.0
@@ -26,12 +25,12 @@ class Jet:
         return cls(parts[0]), cls(parts[1])
 
     @property
-    def value(self) -> Values:
-        """Values of the function, (N,)."""
-        value: Values = self.parts[0]
+    def value(self) -> Floats:
+        """Floats of the function, (N,)."""
+        value: Floats = self.parts[0]
         return value
 
-    def __add__(self, other: Jet | float | Values) -> Jet:
+    def __add__(self, other: Jet | float | Floats) -> Jet:
         if isinstance(other, Jet):
             return Jet(self.parts + other.parts)
         parts = self.parts.copy()
@@ -41,13 +40,13 @@ class Jet:
     def __neg__(self) -> Jet:
         return Jet(-self.parts)
 
-    def __sub__(self, other: Jet | float | Values) -> Jet:
+    def __sub__(self, other: Jet | float | Floats) -> Jet:
         return self + -other
 
     def __rsub__(self, other: float) -> Jet:
         return -self + other
 
-    def __mul__(self, other: Jet | float | Values) -> Jet:
+    def __mul__(self, other: Jet | float | Floats) -> Jet:
         if not isinstance(other, Jet):
             return Jet(self.parts * other)
         f, g = self.parts, other.parts
@@ -59,7 +58,7 @@ class Jet:
     __radd__ = __add__
     __rmul__ = __mul__
 
-    def _chain(self, h: Values, h1: Values, h2: Values | float) -> Jet:
+    def _chain(self, h: Floats, h1: Floats, h2: Floats | float) -> Jet:
         """Return h(f), given the values of h, h' and h'' at f."""
         parts = h1 * self.parts
         parts[0] = h
@@ -100,11 +99,11 @@ class Jet:
         """Return the greater of two functions at each place; they meet in a sharp edge."""
         return Jet(np.where(self.value > other.value, self.parts, other.parts))
 
-    def at(self, mask: NDArray[np.bool_]) -> Jet:
+    def at(self, mask: Flags) -> Jet:
         """Return the jet where a mask, (N,), is true."""
         return Jet(self.parts[:, mask])
 
-    def raised_at(self, mask: NDArray[np.bool_], amount: Jet) -> Jet:
+    def raised_at(self, mask: Flags, amount: Jet) -> Jet:
         """Return f with an amount added where a mask, (N,), is true."""
         parts = self.parts.copy()
         parts[:, mask] += amount.parts

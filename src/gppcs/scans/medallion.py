@@ -1,10 +1,10 @@
 """The medallion: fine relief (letters, pearls, a rope, a cut star) on a smooth dome; one side only, in millimetres."""
 
-from itertools import pairwise
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan
 
@@ -32,29 +32,17 @@ GLYPHS = {
 }
 
 
-def _strokes(glyph: str) -> list[tuple[float, float, float, float]]:
-    """Return the segments of a glyph as (x0, y0, x1, y1), in mm from the middle of its cell."""
-    width, height = LETTER_SIZE
-    segments = []
-    for polyline in GLYPHS[glyph]:
-        nodes = [
-            ((int(x) / 4 - 0.5) * width, (int(y) / 8 - 0.5) * height)
-            for x, y in zip(polyline[::2], polyline[1::2], strict=True)
-        ]
-        segments += [(*a, *b) for a, b in pairwise(nodes)]
-    return segments
-
-
-def _stroke_table() -> NDArray[np.float64]:
-    """Return the segments of the inscription, (letters, strokes, 4); short letters are padded with far strokes."""
-    letters = [_strokes(glyph) for glyph in INSCRIPTION]
-    table = np.full((len(letters), max(map(len, letters)), 4), 1e3)
+@cache
+def _strokes() -> Floats:
+    """Return the segments x0, y0, x1, y1 of each letter, (letters, strokes, 4), in mm from the middle of its cell."""
+    letters = []
+    for glyph in INSCRIPTION:
+        lines = [np.array([*map(int, line)]).reshape(-1, 2) / (4, 8) - 0.5 for line in GLYPHS[glyph]]
+        letters.append(np.concatenate([np.hstack([line[:-1], line[1:]]) for line in lines]) * (LETTER_SIZE * 2))
+    table = np.full((len(letters), max(map(len, letters)), 4), 1e3)  # short letters are padded with far strokes
     for row, segments in zip(table, letters, strict=True):
         row[: len(segments)] = segments
     return table
-
-
-STROKES = _stroke_table()
 
 
 def _plateau(distance_squared: Jet, width: float) -> Jet:
@@ -71,7 +59,7 @@ def _letters(r: Jet, angle: Jet) -> Jet:
     x = (angle - middle) * -LETTER_RADIUS
     y = r - LETTER_RADIUS
     bare = x * 0.0 + 1.0
-    for x0, y0, x1, y1 in STROKES[number].transpose(1, 2, 0):
+    for x0, y0, x1, y1 in _strokes()[number].transpose(1, 2, 0):
         dx, dy = x1 - x0, y1 - y0
         length_squared = np.maximum(dx * dx + dy * dy, 1e-12)
         along = (((x - x0) * dx + (y - y0) * dy) * (1.0 / length_squared)).clipped(0.0, 1.0)
@@ -115,7 +103,6 @@ def _surface(s: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
 
 
 MEDALLION = Scan(
-    "a bronze medallion of 100 mm: letters, pearls, a rope and a cut star on a smooth dome (one side only)",
     (Patch(_surface, (0.0, RADIUS**2), (-np.pi, np.pi), 1.25, (198, 146, 78)),),
     ((-RADIUS, -RADIUS, 0.65), (RADIUS, RADIUS, 10.5)),
 )

@@ -6,9 +6,10 @@ Lengths are in millimetres.
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet, Values
+from gppcs.clouds.columns import COLOUR
+from gppcs.engine.arrays import Flags, Floats
+from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Attributes, Patch, Scan
 from gppcs.scans.statue import STATUE
 
@@ -17,13 +18,11 @@ LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the road, and its slope to bo
 BARE, MARKED = 60.0, 180.0  # intensity of asphalt and of its markings
 
 
-def _coloured(colours: Values) -> Attributes:
-    return dict(zip(("red", "green", "blue"), np.clip(colours, 0, 255).round().astype(np.uint8).T, strict=True))
+def _coloured(colours: Floats) -> Attributes:
+    return dict(zip(COLOUR, np.clip(colours, 0, 255).round().astype(np.uint8).T, strict=True))
 
 
-def _laid_over(
-    count: int, ground: tuple[int, int, int], *layers: tuple[NDArray[np.bool_], tuple[int, int, int]]
-) -> Values:
+def _laid_over(count: int, ground: tuple[int, int, int], *layers: tuple[Flags, tuple[int, int, int]]) -> Floats:
     """Return colours, (N, 3): that of the last layer that covers a point, or of the ground."""
     colours = np.tile(np.array(ground, dtype=np.float64), (count, 1))
     for where, colour in layers:
@@ -31,7 +30,7 @@ def _laid_over(
     return colours
 
 
-def _dressed(points: Values, rng: np.random.Generator) -> Attributes:
+def _dressed(points: Floats, rng: np.random.Generator) -> Attributes:
     """Paint the statue: a robe with a pattern, a belt, a hem with a zigzag, skin and hair."""
     height, angle = points[:, 2] / 100.0, np.arctan2(points[:, 1], points[:, 0])
     zigzag = 0.13 + 0.16 * np.abs((3.0 * angle / np.pi) % 1.0 - 0.5)
@@ -50,7 +49,7 @@ def _dressed(points: Values, rng: np.random.Generator) -> Attributes:
     ))  # fmt: skip
 
 
-def _fresco(points: Values, rng: np.random.Generator) -> Attributes:
+def _fresco(points: Floats, rng: np.random.Generator) -> Attributes:
     """Paint the wall: sky, sun, hills, a house and a band of diamonds."""
     x, z = points[:, 0] / 1000.0, points[:, 2] / 1000.0
     far, near = 1.5 + 0.25 * np.sin(2.1 * x), 1.0 + 0.2 * np.sin(3.0 * x + 1.0)
@@ -75,7 +74,7 @@ def _fresco(points: Values, rng: np.random.Generator) -> Attributes:
     return _coloured(colours)
 
 
-def _marked(points: Values, rng: np.random.Generator) -> Attributes:
+def _marked(points: Floats, rng: np.random.Generator) -> Attributes:
     """Mark the road: lines along the edges, a broken line in the middle and a crossing; noisy intensity."""
     x, y = points[:, 0] / 1000.0, points[:, 1] / 1000.0
     lines = (np.abs(np.abs(y) - 3.5) < 0.08) | ((np.abs(y) < 0.08) & (x % 4.0 < 2.0))
@@ -93,17 +92,13 @@ def _cambered(u: Jet, v: Jet) -> tuple[Jet, Jet, Jet]:
     return u, v, (v.squared() * (-CAMBER / ACROSS)) + (u * 0.0006).sin() * 40.0
 
 
-PAINTED = dataclasses.replace(
-    STATUE, description="the statue, painted: colours whose borders are no edges", paint=_dressed
-)
+PAINTED = dataclasses.replace(STATUE, paint=_dressed)
 FRESCO = Scan(
-    "a wall of 4 m with a fresco: all detail is colour",
     (Patch(_uneven, (0.0, WIDE), (0.0, HIGH), 1.001, (205, 190, 160)),),
     ((0.0, -RELIEF, 0.0), (WIDE, RELIEF, HIGH)),
     _fresco,
 )
 ROAD = Scan(
-    "a road of 20 m with markings that only the intensity shows",
     (Patch(_cambered, (0.0, LONG), (-ACROSS / 2.0, ACROSS / 2.0), 1.001, (70, 70, 72)),),
     ((0.0, -ACROSS / 2.0, -CAMBER * ACROSS / 4.0 - 40.0), (LONG, ACROSS / 2.0, 40.0)),
     _marked,

@@ -9,22 +9,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet, Values
+from gppcs.engine.arrays import Flags, Floats
+from gppcs.scans.jets import Jet
 
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
 Attributes = dict[str, NDArray[Any]]
-Paint = Callable[[Values, np.random.Generator], Attributes]
-Trim = Callable[[Values, Values], NDArray[np.bool_]]
+Paint = Callable[[Floats, np.random.Generator], Attributes]
+Trim = Callable[[Floats, Floats], Flags]
 
 
 class SurfacePoints(NamedTuple):
     """Points in mm and outward unit normals, (N, 3), mean curvatures, and areas per unit of area in (u, v), (N,)."""
 
-    points: Values
-    normals: Values
-    curvature: Values
-    area_element: Values
+    points: Floats
+    normals: Floats
+    curvature: Floats
+    area_element: Floats
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Patch:
         """Upper bound of the area of the patch in mm²."""
         return self.stretch * (self.u[1] - self.u[0]) * (self.v[1] - self.v[0])
 
-    def at(self, u: Values, v: Values) -> SurfacePoints:
+    def at(self, u: Floats, v: Floats) -> SurfacePoints:
         """Evaluate the patch at parameters, (N,) each, by its first and second fundamental forms."""
         position = np.stack([jet.parts for jet in self.surface(*Jet.variables(u, v))], axis=2)
         points, along_u, along_v, *second = position
@@ -73,7 +74,6 @@ class Patch:
 class Scan:
     """A sample scan: patches that make up its whole surface, the corners of its box in mm, and what paints points."""
 
-    description: str
     patches: tuple[Patch, ...]
     box: tuple[tuple[float, float, float], tuple[float, float, float]]
     paint: Paint | None = None
@@ -113,7 +113,7 @@ def _in_order(axis: int, *jets: Jet) -> tuple[Jet, Jet, Jet]:
     return jets[-axis], jets[1 - axis], jets[2 - axis]
 
 
-def _dot(a: Values, b: Values) -> Values:
+def _dot(a: Floats, b: Floats) -> Floats:
     """Return the products, (N,), of vectors (N, 3)."""
-    product: Values = np.einsum("ni,ni->n", a, b)
+    product: Floats = np.einsum("ni,ni->n", a, b)
     return product

@@ -15,7 +15,6 @@ def _surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
 
 
 SPHERE = Scan(
-    "a ball of 100 mm: smooth everywhere, of one curvature",
     # The area element is R²; rounding can lift it slightly above.
     (Patch(_surface, (-1.0, 1.0), (-np.pi, np.pi), RADIUS**2 * (1.0 + 1e-9), (120, 160, 190), -1),),
     ((-RADIUS, -RADIUS, -RADIUS), (RADIUS, RADIUS, RADIUS)),

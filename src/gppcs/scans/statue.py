@@ -4,9 +4,9 @@ Its radius is a function of height and angle. Lengths are in millimetres.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gppcs.scans.jets import Jet, Values
+from gppcs.engine.arrays import Flags, Floats
+from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, Scan, flat
 
 HEIGHT = 100.0
@@ -49,14 +49,13 @@ def _surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
     return radius * angle.cos(), radius * angle.sin(), t * HEIGHT
 
 
-def _in_base(x: Values, y: Values) -> NDArray[np.bool_]:
+def _in_base(x: Floats, y: Floats) -> Flags:
     """Return where, at (n,) x and y, the base is."""
-    inside: NDArray[np.bool_] = x * x + y * y < _radius_squared(*Jet.variables(0.0 * x, np.arctan2(y, x))).value
+    inside: Flags = x * x + y * y < _radius_squared(*Jet.variables(0.0 * x, np.arctan2(y, x))).value
     return inside
 
 
 STATUE = Scan(
-    "a marble statue of 100 mm: a robed figure with folds, crossed arms and a face (closed)",
     (
         # The bound of the area element is its maximum on a fine grid, and a little more.
         Patch(_surface, (0.0, 1.0), (-np.pi, np.pi), 3050.0, MARBLE, -1),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
@@ -82,7 +83,7 @@ def _store(
     with ExitStack() as stack:
         opened = [[stack.enter_context(open(f"{part}{kind}", "wb")) for kind in KINDS] for part in parts]
         for chunk in files.chunks():
-            cloud = chunk.take(chunk.finite_rows()) if drop else chunk
+            cloud = chunk[chunk.is_finite()] if drop else chunk
             las.check_coordinates(cloud.points)
             columns.add(cloud)
             n_invalid += len(chunk) - len(cloud)
@@ -122,10 +123,10 @@ def _store(
 def _on_one_scale(target: Path, parts: list[Path], header: LasHeader, lossy: bool) -> tuple[LasHeader, list[str]]:
     """Choose one scale for the coordinates of all parts; return the header with it, and in words what it rounds."""
 
-    def points() -> Iterator[NDArray[np.float64]]:
+    def points() -> Iterator[Floats]:
         return (np.fromfile(f"{part}{KINDS[1]}").reshape(-1, 3) for part in parts)
 
-    def of_axis(axis: int) -> Iterator[NDArray[np.float64]]:
+    def of_axis(axis: int) -> Iterator[Floats]:
         return (part[:, axis] for part in points())
 
     scaled = deepcopy(header.las)

@@ -7,6 +7,7 @@ import sys
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.amounts.constraints import Constraints, required_columns
@@ -104,7 +105,7 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
     if len(preview):
         keep, weight = (value if isinstance(value, str) else None for value in (options.keep, options.weight))
         named = replace(options, keep=keep, weight=weight)  # without arrays, which describe all points
-        Constraints.from_cloud(preview, preview.finite_rows(), named)
+        Constraints.from_cloud(preview, np.flatnonzero(preview.is_finite()), named)
     metres = metres_of(options.unit, preview.header)
     for length in options.lengths.values():
         length.in_cloud(1.0, metres)

@@ -118,11 +118,11 @@ def _read(folder: Path, n: int, fraction: float, options: Options, source: tuple
 
 def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options) -> Overview:
     """Return the overview of a chunk, and store its usable points in a file."""
-    overview, finite = Overview(count=len(cloud)), cloud.finite_rows()
+    overview, finite = Overview(count=len(cloud)), np.flatnonzero(cloud.is_finite())
     overview.columns.add(cloud)
     constraints = Constraints.from_cloud(cloud, finite, options)
     if len(finite) < len(cloud):
-        overview.n_bad, overview.first_bad = len(cloud) - len(finite), int(cloud.non_finite()[0])
+        overview.n_bad, overview.first_bad = len(cloud) - len(finite), int(np.argmin(cloud.is_finite()))
     overview.weights = WeightRange.from_weights(constraints.weights)
     if options.quotas or options.group is not None:
         labels = np.full(len(cloud), EXCLUDED)

@@ -53,7 +53,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
     array([1000])
     """
     cloud = PointCloud.from_object(cloud)
-    finite = cloud.finite_rows()
+    finite = np.flatnonzero(cloud.is_finite())
     mask = np.zeros(len(cloud), dtype=np.bool_)
     if len(finite):
         mask[finite] = outliers_among(normalised(cloud.points[finite])[0])

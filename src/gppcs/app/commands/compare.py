@@ -122,7 +122,7 @@ def compare(
         contents = {"table.csv": as_csv(records).encode(), "table.md": as_markdown(*table).encode()}
         shown = _meshes(entries) if meshes else _clouds(entries, original, surface, picture)
         if not meshes and picture and surface is None:
-            finite = original.take(original.finite_rows())
+            finite = original[original.is_finite()]
             surface = rebuilt("the original", finite, finite, "; give a mesh with --mesh")
         if picture:
             relative = [record["relative"] for record in records if record["relative"]]
@@ -172,7 +172,7 @@ def _clouds(entries: Sequence[Entry], original: PointCloud, surface: Mesh | None
     from gppcs.drawing.web.contents import Named
     from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
 
-    finite, shown = original.take(original.finite_rows()), []
+    finite, shown = original[original.is_finite()], []
     for entry in entries:
         result, mesh = entry.result, None
         if surface:
@@ -211,7 +211,7 @@ def _drawn(
     from gppcs.drawing.cloud_images import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
-    everything, legend = painted(original.take(original.finite_rows()), colour)
+    everything, legend = painted(original[original.is_finite()], colour)
     columns = [Column("original", everything, "", surface)]
     for named, figures in zip(shown, relative, strict=True):
         name = next(name for name in ("mesh_mean", "hausdorff_mean", "surface_mean") if name in figures)

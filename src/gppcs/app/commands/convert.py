@@ -68,8 +68,8 @@ def convert(
             return
     with timer("reading"), io.open_clouds([source], *part) as clouds:
         cloud, unread = clouds.read(), clouds.skipped()
-    if invalid == "drop" and (n := len(cloud.non_finite())):
-        cloud = cloud.take(cloud.finite_rows())
+    if invalid == "drop" and (n := int((~cloud.is_finite()).sum())):
+        cloud = cloud[cloud.is_finite()]
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     with timer("levels and writing" if has_levels else "writing"):
         dropped = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)

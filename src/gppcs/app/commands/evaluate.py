@@ -68,7 +68,7 @@ def evaluate(
         read = io.read_each(inputs, input_format, names_of(columns))
     if simplified and (faces := read[1][1]):
         print_error(f"note: {simplified}: only its points are judged; for its {faces:,} faces, use --simplified-mesh")
-    clouds = [cloud.take(cloud.finite_rows()) for cloud, _ in read]
+    clouds = [cloud[cloud.is_finite()] for cloud, _ in read]
     report: Report | MeshReport
     if judged:
         report = evaluate_mesh(clouds[0], judged, surface, timer)

@@ -115,7 +115,7 @@ def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[A
     from gppcs.clouds.cloud import usable
     from gppcs.spatial.kdtree import KdTree
 
-    finite, points = original.finite_rows(), usable(kept, "cloud of points to keep")
+    finite, points = np.flatnonzero(original.is_finite()), usable(kept, "cloud of points to keep")
     if not len(finite):
         return finite  # `mesh` says what is wrong with the cloud
     nearest, squared = KdTree.build(original.points[finite]).nearest_of(points, 1)

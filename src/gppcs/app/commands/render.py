@@ -94,7 +94,7 @@ def _draw_beside(
     from gppcs.drawing.cloud_images import painted
     from gppcs.drawing.side_by_side import Column, draw_comparison
 
-    finite = [cloud.take(cloud.finite_rows()) for cloud in clouds]
+    finite = [cloud[cloud.is_finite()] for cloud in clouds]
     original, legend = painted(finite[0], colour)
     caption = f"{len(finite[1]) / len(finite[0]):.1%} of the points"
     columns = [Column(names[0], original, "", None), Column(names[1], original.at(finite[1].points), caption, None)]

@@ -62,7 +62,7 @@ def report(
     with timer("reading"):
         read = [cloud for cloud, _ in io.read_each(inputs, input_format, names_of(columns))]
     surfaces: list[Mesh | None] = [None] * len(read)
-    finite = [cloud.take(cloud.finite_rows()) for cloud in read]
+    finite = [cloud[cloud.is_finite()] for cloud in read]
     names = different_names(inputs)
     if meshes and all(map(len, finite)):  # the page refuses empty clouds
         with timer("meshes"):

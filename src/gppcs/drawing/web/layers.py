@@ -45,7 +45,7 @@ class Surface(NamedTuple):
     @classmethod
     def from_cloud(cls, named: Named) -> Surface:
         """Estimate the surface of a cloud; errors name the cloud."""
-        cloud, indices = named.cloud, named.cloud.finite_rows()
+        cloud, indices = named.cloud, np.flatnonzero(named.cloud.is_finite())
         try:
             if len(indices) == 0:
                 raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task
 
@@ -28,12 +27,11 @@ class AIVS(Method):
         "program that the authors published; their forms that follow curvature and sharp edges are not public."
     )
     source = "Lv, Lin and Zhao 2021, the isotropic form"
-    _bytes_per_point: ClassVar[int] = 170
+    _bytes_per_point = 170
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import points_of_voxels
 
-        points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("voxels", 8) as on_progress:
-            return Selection(points_of_voxels(points, n_points, on_progress))
+        with task.timer("voxels", 8) as on_progress:
+            return Selection(points_of_voxels(task.points, task.n_points, on_progress))

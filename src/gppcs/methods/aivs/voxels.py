@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.farthest_points import approach, farthest_points
@@ -23,16 +23,16 @@ class Voxels(NamedTuple):
     (voxels, 3), are the numbers of a voxel along the axes; `keys`, (voxels,), make one ascending number of them.
     """
 
-    order: NDArray[np.int64]
-    points: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    keys: NDArray[np.int64]
-    begins: NDArray[np.int64]
+    order: Ints
+    points: Floats
+    cells: Ints
+    keys: Ints
+    begins: Ints
     edge: float
     along: int
 
     @classmethod
-    def build(cls, points: NDArray[np.float64]) -> Voxels:
+    def build(cls, points: Floats) -> Voxels:
         """Sort points, (N, 3), into voxels."""
         n = len(points)
         # Upper limits of the number of points, and how many voxels the longest axis then has (Lv et al. 2021).
@@ -49,9 +49,7 @@ class Voxels(NamedTuple):
         return cls(order, local[order].T.copy(), cells[first], keys[first], begins, size / along, along)
 
 
-def points_of_voxels(
-    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
-) -> NDArray[np.int64]:
+def points_of_voxels(points: Floats, n_points: int, on_progress: Callable[[int], None] | None = None) -> Ints:
     """Choose farthest points of (N, 3) in each voxel, as many as its quota, and trim them to M (Lv et al. 2021).
 
     Points count as chosen before that lie in the voxels around, near enough to the centre. Voxels are processed in
@@ -74,7 +72,7 @@ def points_of_voxels(
     return indices
 
 
-def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
+def trimmed(counts: Ints, n_points: int) -> Ints:
     """Reduce the counts of all voxels, (voxels,), until their sum is at most M (Lv et al. 2021), many rounds at once.
 
     In a round, all even and then all odd voxels above a threshold lose one point. The threshold starts at a third of
@@ -95,15 +93,13 @@ def trimmed(counts: NDArray[np.int64], n_points: int) -> NDArray[np.int64]:
     return counts
 
 
-def _cap(counts: NDArray[np.int64], total: int) -> int:
+def _cap(counts: Ints, total: int) -> int:
     """Return the largest number c for which the sum of min(counts, c) is at most the total."""
     maximum = int(counts.max())
     return bisect_right(range(maximum + 1), total, key=lambda cap: int(np.minimum(counts, cap).sum())) - 1
 
 
-def _filled(
-    voxels: Voxels, quotas: NDArray[np.int64], parity: NDArray[np.int64], on_progress: Callable[[int], None] | None
-) -> NDArray[np.int64]:
+def _filled(voxels: Voxels, quotas: Ints, parity: Ints, on_progress: Callable[[int], None] | None) -> Ints:
     """Return the positions of the points chosen in each voxel, voxel after voxel, (sum of quotas,)."""
     starts = np.append(0, np.cumsum(quotas))
     chosen = np.full(starts[-1], -1, dtype=np.int64)
@@ -119,7 +115,7 @@ def _filled(
     return chosen
 
 
-def _fill_large(voxels: Voxels, voxel: int, starts: NDArray[np.int64], chosen: NDArray[np.int64]) -> None:
+def _fill_large(voxels: Voxels, voxel: int, starts: Ints, chosen: Ints) -> None:
     """Choose the points of one large voxel as `_fill` does, but with a tree."""
     begin, end = voxels.begins[voxel : voxel + 2]
     near = _chosen_near(voxels, voxel, starts, chosen)

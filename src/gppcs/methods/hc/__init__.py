@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task
 
@@ -30,12 +29,11 @@ class HierarchicalClustering(Method):
         "gppcs.methods.hc.clustering.hierarchical_clusters."
     )
     source = "Pauly, Gross and Kobbelt 2002"
-    _bytes_per_point: ClassVar[int] = 110
+    _bytes_per_point = 110
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
-        points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("clusters"):
-            return Selection(clusters_by_variation(points, n_points))
+        with task.timer("clusters"):
+            return Selection(clusters_by_variation(task.points, task.n_points))

@@ -5,27 +5,25 @@ from __future__ import annotations
 import heapq
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 
 
-def hierarchical_clusters(points: NDArray[np.float64], size: int, variation: float) -> NDArray[np.int64]:
+def hierarchical_clusters(points: Floats, size: int, variation: float) -> Ints:
     """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
     coordinates, order, chosen = _in_columns(points, len(points))
     return chosen[: _part_to_limits(coordinates, order, size, variation, chosen)]
 
 
-def clusters_by_variation(points: NDArray[np.float64], n_points: int) -> NDArray[np.int64]:
+def clusters_by_variation(points: Floats, n_points: int) -> Ints:
     """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
     coordinates, order, chosen = _in_columns(points, n_points)
     _part_most_varied(coordinates, order, chosen)
     return chosen
 
 
-def _in_columns(
-    points: NDArray[np.float64], n_clusters: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _in_columns(points: Floats, n_clusters: int) -> tuple[Floats, Ints, Ints]:
     """Return the coordinates, (3, N), the indices, (N,), and an empty array for the choice, (clusters,)."""
     return points.T.copy(), np.arange(len(points)), np.empty(n_clusters, dtype=np.int64)
 

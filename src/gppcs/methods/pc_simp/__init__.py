@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task, largest
 from gppcs.methods.parameters import parameter
@@ -31,7 +30,7 @@ class PCSimp(Method):
         "is from the optimum, relative to its value."
     )
     source = "Qi, Hu and Guo 2019"
-    _bytes_per_point: ClassVar[int] = 1500
+    _bytes_per_point = 1500
 
     neighbours: int = parameter(
         15,
@@ -68,8 +67,7 @@ class PCSimp(Method):
             strength = high_pass_strength(points[tree.order], graph) / graph.squared_spacing
         with timer("quadratic programme"):
             programme = Programme(strength, graph.adjacency, neighbours, self.uniformity, n_points)
-            solution = solve(programme, self.tolerance, self.iterations)
+            solution, gap, iterations = solve(programme, self.tolerance, self.iterations)
         selection = np.empty(len(points), dtype=np.float64)
-        selection[tree.order] = solution.selection
-        diagnostics = {"gap": solution.gap, "iterations": float(solution.iterations)}
-        return Selection(largest(selection, n_points), diagnostics)
+        selection[tree.order] = solution
+        return Selection(largest(selection, n_points), {"gap": gap, "iterations": float(iterations)})

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 
@@ -29,7 +29,7 @@ class NeighbourGraph(NamedTuple):
         indices, squared = tree.neighbours(neighbours)
         starts = np.arange(len(indices) + 1) * neighbours
 
-        def symmetric(values: NDArray[np.float64]) -> scipy.sparse.csr_array:
+        def symmetric(values: Floats) -> scipy.sparse.csr_array:
             directed = scipy.sparse.csr_array((values.ravel(), indices.ravel(), starts), shape=(len(indices),) * 2)
             return ((directed + directed.T) / 2).tocsr()
 
@@ -37,7 +37,7 @@ class NeighbourGraph(NamedTuple):
         return cls(symmetric(np.ones_like(squared)), weights, float(np.median(squared.mean(axis=1))))
 
 
-def high_pass_strength(points: NDArray[np.float64], graph: NeighbourGraph) -> NDArray[np.float64]:
+def high_pass_strength(points: Floats, graph: NeighbourGraph) -> Floats:
     """Return the squared distances, (N,), of points, (N, 3), to the weighted mean of their neighbours."""
     smoothed = (graph.weights @ points) / graph.weights.sum(axis=1)[:, None]
     return ((points - smoothed) ** 2).sum(axis=1)
@@ -51,22 +51,22 @@ class Programme(NamedTuple):
     them.
     """
 
-    strength: NDArray[np.float64]
+    strength: Floats
     adjacency: scipy.sparse.csr_array
     neighbours: int
     uniformity: float
     n_points: int
 
-    def excess(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def excess(self, s: Floats) -> Floats:
         """Return A s - alpha k, (N,)."""
         return self.adjacency @ s - self.n_points / len(s) * self.neighbours
 
-    def value(self, s: NDArray[np.float64]) -> float:
+    def value(self, s: Floats) -> float:
         """Return the objective at s, (N,), which is to be minimised."""
         # Here and below, sums of products replace BLAS dot products, whose rounding depends on the number of threads.
         return float((self.strength * (s - 1) ** 2).sum() + self.uniformity * (self.excess(s) ** 2).sum())
 
-    def gap(self, s: NDArray[np.float64], multiplier: float) -> float:
+    def gap(self, s: Floats, multiplier: float) -> float:
         """Return a bound of the objective at s minus its minimum, from the tangent of the second term."""
         f = self.strength
         slope = 2 * self.uniformity * (self.adjacency @ self.excess(s)) + multiplier
@@ -75,20 +75,12 @@ class Programme(NamedTuple):
         return float((f * (s - 1) ** 2 - f * (v - 1) ** 2 + slope * (s - v)).sum())
 
 
-class Solution(NamedTuple):
-    """A solution s of the quadratic programme, (N,), with its Lagrange multiplier, relative duality gap and steps."""
-
-    selection: NDArray[np.float64]
-    multiplier: float
-    gap: float
-    iterations: int
-
-
-def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000) -> Solution:
+def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000) -> tuple[Floats, float, int]:
     """Solve the programme by accelerated proximal gradient steps (Beck and Teboulle 2009).
 
-    The separable first term belongs to the proximal step, solved exactly, so the step length depends on A alone. The
-    momentum restarts uphill (O'Donoghue and Candes 2015). Sums are computed in one thread, for the same bits.
+    Return s, (N,), its relative duality gap, and the number of iterations. The separable first term belongs to the
+    proximal step, solved exactly, so the step length depends on A alone. The momentum restarts uphill (O'Donoghue and
+    Candes 2015). Sums are computed in one thread, for the same bits.
     """
     curvature = 2 * programme.uniformity * eigenvalue_bound(programme.adjacency) ** 2
     inverse = 1 / (2 * programme.strength + curvature)
@@ -109,7 +101,7 @@ def solve(programme: Programme, tolerance: float = 1e-4, iterations: int = 1000)
         if done % 10 == 0 or done == iterations:
             gap = programme.gap(s, multiplier)
             gap = gap / programme.value(s) if gap > 0 else 0.0
-    return Solution(s, multiplier, gap, done)
+    return s, gap, done
 
 
 def eigenvalue_bound(adjacency: scipy.sparse.csr_array) -> float:

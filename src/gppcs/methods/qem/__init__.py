@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
@@ -29,7 +28,7 @@ class QEM(Method):
         "other parts lose any: models made of planes keep their edges, but their faces are left empty."
     )
     source = "Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997"
-    _bytes_per_point: ClassVar[int] = 550
+    _bytes_per_point = 550
 
     neighbours: int = parameter(
         8,
@@ -41,6 +40,5 @@ class QEM(Method):
         """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
-        points, n_points, timer = task.points, task.n_points, task.timer
-        with timer("contraction", len(points) - 1) as on_progress:
-            return Selection(contraction_order(points, self.neighbours, on_progress=on_progress)[:n_points])
+        with task.timer("contraction", len(task.points) - 1) as on_progress:
+            return Selection(contraction_order(task.points, self.neighbours, on_progress)[: task.n_points])

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import dot, minus, row
@@ -18,9 +18,7 @@ from gppcs.surface.surface_variation import features_of_nearest
 IN_PLANE = 1e-14  # a point counts as in a plane if the squared sine of its angle to the plane is below this
 
 
-def contraction_order(
-    points: NDArray[np.float64], neighbours: int = 8, on_progress: Callable[[int], None] | None = None
-) -> NDArray[np.int64]:
+def contraction_order(points: Floats, neighbours: int = 8, on_progress: Callable[[int], None] | None = None) -> Ints:
     """Contract pairs of neighbours, the cheapest first, until one point of (N, 3) is left; return the last ones first.
 
     The quadric of a point is a sum over its neighbours of the squared distance to the plane that contains both and is
@@ -58,9 +56,9 @@ def contraction_order(
 class _Cloud(NamedTuple):
     """The points, (N, 3), in tree order, with their indices in the input, (N,), and their quadrics, (N, 10)."""
 
-    points: NDArray[np.float64]
-    order: NDArray[np.int64]
-    quadrics: NDArray[np.float64]
+    points: Floats
+    order: Ints
+    quadrics: Floats
 
 
 @kernel
@@ -82,15 +80,15 @@ class _Graph(NamedTuple):
     All slots that hold point i form a ring by `following` and `previous`, with the position k N + i, in no slot.
     """
 
-    slots: NDArray[np.int64]
-    following: NDArray[np.int64]
-    previous: NDArray[np.int64]
-    cost: NDArray[np.float64]
-    squared: NDArray[np.float64]
-    partner: NDArray[np.int64]
+    slots: Ints
+    following: Ints
+    previous: Ints
+    cost: Floats
+    squared: Floats
+    partner: Ints
 
 
-def _connected(cloud: _Cloud, members: NDArray[np.int64], nearest: NDArray[np.int64]) -> _Graph:
+def _connected(cloud: _Cloud, members: Ints, nearest: Ints) -> _Graph:
     """Connect the points `members`, (m,), with their neighbours, the rows of `nearest`, (m, k)."""
     n, k = len(cloud.points), nearest.shape[1]
     slots = np.full((n, k), -1)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from gppcs.engine.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class SampleElimination(Method):
         Feature.RANKING: RANKING,
         Feature.SPACING: "No two kept points are nearer than it: the longest start of the progressive order with that.",
     }
-    _bytes_per_point: ClassVar[int] = 150
+    _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
         """Choose the points; see `Method.__call__`."""
@@ -50,7 +49,7 @@ class SampleElimination(Method):
         return Selection(order if task.spacing is None else order[: first_at_spacing(points[order], task.spacing)])
 
 
-def _limit_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
+def _limit_at_spacing(points: Floats, spacing: float) -> int:
     """Return how many points no two of which are nearer than a spacing there may be at most."""
     from gppcs.spatial.kdtree import KdTree, surface_area
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
@@ -29,12 +29,10 @@ LAST_RATIO = 40  # the last stage removes at most this factor of points; a disc 
 EARLIER_RATIO = 10  # earlier stages remove at most this factor
 
 
-def eliminate(
-    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
-) -> NDArray[np.int64]:
+def eliminate(points: Floats, n_points: int, on_progress: Callable[[int], None] | None = None) -> Ints:
     """Remove points, (N, 3), as `thin` does until M are left, and put these into a progressive order (Yuksel 2015)."""
     kept, area = thin(points, n_points, on_progress)
-    later: list[NDArray[np.int64]] = []
+    later: list[Ints] = []
     while len(kept) > 1:
         removed, area = _stage(points[kept], len(kept) // 2, area)
         later.append(kept[removed[::-1]])
@@ -42,7 +40,7 @@ def eliminate(
     return np.concatenate([kept, *later[::-1]])
 
 
-def first_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
+def first_at_spacing(points: Floats, spacing: float) -> int:
     """Return how many points from the first on are at least a length from each other. Shapes: points (M, 3)."""
     enough, many = 1, len(points) + 1
     while many > enough + 1:
@@ -55,9 +53,7 @@ def first_at_spacing(points: NDArray[np.float64], spacing: float) -> int:
     return enough
 
 
-def thin(
-    points: NDArray[np.float64], n_points: int, on_progress: Callable[[int], None] | None = None
-) -> tuple[NDArray[np.int64], float]:
+def thin(points: Floats, n_points: int, on_progress: Callable[[int], None] | None = None) -> tuple[Ints, float]:
     """Remove the most crowded point, again and again, until M are left (Yuksel 2015); return these and the area.
 
     The weight of a point is the sum of (1 - max(d, 2 r_min) / (2 r_max))^8 over all other points at distances d below 2
@@ -76,8 +72,8 @@ def thin(
 
 
 def _stage(
-    points: NDArray[np.float64], n_points: int, area: float, on_progress: Callable[[int], None] | None = None
-) -> tuple[NDArray[np.int64], float]:
+    points: Floats, n_points: int, area: float, on_progress: Callable[[int], None] | None = None
+) -> tuple[Ints, float]:
     """Return the points that a stage removes, in order, and the area, larger if no weight was left too soon."""
     radius = 2.0 * float(np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points)))
     limit = radius * BETA * (1.0 - (n_points / len(points)) ** GAMMA)

@@ -35,7 +35,7 @@ class Voxel(Method):
         Feature.SPACING: "The edge length of the cells; each occupied cell keeps one point.",
         Feature.FILES: "The same points as in memory, but for the size of the cells.",
     }
-    _bytes_per_point: ClassVar[int] = 170
+    _bytes_per_point = 170
 
     keep: Literal["nearest", "mean", "highest", "lowest", "most", "least", "random"] = parameter(
         "nearest",

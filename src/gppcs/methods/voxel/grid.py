@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import InputError
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.samples import point_hashes
@@ -16,7 +17,7 @@ from gppcs.spatial.samples import point_hashes
 COLUMNS = ("highest", "lowest")  # what is kept of cells without limits in z
 
 
-def in_cells(points: NDArray[np.float64], keep: str) -> NDArray[np.float64]:
+def in_cells(points: Floats, keep: str) -> Floats:
     """Return points as the grid sees them: those of a column have the same z. Shapes: points (N, 3); returns (N, 3)."""
     return points * (1.0, 1.0, 0.0) if keep in COLUMNS else points
 
@@ -29,7 +30,7 @@ def check_columns(n_columns: int, n_points: int) -> None:
         )
 
 
-def worth(points: NDArray[np.float64], keep: str, values: NDArray[np.float64] | None) -> NDArray[Any] | None:
+def worth(points: Floats, keep: str, values: Floats | None) -> NDArray[Any] | None:
     """Return of each point, (N, 3), what is largest for that to keep; None for the distance to the mean."""
     if keep in COLUMNS:
         values = points[:, 2]
@@ -62,14 +63,12 @@ def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> f
     return best
 
 
-def occupied(points: NDArray[np.float64], edge: float) -> int:
+def occupied(points: Floats, edge: float) -> int:
     """Return the number of occupied cells of a grid that starts at the origin. Shapes: points (N, 3)."""
     return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
 
 
-def representatives(
-    points: NDArray[np.float64], edge: float, worth: NDArray[Any] | None = None
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def representatives(points: Floats, edge: float, worth: NDArray[Any] | None = None) -> tuple[Ints, Floats]:
     """Return of each cell the point of greatest worth, by default nearest the mean, and the mean, (cells, 3)."""
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)

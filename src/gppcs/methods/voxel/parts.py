@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.methods.voxel.grid import COLUMNS, cell_edge, check_columns, in_cells, representatives, worth
 from gppcs.spatial.boxes import MapParts, Part
@@ -18,7 +19,7 @@ PART = 1 << 18  # Points of a part at most.
 
 
 # One point for each occupied cell: indices, (cells,), ascending; the points, and the means of their cells, (cells, 3).
-Representatives: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]
+Representatives: TypeAlias = tuple[Ints, Floats, Floats]
 
 
 def representatives_in_parts(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
@@ -28,7 +27,7 @@ class WLOP(Method):
         "them, and away from each other."
     )
     source = "Huang, Li, Zhang, Ascher and Cohen-Or 2009"
-    _bytes_per_point: ClassVar[int] = 130
+    _bytes_per_point = 130
 
     radius: float = parameter(
         8.0,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
@@ -29,15 +29,15 @@ def average_spacing(tree: KdTree) -> float:
 
 
 def project(
-    points: NDArray[np.float64],
-    samples: NDArray[np.float64],
+    points: Floats,
+    samples: Floats,
     radius: float,
     iterations: int = 35,
     mu: float = 0.45,
     require_uniform: bool = False,
     tree: KdTree | None = None,
     on_progress: Callable[[int], None] | None = None,
-) -> NDArray[np.float64]:
+) -> Floats:
     r"""Move samples, (M, 3), to the weighted mean of points, (N, 3), and away from each other, repeatedly.
 
     Let theta(r) = exp(-4 r^2 / h^2) for r up to h, and zero beyond. In each iteration, every sample x moves to
@@ -52,6 +52,7 @@ def project(
     weights = np.ones(len(points), dtype=np.float64)
     if require_uniform:
         weights /= _crowding(tree.points, tree.lower, tree.upper, radius)
+    attracting = (tree.points, tree.lower, tree.upper, weights)
     # Samples move little, so their tree stays good if only its boxes are updated.
     now = KdTree.build(samples)
     positions, lower, upper = now.points, now.lower, now.upper
@@ -59,21 +60,7 @@ def project(
         # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, lower, upper, radius)
         moved = np.empty_like(positions)
-        on_ranges(
-            _move,
-            now.leaves,
-            tree.points,
-            tree.lower,
-            tree.upper,
-            weights,
-            positions,
-            lower,
-            upper,
-            omega,
-            radius,
-            mu,
-            moved,
-        )
+        on_ranges(_move, now.leaves, *attracting, positions, lower, upper, omega, radius, mu, moved)
         positions = moved
         measure_boxes(positions, lower, upper)
         if on_progress:
@@ -96,9 +83,7 @@ def _theta(t):
     return e * np.exp(-2.0) if t <= 1.0 else 0.0
 
 
-def _crowding(
-    points: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64], radius: float
-) -> NDArray[np.float64]:
+def _crowding(points: Floats, lower: Floats, upper: Floats, radius: float) -> Floats:
     """Return 1 + sum theta over the other points, (N,), for each of the points, (3, N)."""
     crowding = np.empty(points.shape[1])
     on_ranges(_crowd, len(lower) // 2, points, lower, upper, radius, crowding)

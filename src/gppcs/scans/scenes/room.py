@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats
 from gppcs.scans.scenes.scene import Rays, Scene
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, box, cylinder, joined, polygon, sphere
+from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, joined, polygon, sphere
 
 CAMERA = np.array([3.7, 0.35, 1.55])
 LOOKS_AT = np.array([1.2, 2.6, 0.75])
@@ -107,19 +108,18 @@ def _rays(count: int) -> Rays:
     return Rays(np.broadcast_to(CAMERA, directions.shape), directions)
 
 
-def _measured(rays: Rays, distances: Values, rng: np.random.Generator) -> Values:
+def _measured(rays: Rays, distances: Floats, rng: np.random.Generator) -> Floats:
     """Return distances along the rays whose depths, along the camera's axis, are noisy and quantised."""
     cosines = rays.directions @ ((LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA))
     # Khoshelham and Elberink (2012), Accuracy and resolution of Kinect depth data, section 3: depth z is measured in
     # steps of about 2.85e-3 z² (in metres), with a standard deviation of half a step. In 1 / z, the steps are equal.
     step = 2.85e-3
     disparity = 1.0 / (step * distances * cosines) + 0.5 * rng.standard_normal(len(distances))
-    measured: Values = 1.0 / (step * np.round(disparity) * cosines)
+    measured: Floats = 1.0 / (step * np.round(disparity) * cosines)
     return measured
 
 
 ROOM = Scene(
-    "a furnished room of 4 m seen by a depth camera: shadows, quantised depth, noise that grows with distance",
     (*_walls(), *_desk(), *_chair(), *_shelf(), *_rest()),
     _rays,
     _measured,

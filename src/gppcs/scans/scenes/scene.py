@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans.scenes.surfaces import Surface, Values
+from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.scans.scenes.surfaces import Surface
 
 NO_SURFACE = -1
 
@@ -17,30 +18,23 @@ NO_SURFACE = -1
 class Rays(NamedTuple):
     """Rays of a sensor, in the order in which it measures: origins and unit directions, (N, 3) each."""
 
-    origins: Values
-    directions: Values
+    origins: Floats
+    directions: Floats
 
 
-class Measured(NamedTuple):
-    """What a sensor has measured, in the order of its rays, with true normals towards it; zero for leaves."""
-
-    points: NDArray[np.float32]
-    normals: NDArray[np.float32]
-    colours: NDArray[np.uint8]
-    classification: NDArray[np.uint8]
+Measured = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @dataclass(frozen=True)
 class Scene:
     """Surfaces, and the sensor that measures them: about as many rays as asked for, and distances along its rays."""
 
-    description: str
     surfaces: tuple[Surface, ...]
     rays: Callable[[int], Rays]
-    measured: Callable[[Rays, Values, np.random.Generator], Values]
+    measured: Callable[[Rays, Floats, np.random.Generator], Floats]
 
     def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
-        """Measure the scene."""
+        """Return points, true normals towards the sensor (0 for leaves), colours and classes, in its order."""
         fraction = np.mean(self.follow(self.rays(4096), rng)[1] != NO_SURFACE)
         count, hits = n_points / fraction, 0
         while hits < n_points:
@@ -51,7 +45,7 @@ class Scene:
         kept = np.sort(rng.permutation(np.flatnonzero(met != NO_SURFACE))[:n_points])
         return self._seen(Rays(rays.origins[kept], rays.directions[kept]), distances[kept], met[kept], rng)
 
-    def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Values, NDArray[np.int64]]:
+    def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Floats, Ints]:
         """Return the distance to what each ray meets first, (N,), and the number of that surface, (N,)."""
         distances = np.full(len(rays.origins), np.inf)
         met = np.full(len(rays.origins), NO_SURFACE)
@@ -71,7 +65,7 @@ class Scene:
                 distances[indices[nearer]], met[indices[nearer]] = to_surface[nearer], number
         return distances, met
 
-    def _seen(self, rays: Rays, distances: Values, met: NDArray[np.int64], rng: np.random.Generator) -> Measured:
+    def _seen(self, rays: Rays, distances: Floats, met: Ints, rng: np.random.Generator) -> Measured:
         """Return what the sensor measures of the points that its rays meet."""
         true = rays.origins + distances[:, None] * rays.directions
         normals = np.empty_like(true)
@@ -84,15 +78,12 @@ class Scene:
         to_sun = np.array([0.36, 0.48, 0.8])
         lightness = 0.45 + 0.55 * (1.0 + normals @ to_sun) / 2.0  # faces that look away are darker
         measured = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
-        return Measured(
-            measured.astype(np.float32),
-            normals.astype(np.float32),
-            (colours * lightness[:, None]).astype(np.uint8),
-            np.array([look.classification for look in looks], np.uint8)[met],
-        )
+        classification = np.array([look.classification for look in looks], np.uint8)[met]
+        colours = (colours * lightness[:, None]).astype(np.uint8)
+        return measured.astype(np.float32), normals.astype(np.float32), colours, classification
 
 
-def _may_meet(bundle: Rays, centres: Values, radii: Values) -> NDArray[np.bool_]:
+def _may_meet(bundle: Rays, centres: Floats, radii: Floats) -> Flags:
     """Return which balls, (S,), a cone around a bundle of rays meets; its apex is a ball around their origins."""
     apex = bundle.origins.mean(axis=0)
     axis = bundle.directions.mean(axis=0)
@@ -102,13 +93,11 @@ def _may_meet(bundle: Rays, centres: Values, radii: Values) -> NDArray[np.bool_]
     far = np.linalg.norm(centres - apex, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         angles = np.arccos(np.clip((centres - apex) @ axis / far, -1.0, 1.0))
-        meets: NDArray[np.bool_] = (far <= widths) | (
-            angles <= half_angle + np.arcsin(np.minimum(widths / far, 1.0)) + 1e-9
-        )
+        meets: Flags = (far <= widths) | (angles <= half_angle + np.arcsin(np.minimum(widths / far, 1.0)) + 1e-9)
     return meets
 
 
-def _halves(bundle: Rays, centres: Values) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _halves(bundle: Rays, centres: Floats) -> tuple[Ints, Ints]:
     """Return the indices of two halves of a bundle of rays, whose origins and directions are as like as possible."""
     radius = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
     coordinates = np.hstack([bundle.directions, bundle.origins / max(radius, 1e-9)])
@@ -116,6 +105,6 @@ def _halves(bundle: Rays, centres: Values) -> tuple[NDArray[np.int64], NDArray[n
     return order[: len(order) // 2], order[len(order) // 2 :]
 
 
-def with_noise(sigma: float) -> Callable[[Rays, Values, np.random.Generator], Values]:
+def with_noise(sigma: float) -> Callable[[Rays, Floats, np.random.Generator], Floats]:
     """Return what a sensor measures whose distances have Gaussian noise."""
     return lambda rays, distances, rng: distances + sigma * rng.standard_normal(len(distances))

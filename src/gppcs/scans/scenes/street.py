@@ -148,7 +148,6 @@ def _rays(count: int) -> Rays:
 
 
 STREET = Scene(
-    "a street of 60 m from a moving LiDAR: façades, trees, poles, wires and cars; density falls with distance",
     (*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()),
     _rays,
     with_noise(0.02),

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Values = NDArray[np.float64]
+from gppcs.engine.arrays import Flags, Floats
+
 Place = tuple[float, float, float]
 
 
@@ -23,10 +23,10 @@ class Surface(NamedTuple):
     """A surface, which lies in the ball around a centre, (3,)."""
 
     look: Look
-    centre: Values
+    centre: Floats
     radius: float
-    meet: Callable[[Values, Values, np.random.Generator], Values]  # distances along unit rays, infinite beside it
-    normals: Callable[[Values], Values]  # at points of the surface, (N, 3), to either side
+    meet: Callable[[Floats, Floats, np.random.Generator], Floats]  # distances along unit rays, infinite beside it
+    normals: Callable[[Floats], Floats]  # at points of the surface, (N, 3), to either side
 
 
 def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place]] = ()) -> Surface:
@@ -36,7 +36,7 @@ def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place
     normal = normal / np.linalg.norm(normal)
     outline, *gaps = (_half_spaces(np.array(outer, np.float64), normal) for outer in (corners, *holes))
 
-    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+    def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = ((ring[0] - origins) @ normal) / (directions @ normal)
             ends = origins + distances[:, None] * directions
@@ -50,7 +50,7 @@ def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place
     return Surface(look, centre, radius, meet, lambda points: np.broadcast_to(normal, points.shape))
 
 
-def _half_spaces(ring: Values, normal: Values) -> tuple[Values, Values]:
+def _half_spaces(ring: Floats, normal: Floats) -> tuple[Floats, Floats]:
     """Return the directions inwards from the edges of a ring of corners, (K, 3), and how far along they lie."""
     inwards = np.cross(normal, np.roll(ring, -1, axis=0) - ring)
     inwards *= np.sign(_dot(inwards, ring.mean(axis=0) - ring))[:, None]
@@ -63,7 +63,7 @@ def cylinder(start: Place, end: Place, radius: float, look: Look) -> Surface:
     length = float(np.linalg.norm(along))
     axis = along / length
 
-    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+    def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         offset = origins - start
         across, beside = _across(directions, axis), _across(offset, axis)
         roots = _roots(_dot(across, across), _dot(across, beside), _dot(beside, beside) - radius**2)
@@ -78,7 +78,7 @@ def cylinder(start: Place, end: Place, radius: float, look: Look) -> Surface:
 def sphere(centre: Place, radius: float, look: Look) -> Surface:
     """Return a sphere."""
 
-    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+    def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         return _first_ahead(*_ends(centre, radius, origins, directions))
 
     return Surface(look, np.array(centre), radius, meet, lambda points: _unit(points - centre))
@@ -87,7 +87,7 @@ def sphere(centre: Place, radius: float, look: Look) -> Surface:
 def foliage(centre: Place, radius: float, look: Look, mean_path: float) -> Surface:
     """Return leaves in a ball, without normals: a ray meets one after a random path (Beer and Lambert)."""
 
-    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+    def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         enter, leave = _ends(centre, radius, origins, directions)
         met = np.maximum(enter, 0.0) + rng.exponential(mean_path, len(origins))
         return np.where(met < leave, met, np.inf)
@@ -95,21 +95,21 @@ def foliage(centre: Place, radius: float, look: Look, mean_path: float) -> Surfa
     return Surface(look, np.array(centre), radius, meet, lambda points: np.zeros(points.shape))
 
 
-def _ends(centre: Place, radius: float, origins: Values, directions: Values) -> tuple[Values, Values]:
+def _ends(centre: Place, radius: float, origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
     """Return the distances, (N,) each, along rays at which these enter and leave a ball; NaN where they miss."""
     offset = origins - centre
     return _roots(1.0, _dot(offset, directions), _dot(offset, offset) - radius**2)
 
 
 def relief(
-    height: Callable[[Values, Values], tuple[Values, Values, Values]],
+    height: Callable[[Floats, Floats], tuple[Floats, Floats, Floats]],
     half: float,
     heights: tuple[float, float],
     look: Look,
 ) -> Surface:
     """Return the graph of a smooth height, given with its slopes, over a square; rays are steeper than any slope."""
 
-    def meet(origins: Values, directions: Values, rng: np.random.Generator) -> Values:
+    def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = (np.mean(heights) - origins[:, 2]) / directions[:, 2]
             for _ in range(12):  # Newton steps
@@ -121,7 +121,7 @@ def relief(
         within = np.maximum(np.abs(x), np.abs(y)) <= half
         return np.where(within, _first_ahead(distances), np.inf)
 
-    def normals(points: Values) -> Values:
+    def normals(points: Floats) -> Floats:
         _, along_x, along_y = height(points[:, 0], points[:, 1])
         return _unit(np.stack([-along_x, -along_y, np.ones(len(points))], axis=1))
 
@@ -154,30 +154,30 @@ def joined(ring: Sequence[Place], other: Sequence[Place]) -> list[list[Place]]:
     return [[ring[i - 1], ring[i], other[i], other[i - 1]] for i in range(len(ring))]
 
 
-def _dot(a: Values, b: Values) -> Values:
+def _dot(a: Floats, b: Floats) -> Floats:
     return np.einsum("...i,...i->...", a, b)
 
 
-def _unit(vectors: Values) -> Values:
+def _unit(vectors: Floats) -> Floats:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _across(vectors: Values, axis: Values) -> Values:
+def _across(vectors: Floats, axis: Floats) -> Floats:
     """Return the parts of vectors, (N, 3), across a unit axis."""
     return vectors - (vectors @ axis)[:, None] * axis
 
 
-def _inside(half_spaces: tuple[Values, Values], points: Values) -> NDArray[np.bool_]:
+def _inside(half_spaces: tuple[Floats, Floats], points: Floats) -> Flags:
     """Return which points of a plane, (N, 3), are in all half spaces."""
     return np.logical_and.reduce([points @ inward >= offset for inward, offset in zip(*half_spaces, strict=True)])
 
 
-def _first_ahead(*distances: Values) -> Values:
+def _first_ahead(*distances: Floats) -> Floats:
     """Return the smallest positive distance of each ray, infinite where there is none (NaN is none)."""
     return np.minimum.reduce([np.where(distance > 0.0, distance, np.inf) for distance in distances])
 
 
-def _roots(a: Values | float, half_b: Values, c: Values) -> tuple[Values, Values]:
+def _roots(a: Floats | float, half_b: Floats, c: Floats) -> tuple[Floats, Floats]:
     """Return both roots of a t² + 2 half_b t + c, NaN where they are not real."""
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(half_b * half_b - a * c)

@@ -4,15 +4,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats
 from gppcs.scans.scenes.scene import Rays, Scene, with_noise
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, Values, cylinder, foliage, polygon, relief
+from gppcs.scans.scenes.surfaces import Look, Place, Surface, cylinder, foliage, polygon, relief
 
 HALF = 60.0  # half the side of the square, in x and y
 
 WALL = Look((222, 212, 194), 6)
 
 
-def ground(x: Values, y: Values) -> tuple[Values, Values, Values]:
+def ground(x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the height of the ground and its slopes along x and y, (N,) each."""
     height, along_x, along_y = 0.02 * x, np.full_like(x, 0.02), np.zeros_like(x)
     for centre, width, tall in (((-30.0, 25.0), 22.0, 7.0), ((35.0, -30.0), 18.0, 5.0), ((10.0, 50.0), 12.0, -2.5)):
@@ -118,14 +119,13 @@ def _rays(count: int) -> Rays:
     return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
 
-def _midpoints(count: int) -> Values:
+def _midpoints(count: int) -> Floats:
     """Return the midpoints of equal parts of the range from -1 to 1."""
-    midpoints: Values = 2.0 * (np.arange(count) + 0.5) / count - 1.0
+    midpoints: Floats = 2.0 * (np.arange(count) + 0.5) / count - 1.0
     return midpoints
 
 
 TERRAIN = Scene(
-    "a terrain of 120 m from the air: hills, a stream, roofs, trees, a power line",
     (relief(ground, HALF, (-5.0, 9.0), Look((120, 140, 80), 2)), *_houses(), *_trees(), *_power_line()),
     _rays,
     with_noise(0.03),
