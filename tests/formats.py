@@ -2,7 +2,7 @@
 
 from collections import namedtuple
 
-from gppcs.io import format_to_write, open_clouds
+from gppcs.io import CloudFiles, format_to_write
 
 Loaded = namedtuple("Loaded", "cloud faces unread")
 
@@ -15,5 +15,5 @@ def losses(path, cloud):
 
 def load(path):
     """A cloud, its number of faces, and in words what is not read."""
-    with open_clouds([path]) as files:
+    with CloudFiles([path]) as files:
         return Loaded(files.read(), files.n_faces, files.skipped())

@@ -13,7 +13,7 @@ from copc_file import write_copc
 from gppcs.amounts.options import Options
 from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
-from gppcs.io import cloud_files, files, open_clouds
+from gppcs.io import CloudFiles, cloud_files, files
 from gppcs.io.format import Reader
 from gppcs.io.joining import joined
 from gppcs.simplification import simplify_files
@@ -28,6 +28,11 @@ def cloud(seed=0):
     rng = np.random.default_rng(seed)
     attributes = {"intensity": rng.integers(-9, 9, N), "red": rng.integers(0, 255, N).astype(np.uint8)}
     return gppcs.PointCloud(rng.random((N, 3)).astype(np.float32), attributes, np.dtype(np.float32))
+
+
+def all_of(part):
+    with part:
+        return joined(part.chunks(n=40_000))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +81,7 @@ def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     gppcs.write(path, cloud(), lossy=True)  # LAS rounds
     whole = gppcs.read(path)
-    with open_clouds([path]) as clouds:
+    with CloudFiles([path]) as clouds:
         assert clouds.n_points == pytest.approx(N, rel=0.02)
         for n in (7, 999, 1000, 10**7):
             chunks = list(clouds.chunks(n=n))
@@ -93,7 +98,7 @@ def test_files_of_one_cloud_are_that_cloud(tmp_path, suffix):
     paths = [tmp_path / f"{i}{suffix}" for i in range(3)]
     for path, indices in zip(paths, np.split(np.arange(N), [1, 400]), strict=True):
         gppcs.write(path, cloud().take(indices))
-    with open_clouds(paths) as clouds:
+    with CloudFiles(paths) as clouds:
         whole = clouds.read()
         assert np.array_equal(whole.points.astype(np.float32), cloud().points)
         assert np.array_equal(whole.attributes["intensity"], cloud().attributes["intensity"])
@@ -105,7 +110,7 @@ def test_files_of_one_cloud_are_that_cloud(tmp_path, suffix):
 def test_a_file_is_opened_once_for_one_call(tmp_path, opened, suffix):
     path = tmp_path / f"a{suffix}"
     gppcs.write(path, cloud(), lossy=True)
-    with open_clouds([path]) as clouds:
+    with CloudFiles([path]) as clouds:
         assert len(clouds.preview) == clouds.n_points == N
         assert clouds.at_once[0] in (None, "NPZ", "OFF")
         assert len(clouds.read()) == N
@@ -116,7 +121,7 @@ def test_a_file_is_opened_once_for_one_call(tmp_path, opened, suffix):
 def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path):
     (tmp_path / "a.csv").write_text("x,y,z,k,n\n0,0,0,1,18446744073709551615\n")
     (tmp_path / "b.csv").write_text("x,y,z,k,n\n0,0,0.5,1.5,1\n")
-    with open_clouds([tmp_path / "a.csv", tmp_path / "b.csv"]) as clouds:
+    with CloudFiles([tmp_path / "a.csv", tmp_path / "b.csv"]) as clouds:
         both = clouds.read()
     assert both.attributes["k"].tolist() == [1.0, 1.5]
     assert both.attributes["n"].tolist() == [2**64 - 1, 1]
@@ -136,7 +141,7 @@ def test_files_that_do_not_fit_are_refused(tmp_path, a, b, message):
     for name, values in (("a", a), ("b", b)):
         attributes = {} if values is None else {"k": values}
         gppcs.write(tmp_path / f"{name}.npy", gppcs.PointCloud(np.zeros((1, 3)), attributes))
-    with open_clouds([tmp_path / "a.npy", tmp_path / "b.npy"]) as clouds, pytest.raises(FileFormatError, match=message):
+    with CloudFiles([tmp_path / "a.npy", tmp_path / "b.npy"]) as clouds, pytest.raises(FileFormatError, match=message):
         clouds.read()
 
 
@@ -155,9 +160,9 @@ def test_files_that_do_not_fit_are_refused(tmp_path, a, b, message):
 )
 def test_the_parts_of_a_file_are_the_file(divisible, name, n, begins):
     whole = gppcs.read(divisible / name)
-    with open_clouds([divisible / name]) as clouds:
+    with CloudFiles([divisible / name]) as clouds:
         assert (clouds.n_points, clouds.is_counted) == (len(whole), True)
-        parts = [joined(part.chunks(True, 40_000)) for part in clouds.parts(n)]
+        parts = list(map(all_of, clouds.parts(n)))
     counts = list(map(len, parts))
     assert min(counts[:-1], default=n) >= min(n, len(whole))
     assert begins is None or np.cumsum([0, *counts[:-1]]).tolist() == begins
@@ -169,10 +174,9 @@ def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
     (tmp_path / "a.las.gz").write_bytes(gzip.compress((divisible / "a.las").read_bytes(), 1))
     gppcs.write(tmp_path / "a.ply", cloud(), ascii=True)
     for path, inside in ((tmp_path / "a.las.gz", None), (tmp_path / "a.ply", None), (divisible / "a.las", "0,0,9,9")):
-        with open_clouds([path], inside=inside) as clouds:
+        with CloudFiles([path], inside=inside) as clouds:
             [part] = clouds.parts(100)
-            with part:
-                assert sum(map(len, part.chunks(False))) == len(clouds.read())
+            assert len(all_of(part)) == len(clouds.read())
 
 
 @pytest.mark.parametrize(
@@ -191,8 +195,8 @@ def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, message):
     else:
         del content[-1:]
     (tmp_path / name).write_bytes(content)
-    with open_clouds([tmp_path / name]) as clouds, pytest.raises(FileFormatError, match=message):
-        list(clouds.parts(1_000)[0].chunks())
+    with CloudFiles([tmp_path / name]) as clouds, pytest.raises(FileFormatError, match=message):
+        all_of(clouds.parts(1_000)[0])
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".npy", ".feather", ".ptx"])
@@ -224,7 +228,7 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, opened,
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr(cloud_files, "BLOCK", 16)
     options = Options(n_points=100, memory=10**9)
-    with open_clouds([path], **query) as clouds:
+    with CloudFiles([path], **query) as clouds:
         plan = make_plan(clouds, options)
         simplify_files(clouds, options, plan, Timer())
     assert plan.readings == (3 if query else 2)

@@ -8,7 +8,6 @@ import gppcs
 from copc_file import write_copc
 from gppcs.errors import FileFormatError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.query import Query
 
 N, DEPTH, SPACING = 2000, 3, 8.0
 CORNERS = ([1000.0, 2000.0, 0.0], [1100.0, 2050.0, 20.0])
@@ -87,14 +86,14 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
     gppcs.write(tmp_path / f"b{suffix}", gppcs.read(copc), lossy=True)
     paths = [tmp_path / f"b{suffix}", copc] if suffix == ".laz" else [tmp_path / f"b{suffix}"] * 2
     expected = np.concatenate([inside(gppcs.read(path), BOX).points for path in paths])
-    with CloudFiles(paths, query=Query.from_options(BOX)) as files:
+    with CloudFiles(paths, inside=BOX) as files:
         assert files.n_points == len(expected)
         assert len(files.preview)
         for attributes in (True, False):
             chunks = list(files.chunks(attributes, 50))
             assert suffix == ".npz" or max(map(len, chunks)) <= 50
             assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
-    with CloudFiles(paths, query=Query.from_options([0, 0, 1, 1])) as files:
+    with CloudFiles(paths, inside=[0, 0, 1, 1]) as files:
         assert files.n_points == len(files.read()) == 0
         assert not list(files.chunks(True))
 

@@ -166,8 +166,9 @@ def outcome(read):
 
 def in_chunks(files):
     """Read files in chunks of seven points, as the work beyond memory does."""
-    chunks = list(files.chunks(True, 7))
-    return joined(chunks) if chunks else files.read()
+    with files:
+        chunks = list(files.chunks(True, 7))
+        return joined(chunks) if chunks else files.read()
 
 
 def in_spans(files):

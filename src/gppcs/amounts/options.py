@@ -222,10 +222,10 @@ class Options:
 
     def open(self, paths: Sequence[str | os.PathLike[str]]) -> CloudFiles:
         """Return files as one cloud, of which is read what the options ask for."""
-        from gppcs.io.cloud_files import open_clouds
+        from gppcs.io.cloud_files import CloudFiles
 
-        which = (self.inside, self.only, self.resolution)
-        return open_clouds(paths, self.format, self.columns, *which, self.assume_same_crs)
+        query = (self.inside, self.only, self.resolution)
+        return CloudFiles(paths, self.format, self.columns, *query, self.assume_same_crs)
 
     @cached_property
     def memory_limit(self) -> int | None:

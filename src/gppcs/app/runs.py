@@ -86,7 +86,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, str, dic
         result, clouds = _simplified(job, output, files, plan, timer)
         unread = files.skipped()
     with timer("writing"):
-        dropped = _store(job, output, clouds, result.ranked and job.mark is None)
+        dropped = _store(job, output, clouds)
     note_left_out(output.targets[-1], [*unread, *dropped])
     _note_size(source, result, job.options)
     levels = [
@@ -149,7 +149,8 @@ def _check_storable(job: Job, output: Output, cloud: PointCloud) -> None:
     if job.sizes and len(output.targets) == 1:
         added[LEVEL] = np.uint8
     cloud = _with_attributes(cloud, {name: np.zeros(len(cloud), dtype) for name, dtype in added.items()})
-    io.check_storable(output.targets[-1], cloud, output.format, job.lossy)
+    target = output.targets[-1]
+    io.check_storable(target, cloud, io.format_to_write(target, output.format), job.lossy)
 
 
 def _with_attributes(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointCloud:
@@ -179,7 +180,7 @@ def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
     return counts
 
 
-def _store(job: Job, output: Output, clouds: list[PointCloud], is_ranked: bool) -> list[str]:
+def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
     """Write all files of an output, or none; return what they do not hold."""
     written: list[Path] = []
     dropped: list[str] = []
@@ -187,9 +188,7 @@ def _store(job: Job, output: Output, clouds: list[PointCloud], is_ranked: bool) 
         for target, cloud in zip(output.targets, clouds, strict=True):
             if output.makes_folders:
                 target.parent.mkdir(parents=True, exist_ok=True)
-            has_levels = "levels_by" in io.format_to_write(target, output.format).options
-            levels_by = "order" if is_ranked and has_levels else None
-            dropped = io.store(target, cloud, output.format, job.force, job.lossy, None, levels_by)
+            dropped = io.store(target, cloud, io.format_to_write(target, output.format), job.force, job.lossy)
             written.append(target)
     except BaseException:
         for target in written:

@@ -1,6 +1,6 @@
 """Reads and writes point cloud files."""
 
-from gppcs.io.cloud_files import open_clouds
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import FORMATS, format_to_write
 from gppcs.io.format import Format
 from gppcs.io.las import to_laspy
@@ -11,6 +11,7 @@ from gppcs.io.writing import check_storable, store, write
 
 __all__ = [
     "FORMATS",
+    "CloudFiles",
     "Format",
     "as_cloud",
     "check_distinct",
@@ -20,7 +21,6 @@ __all__ = [
     "format_to_write",
     "inner_name",
     "is_standard",
-    "open_clouds",
     "read",
     "read_each",
     "store",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError, ParameterError, file_path, flag, shown
-from gppcs.io.files import check_suffix, format_of, naming
+from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns
 from gppcs.io.query import Query
@@ -24,46 +25,13 @@ from gppcs.io.streams import plain_input
 from gppcs.io.vpc import files_of
 
 
-def open_clouds(
-    paths: Sequence[str | os.PathLike[str]],
-    format: str | None = None,  # noqa: A002
-    columns: Sequence[str] | None = None,
-    inside: Any = None,
-    only: str | None = None,
-    resolution: float | None = None,
-    assume_same_crs: bool = False,
-    tables_only: bool = False,
-) -> CloudFiles:
-    """Return files as one cloud, given arguments of `gppcs.read`; a virtual point cloud stands for its files.
-
-    With `tables_only`, the names of columns are for those files that are tables; otherwise the others are an error.
-    """
-    check_suffix(format)
-    query, same = Query.from_options(inside, only, resolution), flag("assume_same_crs", assume_same_crs)
-    names = None if columns is None else _checked_columns(columns)
-    files = [file for path in paths for file in files_of(file_path(path))]
-    return CloudFiles(files, format, names, query, same, tables_only)
-
-
-def _checked_columns(columns: Sequence[str]) -> list[str]:
-    """Return names of columns after checking that they are different and that x, y and z are among them."""
-    names = [] if isinstance(columns, str) or not isinstance(columns, Sequence) else list(columns)
-    are_names = all(isinstance(name, str) and name for name in names)
-    if not are_names or not {"x", "y", "z"} <= set(names) or len(set(names)) < len(names):
-        raise ParameterError(
-            "expected different names of columns with x, y and z, such as x, y, z, red, green, blue, found "
-            f"{shown(columns)}"
-        )
-    return names
-
-
 class _Opened(NamedTuple):
     """An open file, decompressed."""
 
     file: Any
     format: Format
     reader: Reader
-    stack: ExitStack  # closes it
+    close: Callable[[], None]
 
     @property
     def size(self) -> int:
@@ -76,24 +44,36 @@ class _Opened(NamedTuple):
         return isinstance(self.file.name, int)
 
 
-@dataclass
 class CloudFiles:
     """One or several files that together are one cloud: its points are theirs, in the order of the files.
 
     Each file is opened, and its header read, when it is first needed. Compressed files and standard input are copied to
     temporary files. The `with` statement closes and removes these. Another process can read a pickled object.
+
+    The arguments are those of `gppcs.read`. With `if_needed`, `format` and `columns` are for the files that need them;
+    otherwise a file of another format is an error.
     """
 
-    paths: Sequence[Path]
-    format: str | None = None
-    columns: Sequence[str] | None = None
-    query: Query | None = None
-    assume_same_crs: bool = False
-    tables_only: bool = False  # columns are for those files that are tables
-    span: Span | None = None  # the part of a single file that is read
-    _header: Header | None = field(default=None, init=False)  # of the first file that has one
-    _opened: dict[Path, _Opened] = field(default_factory=dict, init=False)
-    _clouds: dict[Path, PointCloud] = field(default_factory=dict, init=False)  # already read, for `read`
+    def __init__(
+        self,
+        paths: Sequence[str | os.PathLike[str]],
+        format: str | None = None,  # noqa: A002
+        columns: Sequence[str] | None = None,
+        inside: Any = None,
+        only: str | None = None,
+        resolution: float | None = None,
+        assume_same_crs: bool = False,
+        if_needed: bool = False,
+    ) -> None:
+        self.query = Query.from_options(inside, only, resolution)
+        self._format, self._if_needed = format, if_needed
+        self._columns = None if columns is None else _checked_columns(columns)
+        self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
+        self._paths = [file for path in paths for file in files_of(file_path(path))]
+        self._span: Span | None = None  # the part of a single file that is read
+        self._header: Header | None = None  # of the first file that has one
+        self._opened: dict[Path, _Opened] = {}
+        self._clouds: dict[Path, PointCloud] = {}  # already read, for `read`
 
     def __enter__(self) -> CloudFiles:
         return self
@@ -101,7 +81,7 @@ class CloudFiles:
     def __exit__(self, *_: object) -> None:
         self._clouds.clear()
         while self._opened:
-            self._opened.popitem()[1].stack.close()
+            self._opened.popitem()[1].close()
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
@@ -110,7 +90,7 @@ class CloudFiles:
     @cached_property
     def preview(self) -> PointCloud:
         """Up to 65,536 of the first points, with attributes and header."""
-        for path in self.paths:
+        for path in self._paths:
             cloud = self._first_of(path)
             if len(cloud):
                 break
@@ -129,7 +109,7 @@ class CloudFiles:
     @cached_property
     def _counts(self) -> list[tuple[int, bool]]:
         """The number of points of each file, and whether it is exact."""
-        return [self._count(path) for path in self.paths]
+        return [self._count(path) for path in self._paths]
 
     def _count(self, path: Path) -> tuple[int, bool]:
         with self._reading(path) as opened:
@@ -147,12 +127,16 @@ class CloudFiles:
         with self._reading(path) as opened:
             if opened.reader.at_once and path not in self._clouds:
                 self._clouds[path] = opened.reader.read()
-            return self._clouds[path] if opened.reader.at_once else next(opened.reader.chunks(BLOCK, True))
+            if opened.reader.at_once:
+                return self._clouds[path]
+            chunks = opened.reader.chunks(BLOCK, True)
+            first = next(chunks)
+            return first if len(first) else next(filter(len, chunks), first)
 
     @property
     def at_once(self) -> tuple[str | None, int]:
         """The name of a format, if any, that has all points in memory before some are read, and their bytes, about."""
-        held = [opened for opened in map(self._open, self.paths) if opened.reader.at_once]
+        held = [opened for opened in map(self._open, self._paths) if opened.reader.at_once]
         counts = [opened.reader.n_points for opened in held]
         sizes = [opened.size if n is None else 24 * n for opened, n in zip(held, counts, strict=True)]
         return held[-1].format.name if held else None, sum(sizes)
@@ -160,41 +144,40 @@ class CloudFiles:
     @property
     def n_faces(self) -> int:
         """The number of faces, of which nothing is read."""
-        return sum(map(self._n_faces, self.paths))
-
-    def _n_faces(self, path: Path) -> int:
-        with self._reading(path) as opened:
-            return opened.reader.n_faces()
+        total = 0
+        for path in self._paths:
+            with self._reading(path) as opened:
+                total += opened.reader.n_faces()
+        return total
 
     def skipped(self) -> list[str]:
         """Return in words what of the files is not read."""
-        messages = []
-        for path in self.paths:
-            n_faces = self._n_faces(path)
-            messages += [f"faces ({n_faces:,})"] if n_faces else []
+        n_faces = self.n_faces
+        messages = [f"faces ({n_faces:,})"] if n_faces else []
+        for path in self._paths:
             with self._reading(path) as opened:
                 messages += opened.reader.skipped()
         return messages
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        return [self._open(path).format for path in self.paths]
+        return [self._open(path).format for path in self._paths]
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         clouds, columns = [], JointColumns()
-        for path in self.paths:
+        for path in self._paths:
             with self._reading(path) as opened:
                 cloud = self._clouds.pop(path) if path in self._clouds else opened.reader.read()
                 clouds.append(self._in_one_system(cloud))
                 columns.add(clouds[-1])
-        return clouds[0] if len(clouds) == 1 else columns.joined(clouds)
+        return columns.joined(clouds)
 
     def chunks(self, attributes: bool = True, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, with attributes or without, at most n at once unless a file is read at once."""
-        for path in self.paths:
+        for path in self._paths:
             with self._reading(path) as opened:
-                span = {"span": self.span} if self.span else {}
+                span = {"span": self._span} if self._span else {}
                 for cloud in opened.reader.chunks(n, attributes, **span):
                     if len(cloud):
                         yield self._in_one_system(cloud)
@@ -202,15 +185,15 @@ class CloudFiles:
     def parts(self, n: int) -> list[CloudFiles]:
         """Return each file, or parts of about n points of a file, by itself."""
         parts = []
-        header = self.preview.header if self.assume_same_crs else None
-        for path in self.paths:
+        header = self.preview.header if self._assume_same_crs else None
+        for path in self._paths:
             with self._reading(path) as opened:
                 spans = opened.reader.spans(n) if opened.reader.spans and not opened.is_copy else []
             for span in spans if len(spans) > 1 else [None]:
-                part = replace(self, paths=[path], span=span)
-                part._header = header
+                part = copy(self)
+                part._paths, part._span, part._header = [path], span, header
                 if opened.is_copy:
-                    part._opened[path] = opened._replace(stack=ExitStack())
+                    part._opened[path] = opened._replace(close=lambda: None)
                 parts.append(part)
         return parts
 
@@ -219,7 +202,7 @@ class CloudFiles:
 
         A cloud whose attributes are to be read in another way keeps its own header, which says so.
         """
-        if not self.assume_same_crs or cloud.header is None:
+        if not self._assume_same_crs or cloud.header is None:
             return cloud
         first = self._header = self._header or cloud.header
         ours, theirs = first.conventions, cloud.header.conventions
@@ -235,20 +218,33 @@ class CloudFiles:
 
     def _open(self, path: Path) -> _Opened:
         """Open a file and read its header, unless it is open."""
-        if path in self._opened:
-            return self._opened[path]
-        plain = [path for path, opened in self._opened.items() if not opened.is_copy]
-        if len(plain) >= 64:  # a process may not open many more
-            self._opened.pop(plain[0]).stack.close()
-        with naming(path), ExitStack() as stack:
-            file, name = stack.enter_context(plain_input(path))
-            file_format = format_of(file, self.format or name.name)
-            options: dict[str, Any] = {"query": self.query} if self.query and "query" in file_format.options else {}
-            if self.columns is not None and "columns" in file_format.options:
-                options["columns"] = self.columns
-            elif self.columns is not None and not self.tables_only:
-                raise FileFormatError(f"expected a text table, whose columns can be named, found {file_format.name}")
-            reader = file_format.open(file, **options)
-            reader = self.query.restricted(file_format, reader) if self.query else reader
-            self._opened[path] = _Opened(file, file_format, reader, stack.pop_all())
+        if path not in self._opened:
+            plain = [path for path, opened in self._opened.items() if not opened.is_copy]
+            if len(plain) >= 64:  # a process may not open many more
+                self._opened.pop(plain[0]).close()
+            with naming(path), ExitStack() as stack:
+                file = stack.enter_context(plain_input(path))
+                file_format = format_of(file, path, self._format, self._if_needed)
+                reader = file_format.open(file, **self._options(file_format))
+                reader = self.query.restricted(file_format, reader) if self.query else reader
+                self._opened[path] = _Opened(file, file_format, reader, stack.pop_all().close)
         return self._opened[path]
+
+    def _options(self, file_format: Format) -> dict[str, Any]:
+        """Return what `open` of a format takes of the query and the names of columns."""
+        if self._columns is not None and not self._if_needed and "columns" not in file_format.options:
+            raise FileFormatError(f"expected a text table, whose columns can be named, found {file_format.name}")
+        options = {"query": self.query, "columns": self._columns}
+        return {name: value for name, value in options.items() if name in file_format.options and value is not None}
+
+
+def _checked_columns(columns: Sequence[str]) -> list[str]:
+    """Return names of columns after checking that they are different and that x, y and z are among them."""
+    names = [] if isinstance(columns, str) or not isinstance(columns, Sequence) else list(columns)
+    are_names = all(isinstance(name, str) and name for name in names)
+    if not are_names or not {"x", "y", "z"} <= set(names) or len(set(names)) < len(names):
+        raise ParameterError(
+            "expected different names of columns with x, y and z, such as x, y, z, red, green, blue, found "
+            f"{shown(columns)}"
+        )
+    return names

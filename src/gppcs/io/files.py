@@ -43,11 +43,25 @@ def naming(path: Path) -> Iterator[None]:
         raise FileFormatError(f"{'standard input' if is_standard(path) else path}: {error}") from error
 
 
-def format_of(file: BufferedReader, name: str) -> Format:
-    """Return the format of a file by its content, or else by a name or suffix; leave the file at its start."""
+def format_of(
+    file: BufferedReader,
+    path: Path,
+    format: str | None = None,  # noqa: A002
+    if_needed: bool = False,
+) -> Format:
+    """Return the format of a file by its content, or else by a suffix or its name; leave the file at its start.
+
+    Content of another format than that of the suffix is an error, unless the suffix is for files that need it.
+    """
     start, size = file.read(1024), os.fstat(file.fileno()).st_size
     file.seek(0)
-    return next((item for item in FORMATS if item.recognises(start, size)), None) or _named(name, FORMATS)
+    matches = [file_format for file_format in FORMATS if file_format.recognises(start, size)]
+    if matches and (not format or if_needed):
+        return matches[0]
+    named = _named(format or inner_name(path).name, FORMATS)
+    if matches and named not in matches:
+        raise FileFormatError(f"expected the format {named.name}, found {matches[0].name}; leave out format")
+    return named
 
 
 def format_to_write(
@@ -57,7 +71,6 @@ def format_to_write(
     levels_by: str | None = None,
 ) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
-    check_suffix(format)
     target = file_path(path)
     if is_standard(target) and not format:
         raise FileFormatError("expected the format of standard output, found none; give it, such as ply")
@@ -75,17 +88,14 @@ def format_to_write(
     return replace(file_format, write=partial(file_format.write, **options)) if options else file_format
 
 
-def check_suffix(suffix: str | None) -> None:
-    """Check that what names a format is text."""
-    if not isinstance(suffix, str | None):
-        raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(suffix)}")
-
-
 def _named(name: str, formats: Sequence[Format]) -> Format:
     """Return which of some formats a name of a file, or a suffix, ends with."""
+    if not isinstance(name, str):
+        raise ParameterError(f"expected the suffix of a format, such as 'ply', found {shown(name)}")
     for file_format in formats:
         if file_format.has_suffix(name):
             return file_format
     listed = " ".join(suffix for file_format in formats for suffix in file_format.suffixes)
     suffix = Path(name).suffix or (name if name.startswith(".") else "")
-    raise FileFormatError(f"expected one of the formats {listed}, found {shown(suffix) or 'a name without a suffix'}")
+    actual = shown(suffix) if suffix else "a name without a suffix"
+    raise FileFormatError(f"expected one of the formats {listed}, found {actual}")

@@ -25,9 +25,9 @@ Span = tuple[int, int]  # the index of the first point of a part of a file, and 
 class Reader:
     """An open file, whose header has been read.
 
-    `chunks(n, attributes)` yields all points, at most n at once, with attributes or without; one cloud of no points if
-    there are none. It can be called again, once the last call is done. If the file has `spans(n)`, parts of about n
-    points that can be read by themselves, `chunks` also takes one as `span`.
+    `chunks(n, attributes)` yields all points in one or more clouds of at most n points, with attributes or without. It
+    can be called again, once the last call is done. If the file has `spans(n)`, parts of about n points that can be
+    read by themselves, `chunks` also takes one as `span`.
     """
 
     chunks: Callable[..., Iterator[PointCloud]]
@@ -41,15 +41,6 @@ class Reader:
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         return joined(self.chunks(sys.maxsize, True))
-
-
-def refuse_losses(path: str | os.PathLike[str], name: str, values: list[str]) -> None:
-    """Raise an error if a format of a name cannot hold some values, given in words."""
-    if values:
-        raise OutputError(
-            f"{path}: expected a format that holds all of the cloud, but {name} cannot hold: {', '.join(values)}; "
-            "choose another format, or leave this out with lossy"
-        )
 
 
 class Fit(NamedTuple):
@@ -73,8 +64,8 @@ class Format:
     options: frozenset[str] = frozenset()  # of `open`: columns, query; of `write`: the others
     renames: Mapping[str, str] = field(default_factory=dict)  # names that attributes get in `stored`
 
-    def fit(self, cloud: PointCloud) -> Fit:
-        """Tell what `write` can store of a cloud and what it cannot, by comparing the cloud with what is stored."""
+    def fit(self, cloud: PointCloud, path: str | os.PathLike[str] = "", lossy: bool = True) -> Fit:
+        """Compare a cloud with what `write` can store of it. Lost values are an error for a file, unless `lossy`."""
         stored = self.stored(cloud)
         values, remarks = list[str](), list[str]()
         if cloud.header:
@@ -92,9 +83,18 @@ class Format:
                 remarks.append(f"attribute {name} under one name (its numbers become {part}_0, {part}_1 and so on)")
             else:
                 values.append(f"attribute {name} ({'text' if column.dtype.kind == 'U' else column.dtype})")
-        digits, tolerated = rounding(cloud.points, stored.points)
+        digits, tolerated = _rounding(cloud.points, stored.points)
         (remarks if tolerated else values).extend(digits)
+        self.refuse(path, values, lossy)
         return Fit(stored, values, remarks)
+
+    def refuse(self, path: str | os.PathLike[str], values: list[str], lossy: bool) -> None:
+        """Raise an error if this format cannot hold some values, in words, of a file, unless `lossy`."""
+        if values and not lossy:
+            raise OutputError(
+                f"{path}: expected a format that holds all of the cloud, but {self.name} cannot hold: "
+                f"{', '.join(values)}; choose another format, or leave this out with lossy"
+            )
 
     def has_suffix(self, name: str) -> bool:
         """Return whether a suffix, or the end of the name of a file, names this format."""
@@ -122,12 +122,10 @@ def keeping(
 
 def _are_equal(values: Column, stored: Column) -> bool:
     """Return whether an attribute is stored exactly."""
-    if values is stored:
-        return True
-    return values.shape == stored.shape and np.array_equal(values, stored, equal_nan=values.dtype.kind == "f")
+    return values is stored or np.array_equal(values, stored, equal_nan=values.dtype.kind == "f")
 
 
-def rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
+def _rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:
     """Return in words how far rounding moves points, (N, 3), if at all, and whether that is little enough to be let."""
     if points is rounded or np.array_equal(points, rounded, equal_nan=True):
         return [], True

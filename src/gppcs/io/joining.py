@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,11 @@ from gppcs.errors import FileFormatError
 
 def joined(clouds: Iterable[PointCloud]) -> PointCloud:
     """Return clouds with the same attributes as one."""
-    columns, parts = JointColumns(), []
-    for cloud in clouds:
-        columns.add(cloud)
-        parts.append(cloud)
-    return parts[0] if len(parts) == 1 else columns.joined(parts)
+    parts = list(clouds)
+    parts, columns = [part for part in parts if len(part)] or parts[:1], JointColumns()
+    for part in parts:
+        columns.add(part)
+    return columns.joined(parts)
 
 
 class JointColumns:
@@ -76,12 +76,12 @@ class JointColumns:
             self._types[name] |= types
 
     def joined(self, clouds: Iterable[PointCloud]) -> PointCloud:
-        """Return several clouds as one, in the types of all parts."""
+        """Return clouds as one, in the types of all parts."""
         assert self._first is not None
         points, parts = zip(*((cloud.points, dict(cloud.attributes)) for cloud in clouds), strict=True)
         # Each attribute frees its parts.
         attributes = {name: self._column(name, [part.pop(name) for part in parts]) for name in self._first.attributes}
-        return PointCloud(np.concatenate(points), attributes, np.result_type(*self._coordinates), self.header)
+        return PointCloud(_concatenated(points), attributes, np.result_type(*self._coordinates), self.header)
 
     def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
         """Return the values of an attribute in a type that holds those of all parts exactly."""
@@ -98,7 +98,11 @@ class JointColumns:
                 f"expected values of {name} that int64, uint64 or float64 holds exactly, found whole numbers beyond "
                 "2^53 beside others; write this with a decimal point if it may be rounded"
             )
-        return np.concatenate([part.astype(common, copy=False) for part in parts])
+        return _concatenated([part.astype(common, copy=False) for part in parts])
+
+
+def _concatenated(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _differ(what: str, actual: str) -> FileFormatError:

@@ -21,7 +21,6 @@ from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of, read_header
 from gppcs.io.laz import counted_chunks, points_of
-from gppcs.io.query import not_empty
 from gppcs.io.rows import BLOCK, at_most
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ def open_las(
     skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
     def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
-        """Read the points in chunks: first a cloud without points, which stays if there are no others."""
+        """Read the points in chunks, the first of which has no points."""
         selected = select(file, las)
         if span:
             selected = selected[slice(*np.searchsorted(np.cumsum(selected["count"]), span, side="right"))]
@@ -50,7 +49,7 @@ def open_las(
             PointCloud(coordinates_of(block, las), attributes_of(block, las) if attributes else {}, header=header)
             for block in chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
         )
-        return at_most(n, not_empty(clouds))
+        return at_most(n, clouds)
 
     def spans(n: int) -> list[Span]:
         """Divide the points at borders of chunks."""

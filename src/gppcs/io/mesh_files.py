@@ -13,7 +13,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, format_of, naming
-from gppcs.io.format import Format, refuse_losses
+from gppcs.io.format import Format
 from gppcs.io.meshes import GLTF, OBJ, OFF, STL, stored_of, write_by_trimesh
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.streams import inner_name, plain_input, whole_output
@@ -50,8 +50,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     (4, 2)
     """
     source = file_path(path)
-    with naming(source), plain_input(source) as (file, name):
-        content = format_of(file, name.name)
+    with naming(source), plain_input(source) as file:
+        content = format_of(file, source)
         if "faces" not in content.options:
             raise FileFormatError(f"expected a mesh, found {content.name}, whose files are point clouds")
         reader = content.open(file)
@@ -131,9 +131,7 @@ def write_mesh(
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
     force = flag("force", force)
     chosen = mesh_format_of(path)
-    fit = chosen.fit(cloud)
-    if not flag("lossy", lossy):
-        refuse_losses(path, chosen.name, fit.values)
+    fit = chosen.fit(cloud, path, flag("lossy", lossy))
     with whole_output(path, force) as file:
         assert chosen.write is not None
         # Normals of triangles come from the coordinates before they are rounded.
@@ -143,9 +141,7 @@ def write_mesh(
 
 def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: bool = False) -> None:
     """Check that `write_mesh` can write a mesh whose vertices are points of a cloud. Call it before long work."""
-    chosen = mesh_format_of(path)
-    if not flag("lossy", lossy):
-        refuse_losses(path, chosen.name, chosen.fit(cloud).values)
+    mesh_format_of(path).fit(cloud, path, flag("lossy", lossy))
 
 
 def mesh_format_of(path: str | os.PathLike[str]) -> Format:

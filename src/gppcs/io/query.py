@@ -75,7 +75,7 @@ class Query:
 
         def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
             clouds = reader.chunks(n, attributes or self.only is not None)  # conditions need attributes
-            for cloud in not_empty(map(self.part, clouds)):
+            for cloud in map(self.part, clouds):
                 yield cloud if attributes else replace(cloud, attributes={})
 
         return replace(reader, chunks=chunks, spans=None)
@@ -125,14 +125,3 @@ def _box(inside: Any) -> tuple[list[float], list[float]]:
             f"polygon, (n, 2), found {shown(inside)}"
         )
     return lower, upper
-
-
-def not_empty(clouds: Iterator[PointCloud]) -> Iterator[PointCloud]:
-    """Yield the clouds that have points, or the last one if none has."""
-    last, is_empty = None, True
-    for last in clouds:
-        if len(last):
-            is_empty = False
-            yield last
-    if is_empty and last is not None:
-        yield last

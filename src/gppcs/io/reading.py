@@ -9,7 +9,7 @@ from typing import Any
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import FileFormatError
-from gppcs.io.cloud_files import open_clouds
+from gppcs.io.cloud_files import CloudFiles
 
 
 def read(
@@ -24,28 +24,26 @@ def read(
     """Read PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, glTF, PCD, PTX, E57, Parquet or Feather.
 
     The format is found by how the content begins, otherwise by the suffix of the name. Of mesh files, only the vertices
-    are read. The scans of PTX and E57 files become one cloud, each moved by its pose. The files that a virtual point
-    cloud (.vpc) lists become one cloud, too, in the order of the list; they must have the same attributes.
+    are read. The scans of PTX and E57 files become one cloud, each moved by its pose.
 
     Parameters
     ----------
     path : str or path
-        The file, or a virtual point cloud. A gzip file is decompressed; `-` is standard input.
+        The file. A gzip file is decompressed; `-` is standard input. The files that a virtual point cloud (.vpc) lists
+        become one cloud; they must have the same attributes.
     format : str, optional
         Suffix of the format, such as "ply" or ".ply", if neither content nor name tell it.
     columns : sequence of str, optional
         The name of each column of a text table, with x, y and z. They replace any names in the file.
     inside : sequence of 4 or 6 float, path, (n, 2) array, or list of these, optional
         Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included;
-        a side is open if its limit is infinite. Or only those inside the polygons of a GeoJSON file, in the coordinate
+        a side is open if its limit is infinite. Or those inside the polygons of a GeoJSON file, in the coordinate
         system of the cloud, or inside a polygon with these corners. Of a list of texts or paths: those inside of all.
-        Of a COPC file, only the parts that meet the box are decompressed.
     only : str, optional
         Read only the points that meet a condition on attributes and x, y and z, such as "classification == 6"
         (docs/ask.md#conditions).
     resolution : float, optional
-        Read a COPC file only down to the level on which neighbours are about that far from each other, in the unit of
-        the coordinates.
+        Read a COPC file down to the level on which neighbours are about that far from each other.
     assume_same_crs : bool
         Whether all files of a virtual point cloud get the coordinate system of the first one. Otherwise, files with
         different coordinate systems are an error.
@@ -58,14 +56,13 @@ def read(
     Raises
     ------
     FileFormatError
-        If the format is unknown, the content of a file does not follow it or has not what is asked for, or the files of
-        a virtual point cloud do not fit each other.
+        If the format is unknown or another, or the content does not follow it or has not what is asked for.
     ParameterError
         If an argument is not as above.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     OSError
-        If the file does not exist or cannot be read.
+        If the file cannot be read.
 
     Examples
     --------
@@ -74,7 +71,7 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    with open_clouds([path], format, columns, inside, only, resolution, assume_same_crs) as files:
+    with CloudFiles([path], format, columns, inside, only, resolution, assume_same_crs) as files:
         return files.read()
 
 
@@ -90,7 +87,7 @@ def read_each(
 ) -> list[tuple[PointCloud, int]]:
     """Read clouds, each with its number of faces, that a command puts side by side; columns are for tables alone."""
     with ExitStack() as stack:
-        clouds = [stack.enter_context(open_clouds([path], format, columns, tables_only=True)) for path in paths]
+        clouds = [stack.enter_context(CloudFiles([path], format, columns, if_needed=True)) for path in paths]
         if columns is not None and not any("columns" in kind.options for files in clouds for kind in files.formats()):
             raise FileFormatError("expected a text table, whose columns can be named, found other files only")
         return [(files.read(), files.n_faces) for files in clouds]

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.vpc import files_of
@@ -28,38 +28,37 @@ def inner_name(path: Path) -> Path:
     return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 
-@contextmanager
-def plain_input(path: Path) -> Iterator[tuple[Any, Path]]:
-    """Open a file, or standard input for `-`; what cannot be read from any place is first copied to a temporary file.
-
-    Yield also the name of the file without a suffix of compression.
-    """
-    with ExitStack() as stack:
-        if path.exists() and not path.is_file():
-            raise FileFormatError("expected a file, found a folder or device; name a file")
-        file = stack.enter_context(_standard_input() if is_standard(path) else path.open("rb"))
-        is_compressed = file.read(2) == b"\x1f\x8b"
-        file.seek(0)
-        if is_compressed:
-            plain = stack.enter_context(tempfile.TemporaryFile())
-            try:
-                shutil.copyfileobj(gzip.GzipFile(fileobj=file), plain)
-            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
-            plain.seek(0)
-            yield plain, inner_name(path)
-        else:
-            yield file, path
+def plain_input(path: Path) -> Any:
+    """Open a file, or standard input for `-`; what cannot be read from any place is copied to a temporary file."""
+    if path.exists() and not path.is_file():
+        raise FileFormatError("expected a file, found a folder or device; name a file")
+    file = _standard_input() if is_standard(path) else path.open("rb")
+    is_compressed = file.read(2) == b"\x1f\x8b"
+    file.seek(0)
+    if not is_compressed:
+        return file
+    with file:
+        try:
+            return _copied(gzip.GzipFile(fileobj=file))
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
 
 
-def _standard_input() -> IO[bytes]:
-    """Return a temporary file with all of standard input, and close that."""
+def _standard_input() -> Any:
+    """Return a copy of all of standard input, and close that."""
     if sys.stdin is None or sys.stdin.buffer.closed:
         raise FileFormatError("expected standard input, found that it is closed or was read before; name it once")
-    copy = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
     with sys.stdin.buffer as stream:
+        return _copied(stream)
+
+
+def _copied(stream: Any) -> Any:
+    """Return a temporary file with the content of a stream."""
+    with ExitStack() as stack:
+        copy = stack.enter_context(tempfile.TemporaryFile())
         shutil.copyfileobj(stream, copy)
-    copy.seek(0)
+        copy.seek(0)
+        stack.pop_all()
     return copy
 
 
@@ -136,14 +135,12 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
 
 def _rename_to_new(temporary: Path, target: Path) -> None:
     """Rename a file, unless one of the name has appeared meanwhile."""
-    try:
+    with suppress(OSError):  # there is such a file, or the file system has no hard links
         os.link(temporary, target)
-    except FileExistsError as error:
-        raise _exists(target) from error
-    except OSError:  # the file system has no hard links
-        if target.exists():
-            raise _exists(target) from None
-        os.replace(temporary, target)
+        return
+    if target.exists():
+        raise _exists(target)
+    os.replace(temporary, target)
 
 
 def _exists(target: Path) -> OutputError:

@@ -9,7 +9,7 @@ from pathlib import Path
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import flag
 from gppcs.io.files import format_to_write
-from gppcs.io.format import refuse_losses
+from gppcs.io.format import Format
 from gppcs.io.reading import as_cloud
 from gppcs.io.streams import whole_output
 
@@ -50,10 +50,9 @@ def write(
     Raises
     ------
     FileFormatError
-        If the format is unknown, gppcs only reads it (STL, PTX), or it has no choice of `ascii` or `levels_by`.
+        If the format is unknown or only read (STL, PTX), or it has no choice of `ascii` or `levels_by`.
     OutputError
-        If the file exists and `force` is False, the folder is missing or not writable, the format cannot hold all
-        values of the cloud and `lossy` is False, or it cannot hold its points.
+        If the file exists and `force` is False, it cannot be made, or it cannot hold the cloud and `lossy` is False.
     MissingExtraError
         If the format needs a package that is not installed (E57, Parquet, Feather).
     InputError, ParameterError
@@ -66,36 +65,22 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    store(path, cloud, format, force, lossy, ascii, levels_by)
+    store(path, as_cloud(cloud), format_to_write(path, format, ascii, levels_by), force, lossy)
 
 
-def store(
-    path: str | os.PathLike[str],
-    cloud: CloudLike,
-    format: str | None = None,  # noqa: A002
-    force: bool = False,
-    lossy: bool = False,
-    ascii: bool | None = None,  # noqa: A002
-    levels_by: str | None = None,
-) -> list[str]:
-    """Write a point cloud file as `write` does, and return in words what the file does not hold of the cloud."""
-    cloud, force = as_cloud(cloud), flag("force", force)
-    file_format = format_to_write(path, format, ascii, levels_by)
-    fit = file_format.fit(cloud)
-    if not flag("lossy", lossy):
-        refuse_losses(path, file_format.name, fit.values)
+def store(path: str | os.PathLike[str], cloud: PointCloud, chosen: Format, force: bool, lossy: bool) -> list[str]:
+    """Write a file of a format, and return in words what it does not hold of the cloud."""
+    force = flag("force", force)
+    fit = chosen.fit(cloud, path, flag("lossy", lossy))
     with whole_output(path, force) as file:
-        assert file_format.write is not None
-        file_format.write(file, fit.cloud)
+        assert chosen.write is not None
+        chosen.write(file, fit.cloud)
     return [*fit.values, *fit.remarks]
 
 
-def check_storable(path: Path, cloud: PointCloud, format: str | None, lossy: bool) -> None:  # noqa: A002
-    """Check before long work that `write` can write a cloud: write one of its points to a temporary file."""
-    file_format = format_to_write(path, format)
-    fit = file_format.fit(cloud)
-    if not lossy:
-        refuse_losses(path, file_format.name, fit.values)
+def check_storable(path: Path, cloud: PointCloud, chosen: Format, lossy: bool) -> None:
+    """Check before long work that `store` can write a cloud: write one of its points to a temporary file."""
+    fit = chosen.fit(cloud, path, lossy)
     with tempfile.TemporaryFile() as trial:
-        assert file_format.write is not None
-        file_format.write(trial, fit.cloud[:1])
+        assert chosen.write is not None
+        chosen.write(trial, fit.cloud[:1])

@@ -24,7 +24,7 @@ from gppcs.errors import InputError
 from gppcs.io import las
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.copc_writing import FORMAT, write_octree
-from gppcs.io.format import refuse_losses, shift_in_words
+from gppcs.io.format import shift_in_words
 from gppcs.io.joining import JointColumns
 from gppcs.io.las_header import LasHeader
 from gppcs.io.streams import whole_output
@@ -92,9 +92,7 @@ def _store(
                 continue
             # All coordinates get one scale together, later.
             at_origin = replace(cloud, points=np.zeros_like(cloud.points), header=header or cloud.header)
-            fit = FORMAT.fit(at_origin)
-            if not lossy:
-                refuse_losses(target, FORMAT.name, fit.values)
+            fit = FORMAT.fit(at_origin, target, lossy)
             if header is not None and fit.cloud.header != header:
                 raise InputError(
                     "expected attributes of types that hold all their values in all files, found others; "
@@ -138,8 +136,8 @@ def _on_one_scale(target: Path, parts: list[Path], header: LasHeader, lossy: boo
             lower, upper = np.minimum(lower, part.min(axis=0)), np.maximum(upper, part.max(axis=0))
             shift = max(shift, np.abs(las.multiples(part, scaled.scales, scaled.offsets) - part).max())
     digits, tolerated = shift_in_words(shift, np.abs([lower, upper]).max(), float(np.linalg.norm(upper - lower)))
-    if not (tolerated or lossy):
-        refuse_losses(target, FORMAT.name, digits)
+    if not tolerated:
+        FORMAT.refuse(target, digits, lossy)
     return LasHeader(scaled), digits
 
 

@@ -61,16 +61,16 @@ def convert(
     part = (input_format, names_of(columns), inside or None, only, resolution, assume_same_crs)
     if has_levels and not io.is_standard(source):
         limit = None if memory is None else bytes_of(memory)
-        with io.open_clouds([source], *part) as clouds:
+        with io.CloudFiles([source], *part) as clouds:
             dropped = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
         if dropped is not None:
             note_left_out(target, dropped)
             return
-    with timer("reading"), io.open_clouds([source], *part) as clouds:
+    with timer("reading"), io.CloudFiles([source], *part) as clouds:
         cloud, unread = clouds.read(), clouds.skipped()
     if invalid == "drop" and (n := int((~cloud.is_finite()).sum())):
         cloud = cloud[cloud.is_finite()]
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
     with timer("levels and writing" if has_levels else "writing"):
-        dropped = io.store(target, cloud, output_format, force, lossy, ascii, levels_by)
+        dropped = io.store(target, cloud, chosen, force, lossy)
     note_left_out(target, [*unread, *dropped])

@@ -34,7 +34,7 @@ def info(
     from gppcs import io
 
     def show_info(file: Path) -> None:
-        with io.open_clouds([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
+        with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
             _print(file, clouds.read(), clouds.n_faces, as_json)
 
     for_each(sources_of(files), show_info)

@@ -71,7 +71,7 @@ def render(
             say(f"{output}: {len(clouds[0]):,} and {len(clouds[1]):,} points beside each other")
         return
     (source,) = sources
-    with io.open_clouds([source], input_format, names_of(columns)) as files:
+    with io.CloudFiles([source], input_format, names_of(columns)) as files:
         cloud, faces, unread = files.read(), files.n_faces, files.skipped()
     mesh = mesh_of(source, faces)
     with naming(source), io.whole_output(output, force) as file:

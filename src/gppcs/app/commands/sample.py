@@ -55,11 +55,11 @@ def sample(
     from gppcs import io, scans
 
     started(quiet)
-    io.format_to_write(output, output_format, ascii)
+    chosen = io.format_to_write(output, output_format, ascii)
     check_output(output, [], force)
     settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of("n_points", points), **settings)
-    note_left_out(output, io.store(output, cloud, output_format, force, lossy, ascii))
+    note_left_out(output, io.store(output, cloud, chosen, force, lossy))
     if io.is_standard(output):
         return
     if as_json:
