@@ -116,8 +116,11 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file of a cloud that `stored` has returned."""
     import laspy
 
-    las, options = header_of(cloud), {"closefd": False, "encoding_errors": "surrogateescape"}
-    with reported_writing(), laspy.LasWriter(file, las, compressed, **options) as writer:
+    las = header_of(cloud)
+    with (
+        reported_writing(),
+        laspy.LasWriter(file, las, compressed, closefd=False, encoding_errors="surrogateescape") as writer,
+    ):
         for start in range(0, len(cloud), BLOCK):
             block = records_of(cloud[start : start + BLOCK], las)
             writer.write_points(laspy.PackedPointRecord(block, las.point_format))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from io import BufferedReader
 from itertools import islice
@@ -139,33 +140,29 @@ def _unpacked_columns(
 
 def _decompressed(data: bytes, size: int) -> bytearray:
     """Return `size` bytes of data that LZF has compressed."""
-    out, at, end = bytearray(), 0, len(data)
-    if size <= 88 * end:  # 3 bytes stand for up to 264
-        try:
-            while at < end and len(out) <= size:
-                control = data[at]
-                if control < 32:  # that many bytes and one more follow as they are
-                    out += data[at + 1 : at + control + 2]
-                    at += control + 2
-                    continue
-                length = control >> 5
-                if length == 7:
-                    at += 1
-                    length += data[at]
-                distance = ((control & 31) << 8 | data[at + 1]) + 1
-                at += 2
-                first = len(out) - distance
-                if first < 0:
-                    break
-                copied = out[first : first + length + 2]
-                if distance < length + 2:  # the copy goes on with bytes that it has just made
-                    copied = (copied * (length // distance + 3))[: length + 2]
-                out += copied
-        except IndexError:
-            at = end + 1
-        if at == end and len(out) == size:
-            return out
-    raise FileFormatError(f"expected {size} bytes of points in LZF compression, found damaged data; get the file again")
+    out = bytearray()
+    at = 0
+    with suppress(IndexError):  # of data that end early
+        while at < len(data):
+            control = data[at]
+            at += 1
+            if control < 32:  # that many bytes and one more follow as they are
+                out += data[at : at + control + 1]
+                at += control + 1
+                continue
+            length = (control >> 5) + 2
+            if length == 9:
+                length += data[at]
+                at += 1
+            first = len(out) - ((control & 31) << 8 | data[at]) - 1
+            at += 1
+            if first < 0:
+                break
+            part = out[first : first + length]
+            out += (part * (length // len(part) + 1))[:length]  # a copy can go on with bytes that it has just made
+    if at != len(data) or len(out) != size:
+        raise FileFormatError(f"expected {size} bytes of points in LZF compression, found damaged data; get it again")
+    return out
 
 
 def _may_be_colour(name: str, dtype: np.dtype[Any], ndim: int) -> bool:

@@ -251,7 +251,8 @@ def _binary_lists(data: bytes, order: _Order, element: _Element) -> tuple[dict[s
                 position += count.size
                 if not 0 <= length < 2**63:
                     raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length:g}")
-            begin, position = position, position + int(length) * column.dtype.itemsize
+            begin = position
+            position += int(length) * column.dtype.itemsize
             parts[column.name].append(data[begin:position])
         if position > len(data):
             raise ends_early(element.name, i, element.count)

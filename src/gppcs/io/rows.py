@@ -221,7 +221,8 @@ class _Block:
         for i, field in enumerate(fields, self.start + 1):
             if not is_number(field):
                 raise FileFormatError(f"{self.what} {i}: expected a number, found {shortened(field)}")
-            value, is_whole = float(field), re.fullmatch(r"\s*[+-]?\d+\s*", field)
+            value = float(field)
+            is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", field)
             if is_whole and (np.isinf(value) or int(field) != value):
                 raise FileFormatError(
                     "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that "

@@ -1,16 +1,10 @@
 """Reads and writes tables as text: XYZ, TXT, ASC, CSV and PTS.
 
 - The first row sets the delimiter: semicolon, comma, or whitespace. If tabs stand between all fields, text may contain
-  spaces. Text in double quotes may contain the delimiter; two double quotes in it stand for one.
-- Names of columns come from a header line, or from a comment line (`#` or `//`) that contains x, y and z and has one
-  name for each column. R, G and B become `red`, `green` and `blue`.
-- Without names, the first three columns are the coordinates, and the others become `column_4`, `column_5` and so on. In
-  PTS files with 4, 6 or 7 columns they become `intensity`, `red green blue`, or all four.
+  spaces. Text in double quotes may contain the delimiter.
 - A single whole number before the first row is the number of points.
 - A column is text if any of its fields is neither a number nor missing, or if its first field is in quotes while the
   coordinates are not. All rows count, so that chunks agree. Missing numbers, empty or NA, are NaN.
-- Colours of whole numbers up to 255 become uint8. Other columns of whole numbers become int64, or uint64 if they need
-  it, and all others float64.
 """
 
 from __future__ import annotations
