@@ -26,7 +26,7 @@ def test_a_split_keeps_the_topology(seed):
     for k in range(10):
         h = rng.choice(mesh.inner_edges())
         free = size + 2 * k
-        split_edge(mesh, h, len(points) + k, (h // 3, free, mesh.opposite[h] // 3, free + 1))
+        split_edge(mesh, h, len(points) + k, np.array([h // 3, free, mesh.opposite[h] // 3, free + 1]))
     assert faults(mesh) == []
     assert topology_of(mesh.faces()) == before
     assert len(mesh.faces()) == size + 20

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gppcs.clouds.quantities import Length, Tolerance, count_of, metres_of, ratio_of
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
 from gppcs.errors import NoSurfaceError, ParameterError, shown, whole_number
-from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 

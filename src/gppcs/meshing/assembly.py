@@ -4,21 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.bridges import bridged
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
-from gppcs.meshing.halfedges import (
-    MAX_VALENCE,
-    EdgeTable,
-    Floats,
-    HalfEdges,
-    Ints,
-    add_edge,
-    find_edge,
-    pieces_of,
-    without_bow_ties,
-)
+from gppcs.meshing.halfedges import MAX_VALENCE, EdgeTable, HalfEdges, add_edge, find_edge, pieces_of, without_bow_ties
 from gppcs.meshing.handles import without_small_handles
 
 LARGEST_GAP = 40  # corners of a gap that is filled at the end

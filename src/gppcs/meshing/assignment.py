@@ -6,9 +6,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, around, position_of, room_for_ring
+from gppcs.meshing.halfedges import HalfEdges, around, position_of, room_for_ring
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import (
     dot,

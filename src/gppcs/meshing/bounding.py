@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Ints
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import TriangleTree, cutting
@@ -11,7 +12,6 @@ from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh
 from gppcs.meshing.exchange import changes, collapse_all, fit_all
 from gppcs.meshing.flips import flip_all
-from gppcs.meshing.halfedges import Flags, Ints
 
 
 def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:

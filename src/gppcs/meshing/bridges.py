@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import fillings
-from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, pieces_of
+from gppcs.meshing.halfedges import HalfEdges, pieces_of
 
 
 def bridged(

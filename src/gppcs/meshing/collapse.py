@@ -6,20 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import add_boundaries
 from gppcs.meshing.halfedges import (
     MAX_VALENCE,
-    Floats,
-    Ints,
     around,
     following,
     half_edge,
-    leave_by,
     neighbours,
     position_of,
     preceding,
+    replace_triangles,
     room_for_ring,
 )
 from gppcs.spatial.triangles import agreement, area_vector, dot, has_area, minus, quality, row
@@ -224,29 +223,12 @@ def _thinness_after(mesh, vertices, normals, min_cosine, v, u, edges, halves):
     return total
 
 
-@kernel(allocates=False)
+@kernel
 def move_triangles(mesh, v, u, halves):
     """Move the triangles around v to its neighbour u, and remove those that have both."""
-    forth, back = half_edge(mesh, v, u), half_edge(mesh, u, v)
+    both = np.array([half_edge(mesh, u, v) // 3, half_edge(mesh, v, u) // 3])
     edges, _ = around(mesh, v, halves)
     for slot in range(edges):
         mesh.origin[halves[slot]] = u
     mesh.leaving[v] = -1
-    first = third = leaving_first = leaving_third = leaving_u = -1
-    for h in (forth, back):
-        if h < 0:
-            continue
-        x, y = mesh.opposite[following(h)], mesh.opposite[preceding(h)]
-        if x >= 0:
-            mesh.opposite[x] = y
-        if y >= 0:
-            mesh.opposite[y] = x
-        first, leaving_first = third, leaving_third
-        third = mesh.origin[preceding(h)]
-        leaving_third = x if x >= 0 else following(y)
-        leaving_u = y if y >= 0 else following(x)
-        mesh.origin[h] = mesh.origin[following(h)] = mesh.origin[preceding(h)] = -1
-    leave_by(mesh, u, leaving_u)
-    leave_by(mesh, third, leaving_third)
-    if first >= 0:
-        leave_by(mesh, first, leaving_first)
+    replace_triangles(mesh, both[both >= 0], np.empty((0, 3), dtype=np.int64))

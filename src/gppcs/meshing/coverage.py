@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import Flags, Floats, Ints
 from gppcs.spatial.kdtree import nearest_in_tree
 from gppcs.spatial.triangles import dot, minus, point_in, row
 

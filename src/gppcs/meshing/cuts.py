@@ -10,9 +10,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import Floats, HalfEdges, Ints
+from gppcs.meshing.halfedges import HalfEdges
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, measure_boxes
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
@@ -87,12 +88,17 @@ def is_cut(mesh, vertices, tree, inside, f):
 
 
 @kernel
-def any_cut(mesh, vertices, tree, inside, new):
-    """Return whether any of new triangles, (T, 3), cuts one of a mesh that is not marked in `inside`, or another."""
+def is_free(mesh, vertices, tree, inside, patch, new):
+    """Return whether new triangles, (T, 3), cut none of a tree that is not of a patch, (P,), and none of each other."""
+    if len(tree.order) == 0:
+        return True
+    inside[patch] = True
+    free = True
     for i in range(len(new)):
-        if cuts_tree(mesh, vertices, tree, inside, new[i, 0], new[i, 1], new[i, 2]) or cuts_earlier(vertices, new, i):
-            return True
-    return False
+        free = free and not cuts_tree(mesh, vertices, tree, inside, new[i, 0], new[i, 1], new[i, 2])
+        free = free and not cuts_earlier(vertices, new, i)
+    inside[patch] = False
+    return free
 
 
 @kernel(allocates=False)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.meshing.coverage import RANK, Cover
-from gppcs.meshing.halfedges import Flags, Floats, Ints
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree, nearest_distances

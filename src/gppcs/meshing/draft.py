@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.meshing.assignment import Assignment, nearest_vertices
 from gppcs.meshing.dense import DensePoints
-from gppcs.meshing.halfedges import Flags, Floats, HalfEdges, Ints
+from gppcs.meshing.halfedges import HalfEdges
 
 
 @dataclass

@@ -9,9 +9,10 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
-from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, following
+from gppcs.meshing.halfedges import HalfEdges, following
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import cross, dot, minus, quality, row, unit
 from gppcs.surface.error_quadrics import NUMBERS, add_plane

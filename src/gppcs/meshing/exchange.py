@@ -8,26 +8,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import is_allowed, move_triangles
-from gppcs.meshing.cuts import TriangleTree, any_cut, follow
+from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, thinness
 from gppcs.meshing.fit import fit
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import (
     MAX_VALENCE,
-    Flags,
-    Floats,
-    Ints,
     around,
     following,
-    leave_by,
     neighbours,
     position_of,
     preceding,
+    replace_triangles,
 )
 from gppcs.meshing.stars import add_around, add_points, add_triangle, empty, fit_star, room_for_star, store
 from gppcs.spatial.triangles import dot, minus, row
@@ -173,22 +171,16 @@ def _mark(fitted, tree, star, v, changed):
 @kernel
 def _is_free(fitted, tree, star, u, position, removed, inside):
     """Return whether no triangle of a star with the vertex u at a position cuts another of a tree, or of the star."""
-    if len(tree.order) == 0:
-        return True
     mesh, vertices, count = fitted.mesh, fitted.vertices, star.sizes[0]
-    before, new = row(vertices, u), np.empty((count, 3), dtype=np.int64)
+    before, patch, new = row(vertices, u), np.empty(count + 2, dtype=np.int64), np.empty((count, 3), dtype=np.int64)
     vertices[u, 0], vertices[u, 1], vertices[u, 2] = position
     for k in range(count):
         edge = star.edges[k]
-        new[k, 0], new[k, 1], new[k, 2] = u, mesh.origin[edge], mesh.origin[following(edge)]
-        inside[edge // 3] = True
-    inside[removed[0]] = inside[removed[1]] = True
-    cut = any_cut(mesh, vertices, tree, inside, new)
-    for k in range(count):
-        inside[star.edges[k] // 3] = False
-    inside[removed[0]] = inside[removed[1]] = False
+        patch[k], new[k, 0], new[k, 1], new[k, 2] = edge // 3, u, mesh.origin[edge], mesh.origin[following(edge)]
+    patch[count], patch[count + 1] = removed
+    free = is_free(mesh, vertices, tree, inside, patch, new)
     vertices[u, 0], vertices[u, 1], vertices[u, 2] = before
-    return not cut
+    return free
 
 
 @kernel
@@ -243,12 +235,11 @@ def _split_all(fitted, tree, edges, dense_index, thin_cost, max_count, changed):
             continue
         while mesh.leaving[w] >= 0:
             w += 1
-        pair = np.empty(2, dtype=np.int64)
-        for side in range(2):
+        faces = np.array([h // 3, -1, o // 3, -1])
+        for k in (1, 3):
             while mesh.origin[3 * f] >= 0:
                 f += 1
-            pair[side], f = f, f + 1
-        faces = h // 3, pair[0], o // 3, pair[1]
+            faces[k], f = f, f + 1
         split_edge(mesh, h, w, faces)
         for k in range(4):
             star.edges[k], divided[faces[k]] = 3 * faces[k] + 1, True
@@ -270,31 +261,13 @@ def _nearest_member(fitted, star, used, position):
     return nearest
 
 
-@kernel(allocates=False)
+@kernel
 def split_edge(mesh, h, w, faces):
-    """Split an edge by a vertex without triangles, and the two triangles of the edge in two each.
-
-    Triangles a b c and b a d, with h from a to b, become w b c, w c a, w a d and w d b, with the numbers `faces`, of
-    which the first and the third are those of the old ones.
-    """
+    """Split an edge and its triangles by a vertex w without triangles; the four that result get the numbers `faces`."""
     o = mesh.opposite[h]
     a, b = mesh.origin[h], mesh.origin[o]
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
-    outer = (
-        mesh.opposite[following(h)], mesh.opposite[preceding(h)],
-        mesh.opposite[following(o)], mesh.opposite[preceding(o)],
-    )  # fmt: skip
-    ring = b, c, a, d, b
-    for k in range(4):
-        f = 3 * faces[k]
-        mesh.origin[f], mesh.origin[f + 1], mesh.origin[f + 2] = w, ring[k], ring[k + 1]
-        mesh.opposite[f], mesh.opposite[f + 1] = 3 * faces[(k + 3) % 4] + 2, outer[k]
-        mesh.opposite[f + 2] = 3 * faces[(k + 1) % 4]
-        if outer[k] >= 0:
-            mesh.opposite[outer[k]] = f + 1
-    for k in range(4):
-        leave_by(mesh, ring[k], 3 * faces[k] + 1)
-    leave_by(mesh, w, 3 * faces[0])
+    replace_triangles(mesh, faces, np.array([[w, b, c], [w, c, a], [w, a, d], [w, d, b]]))
 
 
 @kernel

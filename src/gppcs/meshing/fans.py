@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.spatial.triangles import circumradius, row
 from gppcs.surface.fans import ON_CIRCLE, lay_out, wrap
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.cuts import TriangleTree, cuts_earlier, cuts_tree, cutting
-from gppcs.meshing.halfedges import MAX_VALENCE, Floats, HalfEdges, Ints, around, half_edge, room_for_ring
+from gppcs.meshing.halfedges import MAX_VALENCE, HalfEdges, around, half_edge, room_for_ring
 from gppcs.spatial.triangles import agreement, area_vector, dot, has_area, minus, row
 
 BEND = 4.0  # weight of the bend of a filling, beside its area

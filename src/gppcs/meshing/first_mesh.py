@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of
-from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.meshing.mending import without_cuts
 from gppcs.meshing.patches import turned_patches
 from gppcs.spatial.farthest_points import farthest_points

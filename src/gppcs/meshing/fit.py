@@ -6,12 +6,13 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from gppcs.clouds.mesh import Mesh
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.halfedges import Floats, HalfEdges, Ints, following
+from gppcs.meshing.halfedges import HalfEdges, following
 from gppcs.meshing.stars import SLIDE
 from gppcs.spatial.triangles import area_vector, dot, minus, point_in, qualities, row, unit
 from gppcs.surface.inducing import joint_steps, noise_between

@@ -6,10 +6,10 @@ import numpy as np
 
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
-from gppcs.meshing.cuts import TriangleTree, any_cut, follow
+from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, price, thinness
-from gppcs.meshing.halfedges import MAX_VALENCE, around, following, half_edge, leave_by, preceding
+from gppcs.meshing.halfedges import MAX_VALENCE, around, half_edge, preceding, replace_triangles
 from gppcs.spatial.triangles import (
     agreement,
     area_vector,
@@ -64,17 +64,15 @@ def flip_all(fitted, tree, normals, thin_cost, sweeps):
         h = queue[begin]
         begin, count, tries = (begin + 1) % size, count - 1, tries - 1
         waiting[h] = False
-        if (
-            not is_flippable(mesh, fitted.vertices, normals, h, halves)
-            or not _is_better(fitted, thin_cost, h)
-            or not _is_free(fitted, tree, inside, h)
-        ):
+        if not is_flippable(mesh, fitted.vertices, normals, h, halves) or not _is_better(fitted, thin_cost, h):
             continue
-        f, g = h // 3, mesh.opposite[h] // 3
-        flip_edge(mesh, h)
-        _share_out(fitted, f, g)
+        patch, new = flipped(mesh, h)
+        if not is_free(mesh, fitted.vertices, tree, inside, patch, new):
+            continue
+        replace_triangles(mesh, patch, new)
+        _share_out(fitted, patch[0], patch[1])
         flips += 1
-        for side in (f, g):
+        for side in patch:
             follow(mesh, fitted.vertices, tree, side)
             for k in range(3):
                 opposite = mesh.opposite[3 * side + k]
@@ -143,44 +141,12 @@ def _is_better(fitted, thin_cost, h):
 
 
 @kernel
-def _is_free(fitted, tree, inside, h):
-    """Return whether the triangles of an edge cut no triangle of a tree after its flip."""
-    if len(tree.order) == 0:
-        return True
-    mesh = fitted.mesh
+def flipped(mesh, h):
+    """Return the triangles of an edge, and those after its flip: of a b c and b a d, they are a d c and d b c."""
     o = mesh.opposite[h]
     a, b = mesh.origin[h], mesh.origin[o]
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
-    new = np.array([[a, d, c], [d, b, c]])
-    inside[h // 3] = inside[o // 3] = True
-    cut = any_cut(mesh, fitted.vertices, tree, inside, new)
-    inside[h // 3] = inside[o // 3] = False
-    return not cut
-
-
-@kernel(allocates=False)
-def flip_edge(mesh, h):
-    """Replace the edge of two triangles by the other diagonal.
-
-    Triangles a b c and b a d, with h from a to b, become a d c and d b c, each in the place of one of them.
-    """
-    o = mesh.opposite[h]
-    f, g = 3 * (h // 3), 3 * (o // 3)
-    a, b = mesh.origin[h], mesh.origin[o]
-    c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
-    bc, ca = mesh.opposite[following(h)], mesh.opposite[preceding(h)]
-    ad, db = mesh.opposite[following(o)], mesh.opposite[preceding(o)]
-    mesh.origin[f], mesh.origin[f + 1], mesh.origin[f + 2] = a, d, c
-    mesh.origin[g], mesh.origin[g + 1], mesh.origin[g + 2] = d, b, c
-    mesh.opposite[f], mesh.opposite[f + 1], mesh.opposite[f + 2] = ad, g + 2, ca
-    mesh.opposite[g], mesh.opposite[g + 1], mesh.opposite[g + 2] = db, bc, f + 1
-    for outer, inner in ((ad, f), (ca, f + 2), (db, g), (bc, g + 1)):
-        if outer >= 0:
-            mesh.opposite[outer] = inner
-    leave_by(mesh, a, f)
-    leave_by(mesh, b, g + 1)
-    leave_by(mesh, c, f + 2)
-    leave_by(mesh, d, g)
+    return np.array([h // 3, o // 3]), np.array([[a, d, c], [d, b, c]])
 
 
 @kernel(allocates=False)

@@ -13,11 +13,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from gppcs.clouds.topology import connected
+from gppcs.engine.arrays import Ints
 from gppcs.engine.kernels import kernel
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 MAX_VALENCE = 64  # triangles around a vertex: buffers have this size, and no operation exceeds it
 
@@ -169,15 +166,48 @@ def half_edge(mesh, v, w):
 @kernel(allocates=False)
 def leave_by(mesh, v, h):
     """Let a vertex be left by a half-edge, or on a boundary by the first one."""
-    mesh.leaving[v] = h
-    if h < 0:
-        return
-    first = h
+    mesh.leaving[v] = first = h
     while mesh.opposite[h] >= 0:
         h = following(mesh.opposite[h])
         if h == first:
             return
     mesh.leaving[v] = h
+
+
+@kernel
+def replace_triangles(mesh, patch, new):
+    """Put new triangles, (T, 3), in the place of a patch of at least as many, (P,), with the same boundary."""
+    edges, count = np.empty(3 * (len(patch) + len(new)), dtype=np.int64), 3 * len(new)
+    for f in patch:
+        for h in range(3 * f, 3 * f + 3):
+            if mesh.origin[h] >= 0:
+                mesh.leaving[mesh.origin[h]] = -1
+                mesh.origin[h] = -1
+                if mesh.opposite[h] >= 0:
+                    edges[count] = mesh.opposite[h]
+                    mesh.opposite[mesh.opposite[h]] = mesh.opposite[h] = -1
+                    count += 1
+    n_edges = 3 * len(new)
+    for outer in edges[n_edges:count]:
+        if mesh.origin[outer] >= 0:
+            edges[n_edges] = outer
+            n_edges += 1
+    for k in range(3):
+        for t in range(len(new)):
+            edges[k * len(new) + t] = 3 * patch[t] + k
+            mesh.origin[3 * patch[t] + k] = new[t, k]
+    for i in range(n_edges):
+        h = edges[i]
+        for o in edges[:i]:
+            if mesh.origin[o] == mesh.origin[following(h)] and mesh.origin[following(o)] == mesh.origin[h]:
+                mesh.opposite[h], mesh.opposite[o] = o, h
+    for edge in edges[:n_edges]:
+        if mesh.leaving[mesh.origin[edge]] < 0:
+            leave_by(mesh, mesh.origin[edge], edge)
+    for edge in edges[:n_edges]:
+        h = following(edge)
+        if mesh.leaving[mesh.origin[h]] < 0:
+            leave_by(mesh, mesh.origin[h], h)
 
 
 @kernel(allocates=False)

@@ -13,13 +13,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order
 
 from gppcs.clouds.topology import connected
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import MAX_STEPS, SPAN, Cover
 from gppcs.meshing.halfedges import (
-    Flags,
-    Floats,
     HalfEdges,
-    Ints,
     add_to_patch,
     around,
     following,

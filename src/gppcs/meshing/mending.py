@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.filling import boundary_loops, fill, fillings, with_fillings
 from gppcs.meshing.halfedges import (
-    Flags,
-    Floats,
     HalfEdges,
-    Ints,
     add_to_patch,
     around,
     following,
-    leave_by,
     neighbours,
     position_of,
+    replace_triangles,
     room_for_ring,
     without_bow_ties,
 )
@@ -122,16 +120,14 @@ def _mend_all(mesh, vertices, normals, fixed, tree, faces, into):
             continue
         for which in range(PATCHES):
             size = _patch(mesh, f, which, halves, patch)
-            for i in range(size):
-                inside[patch[i]] = True
+            inside[patch[:size]] = True
             length = _boundary(mesh, patch[:size], inside, fixed, loop) if size else 0
-            count = 0
+            corners, count = mesh.origin[loop[:length]], 0
             if length:
-                count = fill(mesh, vertices, normals, tree, inside, mesh.origin[loop[:length]], halves, True, new)
-            for i in range(size):
-                inside[patch[i]] = False
+                count = fill(mesh, vertices, normals, tree, inside, corners, halves, True, new)
+            inside[patch[:size]] = False
             if count:
-                _replace(mesh, vertices, tree, patch[:size], loop[:length], new[:count], into)
+                _replace(mesh, vertices, tree, patch[:size], corners, new[:count], into)
                 changes += 1
                 break
     return changes
@@ -194,33 +190,14 @@ def _boundary(mesh, patch, inside, fixed, loop):
 
 
 @kernel
-def _replace(mesh, vertices, tree, patch, loop, new, into):
-    """Put the triangles `new`, (L - 2, 3), in the place of a patch with a boundary of half-edges, (L,)."""
-    outer, corners = mesh.opposite[loop], mesh.origin[loop]
+def _replace(mesh, vertices, tree, patch, corners, new, into):
+    """Put the triangles `new`, (L - 2, 3), in the place of a patch with a boundary of corners, (L,)."""
     for f in patch:
-        for h in range(3 * f, 3 * f + 3):
-            v = mesh.origin[h]
-            mesh.leaving[v] = -1
+        for v in mesh.origin[3 * f : 3 * f + 3]:
             into[v] = _nearest(vertices, v, corners)
-            mesh.origin[h] = mesh.opposite[h] = -1
-    for t in range(len(new)):
-        mesh.origin[3 * patch[t] : 3 * patch[t] + 3] = new[t]
-    for t in range(len(new)):
-        for h in range(3 * patch[t], 3 * patch[t] + 3):
-            a, b = mesh.origin[h], mesh.origin[following(h)]
-            for i in range(len(corners)):
-                if corners[i] == a and corners[(i + 1) % len(corners)] == b:
-                    mesh.opposite[h] = outer[i]
-                    if outer[i] >= 0:
-                        mesh.opposite[outer[i]] = h
-            for s in range(len(new)):
-                for o in range(3 * patch[s], 3 * patch[s] + 3):
-                    if mesh.origin[o] == b and mesh.origin[following(o)] == a:
-                        mesh.opposite[h] = o
-        follow(mesh, vertices, tree, patch[t])
-    for t in range(len(new)):
-        for h in range(3 * patch[t], 3 * patch[t] + 3):
-            leave_by(mesh, mesh.origin[h], h)
+    replace_triangles(mesh, patch, new)
+    for f in patch[: len(new)]:
+        follow(mesh, vertices, tree, f)
 
 
 @kernel(allocates=False)

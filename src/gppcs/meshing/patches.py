@@ -8,8 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from gppcs.clouds.topology import connected
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.meshing.fans import STEEPEST
-from gppcs.meshing.halfedges import Flags, Floats, Ints
 
 
 def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints) -> Flags:

@@ -13,6 +13,7 @@ from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Scale, metres_of
 from gppcs.clouds.topology import topology_of
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import ParameterError, flag, one_of
 from gppcs.io.reading import as_cloud
@@ -27,7 +28,6 @@ from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.first_mesh import excluded, first_mesh
 from gppcs.meshing.fit import fit, fit_observed
 from gppcs.meshing.flips import flip
-from gppcs.meshing.halfedges import Floats, Ints
 from gppcs.meshing.mending import mend_draft
 from gppcs.meshing.refinement import refine
 from gppcs.meshing.result import MeshDiagnostics, MeshResult

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Flags, Ints
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.flips import flip
-from gppcs.meshing.halfedges import Flags, HalfEdges, Ints
+from gppcs.meshing.halfedges import HalfEdges
 
 
 def refine(draft: Draft, count: int, assigned: Assignment) -> None:

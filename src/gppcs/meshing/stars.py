@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.energy import SHARP, price, thinness
-from gppcs.meshing.halfedges import MAX_VALENCE, Floats, Ints, around, following, preceding, room_for_ring
+from gppcs.meshing.halfedges import MAX_VALENCE, around, following, preceding, room_for_ring
 from gppcs.spatial.kdtree import nearest_in_tree
 from gppcs.spatial.triangles import (
     area_vector,

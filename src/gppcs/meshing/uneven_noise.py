@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gppcs.meshing.halfedges import Floats, Ints
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import MEDIAN, SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
