@@ -88,9 +88,6 @@ def test_what_cannot_be_measured_is_refused():
             estimate_features(np.random.default_rng(0).random((9, 3)), neighbours)
 
 
-FAR = np.array([1e5, 1e5, 2e5])
-
-
 def test_points_that_crowd_together_are_counted_as_by_brute_force():
     """Most of the points lie in two dots, within the radius of each other or of some of the rest."""
     rng = np.random.default_rng(0)
