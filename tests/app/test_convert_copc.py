@@ -23,19 +23,18 @@ def beyond_memory(monkeypatch):
         monkeypatch.setattr(copc_writing, name, value)
 
 
-def tiles(names, formats=(3, 3)):
+def tiles(names):
     """Two tiles of hilly ground."""
     rng = np.random.default_rng(1)
-    for number, (name, point_format) in enumerate(zip(names, formats, strict=True)):
-        las = laspy.LasData(laspy.LasHeader(point_format=point_format, version="1.2"))
+    for number, name in enumerate(names):
+        las = laspy.LasData(laspy.LasHeader(point_format=3, version="1.2"))
         las.header.scales, las.header.offsets = [0.01] * 3, [500_000, 0, 0]
         x, y = rng.uniform(0, 100, (2, N // 2))
         las.x, las.y, las.z = 500_000 + 100 * number + x, y, 5 * np.sin(x / 9) + rng.normal(0, 0.1, len(x))
         las.intensity = rng.integers(0, 2**16, len(x))
         las.scan_angle_rank = rng.integers(-90, 90, len(x))
         las.gps_time = number * N + np.arange(len(x)) / 7
-        if point_format == 3:
-            las.red = rng.integers(0, 2**16, len(x))
+        las.red = rng.integers(0, 2**16, len(x))
         las.write(name)
     features = [{"type": "Feature", "assets": {"data": {"href": f"./{name}"}}} for name in names]
     return json.dumps({"type": "FeatureCollection", "features": features})
