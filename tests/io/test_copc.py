@@ -54,11 +54,6 @@ def test_the_points_are_those_that_laspy_finds(copc, las, box, resolution):
     assert found == cloud.take(indices)  # in the order of the file
 
 
-@pytest.mark.parametrize("box", [[-np.inf, *BOX[1:]], [BOX[0], BOX[1], np.inf, np.inf], [-np.inf] * 2 + [np.inf] * 2])
-def test_infinite_limits_leave_a_side_open(copc, box):
-    assert gppcs.read(copc, inside=box) == inside(gppcs.read(copc), box)
-
-
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".ply", ".csv", ".npz", ".xyz.gz"])
 def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_path, suffix):
     path = tmp_path / f"b{suffix}"

@@ -12,7 +12,6 @@ import pytest
 
 import gppcs
 from formats import losses
-from gppcs.errors import FileFormatError, ParameterError
 from gppcs.io import copc_writing
 
 VIEWER = Path(__file__).parents[2] / "viewer"
@@ -163,14 +162,6 @@ def test_points_at_one_place_fill_level_after_level(tmp_path):
     gppcs.write(tmp_path / "a.copc.laz", np.ones((5 * FULL, 3)))
     with laspy.CopcReader.open(tmp_path / "a.copc.laz") as reader:
         assert [len(reader.query(level=level)) for level in range(6)] == [FULL] * 5 + [0]
-
-
-def test_bad_levels_are_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"a\.laz: expected COPC"):
-        gppcs.write(tmp_path / "a.laz", np.eye(3), levels_by="order")
-    with pytest.raises(ParameterError, match=r"levels_by to be 'order' or 'random', found 'gp'"):
-        gppcs.write(tmp_path / "a.copc.laz", np.eye(3), levels_by="gp")
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.oracle

@@ -193,20 +193,6 @@ def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
     assert losses("a.ply", cloud) == ([remark] if records else [])
 
 
-def test_indices_of_points_are_left_out(tmp_path):
-    las = random_las("1.4", 6, extra=("f4", "3u2"))
-    las.header.vlrs.insert(0, laspy.VLR("copc", 1, "info", bytes(160)))
-    las.evlrs.append(laspy.VLR("copc", 1000, "hierarchy", bytes(32)))
-    cloud = read(save(las, tmp_path / "a.copc.laz"))
-    assert losses("a.las", cloud) == []
-    lost = ["coordinate system NAD83 / Oregon (EPSG:2991)", "2 variable-length records"]
-    assert losses("a.ply", cloud)[:2] == lost  # then come renamed attributes
-    write(tmp_path / "b.laz", cloud)
-    found = laspy.read(tmp_path / "b.laz")
-    assert [each.user_id for each in found.vlrs] == ["LASF_Spec", "somebody", "LASF_Projection"]
-    assert [each.user_id for each in found.evlrs] == ["somebody"]
-
-
 def test_attributes_may_come_go_and_change(tmp_path):
     original = random_las("1.2", 1)
     cloud = read(save(original, tmp_path / "a.las"))

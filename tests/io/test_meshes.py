@@ -107,14 +107,6 @@ def test_malformed_files_tell_what_and_where(mesh, suffix, content, message):
         gppcs.read_mesh(mesh(suffix, content))
 
 
-@pytest.mark.parametrize(
-    ("suffix", "content"),
-    [(".off", "COFF\n0 0 0\n"), (".stl", "solid nothing\nendsolid nothing\n"), (".stl", bytes(84))],
-)
-def test_files_without_vertices_are_empty_clouds(mesh, suffix, content):
-    assert len(read(mesh(suffix, content))) == 0
-
-
 @pytest.mark.parametrize("suffix", [".ply", ".off", ".obj", ".stl", ".stl_ascii", ".glb"])
 def test_triangles_are_those_that_trimesh_reads(mesh, suffix):
     ball = trimesh.creation.icosphere(2)

@@ -166,19 +166,6 @@ def test_colours_are_packed_as_other_programs_expect(tmp_path):
     assert not (tmp_path / "twice.pcd").exists()
 
 
-def test_colours_that_are_fields_of_their_own_stay_so(pcd):
-    table = np.zeros(3, [*XYZ.descr, ("blue", "u1"), ("green", "u1"), ("red", "u1")])
-    assert list(read(pcd(content(table, "binary"))).attributes) == ["blue", "green", "red"]
-    table = np.zeros(3, [*XYZ.descr, ("rgb", "<u4"), ("rgba", "<u4")])
-    assert list(read(pcd(content(table, "binary"))).attributes) == ["rgb", "rgba"]
-
-
-def test_grids_become_rows_and_keep_invalid_points(pcd):
-    table = np.zeros(6, XYZ)
-    table["x"][4] = np.nan
-    assert np.flatnonzero(~read(pcd(content(table, "binary", WIDTH=3, HEIGHT=2))).is_finite()).tolist() == [4]
-
-
 @pytest.mark.parametrize(
     "changes",
     [
