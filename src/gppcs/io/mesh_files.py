@@ -55,14 +55,8 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         if "faces" not in content.options:
             raise FileFormatError(f"expected a mesh, found {content.name}, whose files are point clouds")
         reader = content.open(file)
-        cloud = reader.read()
-        if len(bad := np.flatnonzero(~cloud.is_finite())):
-            raise FileFormatError(
-                f"expected finite vertices, found {len(bad)} that are not, the first at index {bad[0]}: "
-                "remove them and their faces"
-            )
         assert reader.triangles is not None
-        return Mesh(cloud.points, reader.triangles())
+        return Mesh(reader.read().points, reader.triangles())
 
 
 def mesh_of(path: Path, faces: int) -> Mesh | None:

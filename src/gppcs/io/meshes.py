@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from io import BufferedReader, BytesIO
-from itertools import islice
+from itertools import islice, starmap
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -62,11 +62,11 @@ def open_off(file: BufferedReader) -> Reader:
     if len(face_lines) < n_faces:
         raise ends_early("face", len(face_lines), n_faces)
 
-    def corners(line: str, _: int) -> list[int]:
-        n_corners, *fields = map(int, line.split())
-        return fields[:n_corners] if len(fields) >= n_corners else [-1]
+    def polygon(line: str) -> list[int]:
+        fields = line.split()
+        return [int(fields[i]) for i in range(1, 1 + int(fields[0]))]
 
-    return _reader(cloud, n_faces, lambda: _triangles(((n_vertices, line) for line in face_lines), corners), [])
+    return _reader(cloud, n_faces, lambda: _triangles(map(polygon, face_lines)), [])
 
 
 def open_obj(file: BufferedReader) -> Reader:
@@ -84,7 +84,7 @@ def open_obj(file: BufferedReader) -> Reader:
             face_lines.append((len(vertices), text))
         n_normals += keyword == "vn"
 
-    def corners(line: str, n_vertices: int) -> list[int]:
+    def polygon(n_vertices: int, line: str) -> list[int]:
         indices = [int(field.partition("/")[0]) for field in line.split()]
         return [index - 1 if index > 0 else n_vertices + index for index in indices]
 
@@ -92,7 +92,7 @@ def open_obj(file: BufferedReader) -> Reader:
     names = [*default_names(3), *(COLOUR if have_colours else ())]
     cloud = _cloud(read_rows(iter(vertices), what="vertex"), names)
     skipped = [f"normals ({n_normals:,})"] if n_normals else []
-    return _reader(cloud, len(face_lines), lambda: _triangles(face_lines, corners), skipped)
+    return _reader(cloud, len(face_lines), lambda: _triangles(starmap(polygon, face_lines)), skipped)
 
 
 def _cloud(blocks: Iterable[list[Column]], names: list[str]) -> PointCloud:
@@ -104,19 +104,14 @@ def _cloud(blocks: Iterable[list[Column]], names: list[str]) -> PointCloud:
     return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))
 
 
-def _triangles(lines: Iterable[tuple[int, str]], corners: Callable[[str, int], list[int]]) -> Faces:
-    """Return the faces of lines, each with the number of vertices that it may refer to, as triangles."""
-    polygons = []
-    for n_vertices, line in lines:
-        try:
-            polygon = corners(line, n_vertices)
-        except ValueError:
-            polygon = [-1]
-        if not all(0 <= corner < n_vertices for corner in polygon):
-            raise FileFormatError(f"expected a face of indices of earlier vertices, found {shortened(line)}")
-        polygons.append(polygon)
-    indices = [corner for polygon in polygons for corner in polygon]
-    return triangles_of(np.array([len(polygon) for polygon in polygons], np.int64), np.array(indices, np.int64))
+def _triangles(polygons: Iterable[list[int]]) -> Faces:
+    """Return polygons, given by the indices of their corners, as triangles."""
+    try:
+        parts = list(polygons)
+        corners = np.array([corner for part in parts for corner in part], np.int64)
+    except (ValueError, IndexError, OverflowError) as error:
+        raise FileFormatError(f"expected faces of indices of vertices, but {error}") from error
+    return triangles_of(np.array(list(map(len, parts)), np.int64), corners)
 
 
 def triangles_of(sizes: NDArray[np.int64], corners: NDArray[np.int64]) -> Faces:
