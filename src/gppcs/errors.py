@@ -43,14 +43,7 @@ class InputError(GppcsError, ValueError):
 
 
 class NoSurfaceError(InputError):
-    """No surface can be rebuilt from the points, although they are a valid cloud.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> issubclass(gppcs.errors.NoSurfaceError, gppcs.InputError)
-    True
-    """
+    """No surface can be rebuilt from the points, although they are a valid cloud."""
 
 
 class ParameterError(GppcsError, ValueError):
@@ -80,14 +73,7 @@ class FileFormatError(GppcsError, ValueError):
 
 
 class MissingExtraError(GppcsError, ImportError):
-    """An optional dependency is not installed; the message names the extra or the package to install.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> issubclass(gppcs.errors.MissingExtraError, ImportError)
-    True
-    """
+    """An optional dependency is not installed; the message names the extra or the package to install."""
 
 
 class OutputError(GppcsError, OSError):

@@ -77,22 +77,9 @@ class Result(ComparedByValue):
         return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
 
     def prefix(self, n_points: int) -> Result:
-        """Return the first points, which are a simplification to fewer points.
+        """Return the first `n_points` points, a simplification to fewer points, if the method ranks its points.
 
-        Parameters
-        ----------
-        n_points : int
-            From 1 to the number of points of the result.
-
-        Returns
-        -------
-        Result
-            With the diagnostics and times of the whole run.
-
-        Raises
-        ------
-        ParameterError
-            If the method does not rank its points, or there are fewer.
+        Diagnostics and times are those of the whole run.
 
         Examples
         --------

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import EXACT
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
 AXES = ("x", "y", "z")
 GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
-_EXACT = 2**53  # Float64 represents all whole numbers up to here; larger ones become Python's.
 _QUOTED = r"(?P<quoted>'[^']*'|\"[^\"]*\")"
 # Words of Python's statements may be names of attributes: `_MARK` in place of their first letter makes them names.
 _RESERVED = re.compile(rf"{_QUOTED}|\b(?P<name>class|def|from|global|import|pass|return|try|while|with)\b")
@@ -133,12 +133,12 @@ class Expression:
         if isinstance(node.op, ast.Mod) and _is_whole(right) and not np.all(right):
             raise self._error(node.right, "a divisor other than 0")
         if len(sizes) == 2 and not isinstance(node.op, ast.Div):
-            if (sizes[0] * sizes[1] if isinstance(node.op, ast.Mult) else sum(sizes)) > _EXACT:
+            if (sizes[0] * sizes[1] if isinstance(node.op, ast.Mult) else sum(sizes)) > EXACT:
                 left, right = (
                     value.astype(object) if isinstance(value, np.ndarray) else value for value in (left, right)
                 )
-        elif max(sizes, default=0) > _EXACT:
-            raise self._error(node, f"whole numbers of at most {_EXACT:,} beside fractions and in divisions")
+        elif max(sizes, default=0) > EXACT:
+            raise self._error(node, f"whole numbers of at most {EXACT:,} beside fractions and in divisions")
         try:
             return _ARITHMETIC[type(node.op)](left, right)
         except (ZeroDivisionError, OverflowError):
@@ -157,7 +157,12 @@ class Expression:
         """Return a coordinate or an attribute; its case does not matter if only one name fits."""
         names = [*cloud.attributes, *AXES]
         if name not in names:
-            alike = [other for other in names if name in (_MARK + other[1:], other) or _plain(other) == _plain(name)]
+            plain = [unicodedata.normalize("NFKC", other).lower() for other in (name, *names)]
+            alike = [
+                other
+                for other, text in zip(names, plain[1:], strict=True)
+                if text == plain[0] or name == _MARK + other[1:]
+            ]
             if len(alike) != 1:
                 raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{nearest_name(name, names)}")
             name = alike[0]
@@ -167,7 +172,7 @@ class Expression:
         if values.ndim != 1 or values.dtype.kind not in "biufUSOT":
             raise self._error(node, "an attribute with one number or text for each point")
         if values.dtype.kind in "iu":  # differences of small types could overflow
-            wide = values.size and max(abs(int(values.min())), abs(int(values.max()))) > _EXACT
+            wide = values.size and max(abs(int(values.min())), abs(int(values.max()))) > EXACT
             return values.astype(object if wide else np.int64)
         if values.dtype.kind == "S":
             return np.char.decode(values.astype(np.bytes_), "utf-8", "replace")
@@ -191,10 +196,6 @@ def _is_whole(value: Any) -> bool:
 def _size(value: Any) -> int:
     """Return the largest absolute value of whole numbers."""
     return int(np.abs(value).max(initial=0)) if isinstance(value, np.ndarray) else abs(value)
-
-
-def _plain(name: str) -> str:
-    return unicodedata.normalize("NFKC", name).lower()
 
 
 def _at(text: str, position: int) -> str:

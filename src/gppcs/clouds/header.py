@@ -38,10 +38,4 @@ class Header(ComparedByValue):
 
     @abstractmethod
     def contents(self) -> list[str]:
-        """Return in words what the header holds, so that a message can say what another format leaves out.
-
-        Returns
-        -------
-        list of str
-            Empty if nothing is lost without the header.
-        """
+        """Return in words what other formats leave out of the header; empty if nothing is lost without it."""

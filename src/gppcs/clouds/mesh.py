@@ -67,34 +67,16 @@ class Mesh(ComparedByValue):
         object.__setattr__(self, "faces", np.ascontiguousarray(faces, dtype=np.int64))
 
     def face_areas(self) -> NDArray[np.float64]:
-        """Return the area of each triangle.
-
-        Returns
-        -------
-        (F,) array, float64
-            In squared units of the coordinates.
-        """
+        """Return the area of each triangle, (F,), in squared units of the coordinates."""
         return np.linalg.norm(self._cross_products(), axis=1) / 2
 
     def vertex_normals(self) -> NDArray[np.float64]:
-        """Return the normal of each vertex: the area-weighted sum of the normals of its triangles.
-
-        Returns
-        -------
-        (V, 3) array, float64
-            Not of unit length; zero for a vertex without triangles.
-        """
+        """Return the area-weighted sum of the normals of the triangles at each vertex, (V, 3), not of unit length."""
         corners, along = self.faces.ravel(), self._cross_products().T
         return np.stack([np.bincount(corners, np.repeat(axis, 3), len(self.vertices)) for axis in along], axis=1)
 
     def count_pieces(self) -> int:
-        """Return the number of connected pieces of the mesh.
-
-        Returns
-        -------
-        int
-            Triangles that share a vertex are connected. Vertices without triangles do not count.
-        """
+        """Return the number of connected pieces, of triangles that share vertices; vertices without do not count."""
         from gppcs.clouds.topology import connected
 
         used, faces = np.unique(self.faces, return_inverse=True)

@@ -101,9 +101,11 @@ def info(cloud: CloudLike) -> Summary:
     diagonal = spacing = math.nan
     if len(distinct):
         distinct -= distinct.min(axis=0)
-        diagonal = _scaled(float(np.linalg.norm(distinct.max(axis=0))), exponent)
+        diagonal = float(np.linalg.norm(distinct.max(axis=0)))
     if len(distinct) > 1:
-        spacing = _scaled(float(np.median(nearest_distances(KdTree.build(distinct), 1))), exponent)
+        spacing = float(np.median(nearest_distances(KdTree.build(distinct), 1)))
+    with np.errstate(over="ignore"):
+        diagonal, spacing = np.ldexp((diagonal, spacing), exponent).tolist()
     corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
     minimum, maximum = map(tuple, corners.tolist())
     return Summary(
@@ -131,9 +133,3 @@ def _range(values: NDArray[np.generic]) -> tuple[float, float] | None:
         return None
     finite = values[np.isfinite(values)]
     return (+finite.min().item(), +finite.max().item()) if finite.size else None
-
-
-def _scaled(length: float, exponent: int) -> float:
-    """Return a length times a power of two; infinity if it overflows."""
-    with np.errstate(over="ignore"):
-        return float(np.ldexp(length, exponent))

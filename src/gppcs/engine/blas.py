@@ -11,23 +11,13 @@ from functools import cache
 from threadpoolctl import ThreadpoolController
 
 _lock = threading.RLock()
-_inside = False  # whether the Python thread that holds the lock has limited the threads
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Let BLAS run in one thread within a `with` or a function; such blocks of several Python threads wait in turn."""
-    global _inside
-    with _lock:
-        if _inside:  # a block within a block of the same Python thread
-            yield
-            return
-        with _libraries().limit(limits=1, user_api="blas"):
-            _inside = True
-            try:
-                yield
-            finally:
-                _inside = False
+    with _lock, _libraries().limit(limits=1, user_api="blas"):
+        yield
 
 
 @cache
@@ -40,8 +30,8 @@ def _libraries() -> ThreadpoolController:
 
 def _unlock() -> None:
     """Start anew in a forked process: the thread that held the lock may be gone."""
-    global _lock, _inside
-    _lock, _inside = threading.RLock(), False
+    global _lock
+    _lock = threading.RLock()
 
 
 if hasattr(os, "register_at_fork"):  # not on Windows

@@ -29,8 +29,6 @@ def _equal(one: Any, other: Any) -> bool:
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_equal(value, other[key]) for key, value in one.items())
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        if one is other:
-            return True
         if one.dtype != other.dtype or one.shape != other.shape:
             return False
         if one.dtype.hasobject:  # lists of different lengths

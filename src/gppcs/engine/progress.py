@@ -14,15 +14,7 @@ PATIENCE = 1.0  # Seconds after which a stage shows a bar.
 class ProgressBar:
     """Draws a progress bar for each stage of over a second: in a terminal on stderr, in a notebook below the cell.
 
-    Elsewhere there is no bar. Notebooks need the package ipywidgets for it.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> from gppcs.engine.progress import ProgressBar
-    >>> timer = gppcs.Timer(ProgressBar())
-    >>> len(gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="fps", timer=timer).cloud)
-    100
+    Elsewhere there is no bar. Notebooks need the package ipywidgets for it. Use: `gppcs.Timer(ProgressBar())`.
     """
 
     def __init__(self) -> None:

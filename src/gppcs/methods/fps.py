@@ -11,15 +11,7 @@ from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
 @dataclass(frozen=True)
 class FarthestPoint(Method):
-    """Farthest point sampling.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=10, method=gppcs.FarthestPoint()).indices)
-    10
-    """
+    """Farthest point sampling."""
 
     name = "fps"
     summary = "farthest point sampling: the most even cover"

@@ -10,15 +10,7 @@ from gppcs.methods.parameters import parameter
 
 @dataclass(frozen=True)
 class FarthestPointVariation(Method):
-    """Farthest points, then the points of largest surface variation.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("bracket", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.FarthestPointVariation(k_init=30)).indices)
-    90
-    """
+    """Farthest points, then the points of largest surface variation."""
 
     name = "fps-variation"
     summary = "farthest points, then the points of largest surface variation"

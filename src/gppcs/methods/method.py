@@ -201,17 +201,7 @@ class Method(ABC):
 
     @abstractmethod
     def __call__(self, task: Task) -> Selection:
-        """Choose points of a cloud.
-
-        Parameters
-        ----------
-        task : Task
-
-        Returns
-        -------
-        Selection
-            M points.
-        """
+        """Choose M points of a cloud."""
 
     def __str__(self) -> str:
         changed = [
@@ -222,20 +212,7 @@ class Method(ABC):
         return f"{self.name} ({', '.join(changed)})" if changed else self.name
 
     def memory(self, n: int, n_points: int) -> int:
-        """Return about how much memory a call takes, beyond the points themselves.
-
-        Parameters
-        ----------
-        n : int
-            N, the number of points.
-        n_points : int
-            M, the number of points to keep.
-
-        Returns
-        -------
-        int
-            Bytes.
-        """
+        """Return about how many bytes a call takes to choose M of n points, beyond the points themselves."""
         return self._bytes_per_point * n
 
 

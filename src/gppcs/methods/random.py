@@ -18,15 +18,7 @@ PART = 1 << 18  # Points of a part at most.
 
 @dataclass(frozen=True)
 class Random(Method):
-    """Random sampling.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=10, method=gppcs.Random(seed=1)).indices)
-    10
-    """
+    """Random sampling."""
 
     name = "random"
     summary = "random points, all equally likely, or evenly over the surface"

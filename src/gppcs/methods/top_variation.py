@@ -12,15 +12,7 @@ from gppcs.methods.parameters import parameter
 
 @dataclass(frozen=True)
 class TopVariation(Method):
-    """The points of largest surface variation.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("bracket", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.TopVariation(neighbours=15)).indices)
-    90
-    """
+    """The points of largest surface variation."""
 
     name = "top-variation"
     summary = "the points of largest surface variation, and no others"

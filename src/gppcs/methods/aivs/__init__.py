@@ -9,15 +9,7 @@ from gppcs.methods.method import Method, Selection, Task
 
 @dataclass(frozen=True)
 class AIVS(Method):
-    """Farthest points voxel by voxel: the isotropic form of AIVS.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.AIVS()).indices)
-    100
-    """
+    """Farthest points voxel by voxel: the isotropic form of AIVS."""
 
     name = "aivs"
     summary = "farthest points voxel by voxel, in each voxel as many as its share of the points"

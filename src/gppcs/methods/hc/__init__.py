@@ -9,15 +9,7 @@ from gppcs.methods.method import Method, Selection, Task
 
 @dataclass(frozen=True)
 class HierarchicalClustering(Method):
-    """Hierarchical clustering.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("bracket", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.HierarchicalClustering()).indices)
-    90
-    """
+    """Hierarchical clustering."""
 
     name = "hc"
     summary = "hierarchical clustering: the central point of each cluster of low surface variation"

@@ -10,16 +10,7 @@ from gppcs.methods.parameters import parameter
 
 @dataclass(frozen=True)
 class PCSimp(Method):
-    """Selection by a high-pass filter on the neighbour graph (PC-Simp).
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("bracket", n_points=1000)
-    >>> result = gppcs.simplify(cloud, n_points=90, method=gppcs.PCSimp(uniformity=0.2))
-    >>> list(result.diagnostics)
-    ['gap', 'iterations']
-    """
+    """Selection by a high-pass filter on the neighbour graph (PC-Simp)."""
 
     name = "pc-simp"
     summary = "graph filter: points that differ from the mean of their neighbours, balanced with an even choice"

@@ -10,15 +10,7 @@ from gppcs.methods.parameters import parameter
 
 @dataclass(frozen=True)
 class QEM(Method):
-    """Point pair contraction by the quadric error metric (QEM).
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("bracket", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=90, method=gppcs.QEM(neighbours=10)).indices)
-    90
-    """
+    """Point pair contraction by the quadric error metric (QEM)."""
 
     name = "qem"
     summary = "quadric error metric: merges the pair of neighbours that changes the surface least, again and again"

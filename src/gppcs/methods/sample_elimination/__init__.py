@@ -15,15 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SampleElimination(Method):
-    """Weighted sample elimination.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.SampleElimination()).indices)
-    100
-    """
+    """Weighted sample elimination."""
 
     name = "sample-elimination"
     summary = "removes the most crowded point again and again: an even cover with blue noise"

@@ -13,15 +13,7 @@ from gppcs.methods.parameters import parameter, require
 
 @dataclass(frozen=True)
 class Voxel(Method):
-    """Voxel grid: one point for each occupied cell.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.Voxel(keep="mean")).cloud)
-    100
-    """
+    """Voxel grid: one point for each occupied cell."""
 
     name = "voxel"
     summary = "one point for each occupied cell of a grid: by default the point nearest the mean of the cell's points"

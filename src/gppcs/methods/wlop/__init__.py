@@ -10,15 +10,7 @@ from gppcs.methods.parameters import parameter
 
 @dataclass(frozen=True)
 class WLOP(Method):
-    """Weighted locally optimal projection (WLOP).
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> cloud = gppcs.sample("sphere", n_points=1000)
-    >>> len(gppcs.simplify(cloud, n_points=100, method=gppcs.WLOP(mu=0.3, snap=False)).cloud)
-    100
-    """
+    """Weighted locally optimal projection (WLOP)."""
 
     name = "wlop"
     summary = "weighted locally optimal projection: samples pulled onto the surface and pushed apart"
