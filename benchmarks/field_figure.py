@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import gppcs
-from gppcs.drawing.camera import Camera, Square, Viewpoint
+from gppcs.drawing.camera import Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.gp.local import algorithm
 from gppcs.gp.local.posterior import condition, posterior
@@ -31,7 +31,7 @@ METHOD = gppcs.LocalGP()
 
 VIEW = Viewpoint("z", (-45.0, 75.0))  # the word POINTS stands upright
 PANEL = 520  # pixels
-DETAIL = Square(280, 130, 560)  # the part that is drawn, in a view of the whole medallion
+DETAIL = (280, 130, 560)  # the part that is drawn, in a view of the whole medallion
 GAP, ABOVE, BELOW = 16, 40, 54  # pixels
 SHOWN = (2.0, 98.0)  # percentiles at the ends of a colour scale
 MAX_POINT_RADIUS = 7.0  # supersampled pixels

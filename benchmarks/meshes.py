@@ -17,7 +17,7 @@ import gppcs
 import report
 from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
-from gppcs.evaluation.mesh_comparison import PIPELINES, MeshTask
+from gppcs.evaluation.mesh_comparison import PIPELINES
 
 CLOUDS = {  # file: the number or share of vertices, and the file of the original mesh, if there is one
     "dragon": (0.03, "dragon"),
@@ -62,7 +62,7 @@ def measured(name: str) -> list[tuple[str, ...]]:
     for way, called in WAYS.items():
         first, start = name if not rows else "", time.process_time()
         try:
-            mesh = PIPELINES[way](MeshTask(cloud, n_vertices, Timer()))
+            mesh = PIPELINES[way](cloud, n_vertices, Timer())
         except NoSurfaceError:
             rows.append((first, f"{len(cloud):,}", f"{n_vertices:,}", called, "no surface found", *[""] * 11))
             continue

@@ -89,7 +89,7 @@ def main() -> None:
     rows = []
     for title, original, results in pages():
         with tempfile.NamedTemporaryFile(suffix=".html") as file:
-            report_page(original, results, []).write(file)
+            file.write(report_page(original, results, []).content())
             file.flush()
             rows.append(row(title, file.tell(), measured(Path(file.name), browser)))
     with tempfile.TemporaryDirectory() as folder:

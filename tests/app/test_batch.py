@@ -23,8 +23,8 @@ def test_a_folder_is_thinned_by_a_pattern_into_folders_that_are_made(printed, ti
     pattern = "new/deep/{stem}_small{suffix}"
     out = printed("simplify", "tiles", "-o", pattern, "--ratio", "10%", *FAST)
     first, second = out.splitlines()
-    assert first.startswith("tiles/a.ply → new/deep/a_small.ply: 400 points in, 40 out, ")
-    assert second.startswith("tiles/b.csv → new/deep/b_small.csv: 200 points in, 20 out, ")
+    assert first.startswith("tiles/a.ply → new/deep/a_small.ply: 400 in, 40 out (10 %), ")
+    assert second.startswith("tiles/b.csv → new/deep/b_small.csv: 200 in, 20 out (10 %), ")
     assert [len(gppcs.read(f"new/deep/{name}")) for name in ("a_small.ply", "b_small.csv")] == [40, 20]
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gppcs.drawing.camera import Camera, Square
+from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -28,7 +28,7 @@ def coloured(image):
 
 
 @pytest.mark.parametrize("given_normals", [True, False])
-@pytest.mark.parametrize("square", [None, Square(140, 90, 75)])
+@pytest.mark.parametrize("square", [None, (140, 90, 75)])
 def test_the_far_side_does_not_show_through(given_normals, square):
     points, normals = ellipsoid()
     view = view_of(points, normals if given_normals else None)
@@ -59,12 +59,12 @@ def test_a_close_up_is_the_same_picture_enlarged():
     points, normals = ellipsoid(40_000)
     view = view_of(points, normals)
     colours = np.where(points[:, :1] > 0.3, RED, BLUE)
-    square = Square(150, 100, 80)
+    square = (150, 100, 80)
     close = View(view.original, view.camera.close_up(square, 40)).surface(colours)  # enlarged by 1
     part = view.surface(colours)[50:90, 75:115]
     assert np.abs(close - part).mean() < 0.02
     assert np.abs(part[:, ::-1] - part).mean() > 0.1
-    assert (View(view.original, view.camera.close_up(Square(0, 0, 20), 100)).surface(colours) == 1.0).all()
+    assert (View(view.original, view.camera.close_up((0, 0, 20), 100)).surface(colours) == 1.0).all()
 
 
 FLAT = {

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.camera import Camera, Square
+from gppcs.drawing.camera import Camera
 from gppcs.drawing.mesh_images import mesh_images
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 3.0) for y in (0.0, 1.0) for z in (0.0, 2.0)])
@@ -33,7 +33,7 @@ def inside(camera, faces):
 
 
 def test_a_mesh_is_drawn_where_the_camera_sees_it(camera):
-    close = camera.close_up(Square(10, 10, 90), 100)
+    close = camera.close_up((10, 10, 90), 100)
     for image, by in zip(mesh_images(BOX, [camera, close]), [camera, close], strict=True):
         assert image.shape == (*by.size[::-1], 3)
         assert 0.2 < covered(image).mean() < 0.95

@@ -77,9 +77,9 @@ def test_the_first_square_is_the_best_of_all_and_squares_keep_apart(picture, sid
     squares = feature_squares(picture, side, 3)
     best = max(total(column, row) for row in range(16 - side) for column in range(21 - side))
     assert bool(squares) == (best > 0.0)
-    assert [total(square.column, square.row) for square in squares[:1]] == pytest.approx([best] * len(squares[:1]))
+    assert [total(column, row) for column, row, _ in squares[:1]] == pytest.approx([best] * len(squares[:1]))
     for rank, one in enumerate(squares):
-        assert one.column + side <= 20
-        assert one.row + side <= 15
+        assert one[0] + side <= 20
+        assert one[1] + side <= 15
         for other in squares[:rank]:
-            assert max(abs(one.column - other.column), abs(one.row - other.row)) >= 1.5 * side
+            assert max(abs(one[0] - other[0]), abs(one[1] - other[1])) >= 1.5 * side

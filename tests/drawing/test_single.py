@@ -44,7 +44,7 @@ def test_rgb_is_drawn_where_the_points_are(scale):
         colours = colours.astype(np.uint16)
     cloud = PointCloud(points, dict(zip(("red", "green", "blue"), colours.T, strict=True)))
     image, drawn = picture(cloud)
-    assert drawn.colour == "RGB"
+    assert drawn[0] == "RGB"
     np.testing.assert_allclose(hue(image)[50, 30], [1.0, 0.1, 0.1], atol=0.02)
     np.testing.assert_allclose(hue(image)[50, 70], [0.1, 0.1, 1.0], atol=0.02)
 
@@ -56,18 +56,18 @@ def test_the_picture_has_the_size_asked_for_and_cuts_nothing_off(size, bar):
     assert image.shape == (size[1], size[0], 3)
     border = np.concatenate([image[0], image[:, 0], image[:, -1]])
     assert (border == 1.0).all()
-    assert drawn.outside == 0
+    assert drawn[2] == 0
 
 
 def test_kinds_have_a_colour_each_and_amounts_a_scale_and_what_is_unknown_is_grey():
     points = plane()
     left = points[:, 0] < 0.5
     image, drawn = picture(PointCloud(points, {"kind": np.where(left, 2, 6).astype(np.uint8)}), colour="kind")
-    assert drawn.colour == "kind"
+    assert drawn[0] == "kind"
     assert np.abs(hue(image)[50, 30] - hue(image)[50, 70]).max() > 0.2
     values = np.where(left, np.nan, points[:, 1])
     image, drawn = picture(PointCloud(points, {"depth": values}), colour="depth")
-    assert drawn.colour == "depth (grey: unknown)"
+    assert drawn[0] == "depth (grey: unknown)"
     assert np.ptp(image[50, 30]) < 0.01 < 0.1 < np.ptp(image[50, 70])
     assert np.ptp(image[10:90, 70], axis=0).max() > 0.3
     outlier = np.where(np.arange(1600) == 0, 1e6, points[:, 1])  # which does not move the scale
@@ -99,13 +99,13 @@ def test_place_and_unit_of_a_cloud_do_not_matter(offset, factor):
 def test_a_mesh_is_white_or_has_the_colours_of_its_vertices():
     cloud = PointCloud(TRIANGLES.vertices)
     image, drawn = picture(cloud, TRIANGLES)
-    assert drawn.colour == ""
+    assert drawn[0] == ""
     assert np.ptp(image, axis=2).max() < 0.03
     assert (image.min(axis=2) < 0.99).mean() > 0.5
     red = np.array([250, 10, 250, 10], dtype=np.uint8)  # the left side
     cloud = PointCloud(TRIANGLES.vertices[::-1], {"red": red[::-1], "green": red[::-1] // 10, "blue": 255 - red[::-1]})
     image, drawn = picture(cloud, TRIANGLES)
-    assert drawn.colour == "RGB"
+    assert drawn[0] == "RGB"
     assert hue(image)[50, 15, 2] < 0.5 < 0.9 < hue(image)[50, 15, 0]
     assert hue(image)[50, 85, 0] < 0.5 < 0.9 < hue(image)[50, 85, 2]
 

@@ -60,7 +60,7 @@ def test_a_pipeline_without_a_surface_says_why_and_stops_no_other(monkeypatch):
     assert ball.failure is None
     assert ball.report.triangles > 0
 
-    elsewhere = {"mesh": lambda task: moved(hull_mesh(volume - 0.5), 90)}
+    elsewhere = {"mesh": lambda *_: moved(hull_mesh(volume - 0.5), 90)}
     monkeypatch.setattr("gppcs.evaluation.mesh_comparison.PIPELINES", elsewhere)
     (entry,) = gppcs.compare_meshes(volume, n_points=100, pipelines=["mesh"])
     assert entry.report is None

@@ -11,22 +11,16 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
+import gppcs
+from gppcs import METHODS, PointCloud, mesh, sample, simplify
 from gppcs.amounts.options import Options
-from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.summary import info
 from gppcs.engine.timer import Timer
 from gppcs.evaluation.comparison import PREPARATION_POINTS
-from gppcs.evaluation.judge import evaluate, evaluate_mesh
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.io.writing import write
-from gppcs.meshing.pipeline import mesh
-from gppcs.methods import METHODS
 from gppcs.methods.hc.clustering import hierarchical_clusters
-from gppcs.scans import sample
-from gppcs.simplification import simplify, simplify_files
+from gppcs.simplification import simplify_files
 from gppcs.spatial.kdtree import KdTree
 from gppcs.streaming.plan import make_plan
-from gppcs.surface.normals import estimate_normals
 from gppcs.surface.surface_variation import features_in_radius
 
 
@@ -37,10 +31,10 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     for method in METHODS:
         kept = simplify(original, ratio=0.1, method=method).cloud
         on_progress(1)
-    evaluate(original, kept)
-    estimate_normals(original, kept)
+    gppcs.evaluate(original, kept)
+    gppcs.estimate_normals(original, kept)
     light = mesh(original, n_points=100, effort=1).mesh
-    evaluate_mesh(original, light)
+    gppcs.evaluate_mesh(original, light)
     mesh(original, tolerance="2%")
     mesh(sample("room", 40_000), n_points=4_000, moved=True)  # which takes most steps of a mesh
     mesh(sample("fan", 10_000, noise=0.002), n_points=1_000, moved=True)  # some triangles of which relax
@@ -55,7 +49,7 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
-    info(PointCloud(original.points))
+    gppcs.info(PointCloud(original.points))
     simplify(original.points, ratio=0.5, method="random")
     folders = {path for kernel in _loaded() if (path := kernel.stats.cache_path)}
     return sum(map(_compilations, _loaded())) - before, sorted(folders)
@@ -65,7 +59,7 @@ def _beyond_memory(cloud: PointCloud) -> None:
     """Compile what only clouds beyond memory need: simplify one as if it were."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scan.las"
-        write(path, cloud, lossy=True)
+        gppcs.write(path, cloud, lossy=True)
         for method in ("gp", "fps", "voxel", "random"):
             options = Options(n_points=len(cloud) // 50, method=method, drop_outliers=True)
             with CloudFiles([path]) as files:

@@ -56,34 +56,18 @@ Ratio = Annotated[str | None, from_field("ratio", SIZE, "SHARE")]
 Points = Annotated[str | None, from_field("n_points", SIZE, "M", "--points")]
 Unit = Annotated[str | None, from_field("unit", SIZE, "NAME")]
 Seed = Annotated[int | None, from_field("seed", METHOD)]
-Measured = Annotated[
-    list[str] | None,
-    option(
-        "Measure the error of this attribute: rgb, numbers or classes. Repeatable.", None, "--detail", metavar="NAME"
-    ),
-]
-From = Annotated[
-    str | None, option("Format of the input, if its content or name does not tell.", INPUT, "--from", metavar="SUFFIX")
-]
-To = Annotated[
-    str | None, option("Format of the output, such as ply, if its name does not tell.", None, "--to", metavar="SUFFIX")
-]
-Ascii = Annotated[
-    bool | None, option("Write PLY or PCD as text, or as binary data.", None, "--ascii/--binary", show_default=False)
-]
-Columns = Annotated[
-    str | None, option("Names of the columns of a text table, such as x,y,z,red,green,blue.", INPUT, metavar="NAME,...")
-]
+Measured = Annotated[list[str] | None, option("Measure errors of an attribute, too.", None, "--detail", metavar="NAME")]
+From = Annotated[str | None, option("Format of the input, else its content tells.", INPUT, "--from", metavar="SUFFIX")]
+To = Annotated[str | None, option("Format of the output, else its name tells.", None, "--to", metavar="SUFFIX")]
+Ascii = Annotated[bool | None, option("Write PLY or PCD as text.", None, "--ascii/--binary", show_default=False)]
+Columns = Annotated[str | None, option("Columns of a text table, such as x,y,z,red.", INPUT, metavar="NAME,...")]
 Inside = Annotated[list[str] | None, from_field("inside", INPUT, "BOX|FILE")]
 Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
 Resolution = Annotated[float | None, from_field("resolution", INPUT, "LENGTH")]
 Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT)]
 Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
 Workers = Annotated[str | None, from_field("workers", LARGE, "COUNT|ADDRESS")]
-Colour = Annotated[
-    str | None,
-    option("Colour the points of the picture by rgb, variation or an attribute of the input.", LOOK, metavar="NAME"),
-]
+Colour = Annotated[str | None, option("Colour by rgb, variation or an attribute.", LOOK, metavar="NAME")]
 View = Annotated[
     str | None,
     option(
@@ -93,9 +77,7 @@ View = Annotated[
         metavar="AZIMUTH,ELEVATION",
     ),
 ]
-Up = Annotated[
-    Literal["x", "y", "z", "-x", "-y", "-z"] | None, option("The axis that points up. Guessed by default.", LOOK)
-]
+Up = Annotated[Literal["x", "y", "z", "-x", "-y", "-z"] | None, option("Axis that points up, else guessed.", LOOK)]
 Threads = Annotated[int | None, option("Number of threads. By default, that of the usable cores.", metavar="N")]
 Force = Annotated[bool, option("Overwrite existing files, but never an input.", None, "--force")]
 Lossy = Annotated[bool, option("Leave out values that the output format cannot hold.", None, "--lossy")]

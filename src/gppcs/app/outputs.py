@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 
-from gppcs.app.levels import LEVEL
+from gppcs import io
 from gppcs.app.printing import print_error
 from gppcs.errors import FileFormatError, OutputError, file_path
+from gppcs.io import text
 
 FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `pathlib.Path`
+LEVEL = "level"  # the field for the number of a level, and the name of the attribute
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,12 @@ class Output:
     format: str | None = None  # otherwise, the names tell it
 
     @property
+    def input(self) -> str | list[str]:
+        """The name of the file, or those of several."""
+        names = list(map(str, self.sources))
+        return names if len(names) > 1 else names[0]
+
+    @property
     def title(self) -> str:
         """The names of the files."""
         more = f" and {len(self.sources) - 1} more" if len(self.sources) > 1 else ""
@@ -32,8 +40,6 @@ class Output:
 
     def check(self, force: bool) -> None:
         """Check that the files can be written, in a format that gppcs writes. Call it before long work."""
-        from gppcs import io
-
         for target in self.targets:
             io.format_to_write(target, self.format)
             io.check_writable(target, force, self.makes_folders)
@@ -41,8 +47,6 @@ class Output:
 
 def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Sequence[str] = ()) -> None:
     """Check that the one file of a command can be written, has a fitting name and is no input; call it before work."""
-    from gppcs import io
-
     io.check_distinct([output], inputs)
     if suffixes and not io.is_standard(output) and io.inner_name(output).suffix.lower() not in suffixes:
         raise OutputError(f"{output}: expected a name that ends in {suffixes[0]}; choose another")
@@ -52,15 +56,16 @@ def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Se
 def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, levels: int = 0) -> list[Output]:  # noqa: A002
     """Return where results go: that of each input to a folder or by a pattern, else that of all as one cloud."""
     sources = sources_of(inputs)
-    parts = _parsed(output, (*FIELDS, LEVEL) if levels else FIELDS)
-    plain, fields = "".join(text for text, _ in parts), {field for _, field in parts if field}
-    is_folder = not fields and _means_folder(plain, sources != list(inputs) or len(sources) > 1)
+    fields = _fields_of(output, (*FIELDS, LEVEL) if levels else FIELDS)
+    is_folder = not fields and _means_folder(output.format(), sources != list(inputs) or len(sources) > 1)
     clouds = [[source] for source in sources] if is_folder or fields - {LEVEL} else [sources]
 
     def target(source: Path, number: int) -> Path:
-        values = _values_of_fields(source) | {LEVEL: str(number)}
-        named = "".join(text + values.get(field, "") for text, field in parts)
-        return Path(plain, source.name) if is_folder else file_path(named)
+        if is_folder:
+            return Path(output.format(), source.name)
+        name, stem = source.name, io.inner_name(source).stem  # the suffix of a compression belongs to the suffix
+        values = {"stem": stem, "name": name, "suffix": name[len(stem) :], "parent": source.parent}
+        return file_path(output.format(**values, level=number))
 
     outputs = []
     first_source: dict[Path, Path] = {}
@@ -77,49 +82,29 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, l
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
     """Return the files that the inputs of a command stand for."""
-    from gppcs.io import files_of
+    return [file for path in inputs for file in (_files_in(path) if path.is_dir() else io.files_of(path))]
 
-    sources = []
-    for path in inputs:
-        if path.is_dir():
-            sources += [file for file in _files_in(path) if not _is_other_text(file)]
-        else:
-            sources += files_of(path)
-    return sources
+
+def _files_in(folder: Path) -> list[Path]:
+    """Return the files in a folder that gppcs reads by their names, less texts without points, such as notes."""
+    visible = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+    files = [path for path in visible if any(kind.has_suffix(io.inner_name(path).name) for kind in io.FORMATS)]
+    if not files:
+        raise FileFormatError(f"{folder}: expected a folder with files that gppcs reads, such as .ply, found none")
+    return [file for file in files if not _is_other_text(file)]
 
 
 def _is_other_text(path: Path) -> bool:
-    """Return whether a file in a folder is a text without points, such as notes, with a note that says so."""
-    from gppcs.io.cloud_files import CloudFiles
-    from gppcs.io.text import FORMATS
-
-    if not any(text_format.has_suffix(path.name) for text_format in FORMATS):
+    """Return whether a file is a text without points, with a note that says so."""
+    if not any(text_format.has_suffix(path.name) for text_format in text.FORMATS):
         return False
     try:
-        with CloudFiles([path]) as files:
+        with io.CloudFiles([path]) as files:
             _ = files.preview
     except FileFormatError as error:
         print_error(f"note: {error}; this file is passed over")
         return True
     return False
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """Return the files in a folder that gppcs reads by their names."""
-    from gppcs.io import FORMATS
-
-    suffixes = [suffix for file_format in FORMATS for suffix in file_format.suffixes]
-    endings = tuple(suffix + compression for suffix in suffixes for compression in ("", ".gz"))
-    files = sorted(
-        path
-        for path in folder.iterdir()
-        if path.name.lower().endswith(endings) and not path.name.startswith(".") and path.is_file()
-    )
-    if not files:
-        raise FileFormatError(
-            f"{folder}: expected a folder with files of formats that gppcs reads, such as .ply, found none"
-        )
-    return files
 
 
 def _means_folder(output: str, is_one_of_several: bool) -> bool:
@@ -131,26 +116,16 @@ def _means_folder(output: str, is_one_of_several: bool) -> bool:
     return Path(output).is_dir() or output.endswith(slashes) or (is_one_of_several and is_bare)
 
 
-def _values_of_fields(source: Path) -> dict[str, str]:
-    """Return what the fields of a pattern stand for."""
-    from gppcs.io import inner_name
-
-    stem = inner_name(source).stem  # the suffix of a compression belongs to the suffix
-    return dict(zip(FIELDS, (stem, source.name, source.name[len(stem) :], str(source.parent)), strict=True))
-
-
-def _parsed(pattern: str, fields: Sequence[str]) -> list[tuple[str, str]]:
-    """Return the texts of a pattern, each with the name of the field behind it, which is empty at the end."""
+def _fields_of(pattern: str, fields: Sequence[str]) -> set[str]:
+    """Return the names of the fields in a pattern, after checking that these exist."""
     try:
         parts = list(Formatter().parse(pattern))
     except ValueError:
-        raise OutputError(
-            f"{pattern}: expected a pattern such as '{{stem}}_small.ply', found single braces; "
-            "write {{ and }} for braces in a name"
-        ) from None
+        rule = "write {{ and }} for braces in a name"
+        raise OutputError(f"{pattern}: expected a pattern of names, found single braces; {rule}") from None
     for _, name, details, conversion in parts:
         field = f"{name}" + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
         if name is not None and field not in fields:
             expected = ", ".join(f"{{{name}}}" for name in fields)
             raise OutputError(f"{pattern}: expected the fields {expected}, found {{{field}}}")
-    return [(text, name or "") for text, name, _, _ in parts]
+    return {name for _, name, _, _ in parts if name}

@@ -1,4 +1,4 @@
-"""What the commands share that make a page: names of clouds, surfaces rebuilt from them, and how the page was made."""
+"""What the commands share that show clouds: their names, surfaces rebuilt from them, pictures, how a page was made."""
 
 from __future__ import annotations
 
@@ -6,14 +6,20 @@ import hashlib
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import BinaryIO
 
-from gppcs import __version__
+import numpy as np
+
+from gppcs import __version__, io
 from gppcs.app.printing import print_error
-
-if TYPE_CHECKING:
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.cloud_images import painted
+from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
+from gppcs.drawing.web.layers import Named
+from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
+from gppcs.evaluation.mesh_comparison import MeshEntry
 
 SUFFIXES = (".html", ".htm")  # of pages
 MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
@@ -27,21 +33,56 @@ def different_names(paths: Sequence[Path]) -> list[str]:
 
 def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = "") -> Mesh | None:
     """Return a surface rebuilt from a cloud, to be shown. If the cloud is too large, print a note instead."""
-    from gppcs.evaluation.comparison import rebuilt_mesh
-
     if len(cloud) > MOST_TO_REBUILD:
         print_error(f"note: there is no mesh of {name}, as it has more than {MOST_TO_REBUILD:,} points{advice}")
         return None
     return rebuilt_mesh(cloud, original)
 
 
+def named_clouds(entries: Sequence[Entry], finite: PointCloud, is_measured: bool, is_drawn: bool) -> list[Named]:
+    """Return the clouds of a comparison, with their surfaces if these were measured or are drawn."""
+
+    def mesh_of(entry: Entry) -> Mesh | None:
+        if is_measured:
+            return trimmed_mesh(entry.report.rebuilt.mesh, finite) if entry.report.rebuilt else None
+        return rebuilt_mesh(entry.result.cloud, finite) if is_drawn else None
+
+    results = [(entry.result, mesh_of(entry)) for entry in entries]
+    return [Named(str(result.method), result.cloud, mesh, result.method.summary) for result, mesh in results]
+
+
+def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
+    """Return the meshes of a comparison that were measured, with the vertices that triangles have."""
+    shown = []
+    for entry in entries:
+        if entry.report and entry.mesh:
+            vertices = PointCloud(entry.mesh.vertices[np.unique(entry.mesh.faces)])
+            shown.append(Named(entry.pipeline, vertices, entry.mesh, f"it is a vertex of the mesh by {entry.pipeline}"))
+    return shown
+
+
+def draw_beside(
+    file: BinaryIO,
+    original: Named,
+    results: Sequence[tuple[Named, str]],
+    viewpoint: Viewpoint,
+    colour: str | None,
+    counted: str = "points",
+    close_ups: int = CLOSE_UPS,
+) -> None:
+    """Write a PNG of a finite cloud and of results with captions, in the colours of the nearest original points."""
+    everything, legend = painted(original.cloud, colour)
+    columns = [Column(original.name, everything, "", original.mesh)]
+    for named, caption in results:
+        columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh, counted))
+    draw_comparison(file, columns, viewpoint, legend, close_ups)
+
+
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:
     """Return how a page was made, so that anybody can make it again."""
-    from gppcs.io import is_standard
-
     made = how_run(command)
     for name, path in zip(different_names(inputs), inputs, strict=True):
-        if not is_standard(path):
+        if not io.is_standard(path):
             with open(path, "rb") as file:
                 made.append((f"SHA-256 of {name}", hashlib.file_digest(file, "sha256").hexdigest()))
     return [*made, ("views", "Coordinates and values in 16 bits of their range, normals in 16 bits.")]

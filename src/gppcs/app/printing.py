@@ -32,14 +32,9 @@ def say(text: str) -> None:
     typer.echo(visible(text))
 
 
-def say_aside(text: str) -> None:
-    """Print a text on stderr, as one line."""
-    typer.echo(visible(" ".join(text.split())), err=True)
-
-
 def print_error(message: str) -> None:
     """Print an error or a note as one line on stderr."""
-    say_aside(f"gppcs: {message}")
+    typer.echo(visible(" ".join(f"gppcs: {message}".split())), err=True)
 
 
 def note_left_out(path: Path, names: list[str]) -> None:
@@ -124,12 +119,6 @@ def time_in_words(seconds: Mapping[str, float]) -> str:
     total = sum(seconds.values())
     stages = "".join(f"; {stage} {value:.2f} s" for stage, value in seconds.items() if value >= 0.1 * total)
     return f"{total:.2f} s{stages}"
-
-
-def length_in_words(value: float, unit: str | None, diagonal: float | None) -> str:
-    """Return a length with its unit, if it is known, and as a part of a diagonal, if one is given."""
-    text = f"{value:.4g} {unit}" if unit else f"{value:.4g}"
-    return f"{text}  ({value / diagonal:.3%} of the diagonal)" if diagonal else text
 
 
 def names_of(text: str | None) -> list[str] | None:

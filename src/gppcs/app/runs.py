@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,7 @@ import numpy as np
 
 from gppcs import io
 from gppcs.amounts.options import Options
-from gppcs.app.levels import LEVEL, counts_of
-from gppcs.app.outputs import Output
+from gppcs.app.outputs import LEVEL, Output
 from gppcs.app.printing import note_left_out, print_error, record_of_run, text_of, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.quantities import metres_of, name_of_unit, unit_of
@@ -58,11 +57,11 @@ class RunReport:
     version: str
 
 
-def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], str, dict[str, str]]:
-    """Plan the work on one cloud; return a record, a line and the rows of a table that describe it."""
+def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
+    """Plan the work on one cloud; return a record and the rows of a table that describe it."""
     with _opened(job, output) as files:
         plan = make_plan(files, job.options, job.mark and "mark")
-    record = {**_names(output), **dataclasses.asdict(plan)}
+    record = {"input": output.input, "output": str(output.targets[-1]), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
         "plan": "nothing is done",
@@ -72,30 +71,27 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], str, dict[str, s
     }
     if plan.disk:
         rows["temporary files"] = f"about {size_of(plan.disk)}"
-    return record, f"{rows['points are']}, {rows['memory']}", rows
+    return record, rows
 
 
-def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, str, dict[str, str]]:
-    """Simplify one cloud and write it; return a report, a line and the rows of a table that describe the run."""
-    source = output.sources[0]
+def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, dict[str, str]]:
+    """Simplify one cloud and write it; return a report and the rows of a table that describe the run."""
     with _opened(job, output) as files:
         plan = make_plan(files, job.options, job.mark and "mark")
         preview = files.preview
-        _note_other_unit(source, preview, job.options.unit)
         _check_storable(job, output, preview)
         result, clouds = _simplified(job, output, files, plan, timer)
         unread = files.skipped()
     with timer("writing"):
         dropped = _store(job, output, clouds)
     note_left_out(output.targets[-1], [*unread, *dropped])
-    _note_size(source, result, job.options)
-    levels = [
-        {"output": str(target), "points_out": len(cloud)}
-        for target, cloud in zip(output.targets, clouds, strict=True)
-        if len(clouds) > 1
-    ]
+    for note in _notes(result, job.options, preview):
+        print_error(f"note: {output.sources[0]}: {note}")
+    named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
+    levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
     report = RunReport(
-        **_names(output),
+        input=output.input,
+        output=str(output.targets[-1]),
         levels=levels,
         points_in=result.points_in,
         points_out=len(result.indices),
@@ -104,8 +100,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, str, dic
         readings=plan.readings,
         **record_of_run(result.diagnostics, result.seconds),
     )
-    line = f"{report.points_in:,} points in, {report.points_out:,} out, {sum(report.seconds.values()):.2f} s"
-    return report, line, _rows(report, result, job.options, unit_of(preview.header, job.options.unit))
+    return report, _rows(report, result, job.options, unit_of(preview.header, job.options.unit))
 
 
 def _opened(job: Job, output: Output) -> CloudFiles:
@@ -157,25 +152,21 @@ def _with_attributes(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointC
     """Return a cloud with further attributes."""
     for name in attributes:
         if name in cloud.attributes:
-            raise InputError(
-                f"expected the name of a new attribute, found {name!r}, which the cloud has; choose another"
-            )
+            raise InputError(f"expected a new attribute, found {name!r}, which the cloud has; choose another name")
     return replace(cloud, attributes={**cloud.attributes, **attributes})
 
 
 def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
     """Return the number of points of each level, after checking that the result has a ranking to cut."""
     if not result.ranked:
-        raise InputError(
-            f"expected a finest level of less than all {result.points_in:,} points, found all of them, or all without "
-            "repeats"
-        )
-    counts = counts_of(sizes, len(result.indices))
+        raise InputError(f"expected a finest level below all {result.points_in:,} points, repeats aside, found all")
+    kept = len(result.indices)
+    scale = kept / sizes[-1] if sizes[-1] < 1 else 1.0
+    counts = [min(max(1, round(size * scale)), kept) for size in sizes]
     n_keep = result.diagnostics.get("points_to_keep", 0)
     if counts[0] < n_keep:
         raise InputError(
-            f"{n_keep:,.0f} points are to be kept whatever happens, but the coarsest level has only {counts[0]:,} "
-            "points; make that level larger, or mark fewer points to keep"
+            f"expected a coarsest level of at least {n_keep:,.0f} points, those to keep, found {counts[0]:,}"
         )
     return counts
 
@@ -231,31 +222,17 @@ def _effect(noise: float, options: Options) -> str:
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 
-def _note_size(source: Path, result: Result, options: Options) -> None:
-    """Print notes on results that are not what somebody may have expected."""
-    kept = len(result.indices)
+def _notes(result: Result, options: Options, preview: PointCloud) -> Iterator[str]:
+    """Yield what somebody may not have expected of a result."""
+    kept, fraction = len(result.indices), len(result.indices) / result.points_in
     if isinstance(options.size, int) and kept < options.size and options.group is None:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
-        fewer = f"fewer than the {options.size:,} asked for"
-        print_error(f"note: {source}: all of its {kept:,} points{usable} were kept, {fewer}")
-    if options.tolerance is not None and kept > 0.5 * result.points_in:
-        fraction = f"{kept / result.points_in:.0%} of the points"
-        print_error(
-            f"note: {source}: this tolerance takes {fraction}; it is below what their spacing and noise resolve"
-        )
+        yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
+    if options.tolerance is not None and fraction > 0.5:
+        yield f"this tolerance takes {fraction:.0%} of the points; it is below what their spacing and noise resolve"
     if result.diagnostics.get("moved_largest") == 0.0:
-        print_error(f"note: {source}: --denoise moved no point: no noise was found, or none that differs from detail")
-
-
-def _note_other_unit(source: Path, cloud: PointCloud, unit: str | None) -> None:
-    """Print a note if the unit that is given is not that of the input."""
-    in_file, used = metres_of(None, cloud.header), metres_of(unit, cloud.header)
+        yield "--denoise moved no point: no noise was found, or none that differs from detail"
+    in_file, used = metres_of(None, preview.header), metres_of(options.unit, preview.header)
     if in_file is not None and used is not None and not math.isclose(in_file, used, rel_tol=1e-9):
         name = name_of_unit(in_file)
-        print_error(f"note: {source}: its coordinate system says that the unit is {name}; --unit {unit} is used")
-
-
-def _names(output: Output) -> dict[str, Any]:
-    """Return how a record names the files."""
-    names = [str(source) for source in output.sources]
-    return {"input": names if len(names) > 1 else names[0], "output": str(output.targets[-1])}
+        yield f"its coordinate system says that the unit is {name}; --unit {options.unit} is used"

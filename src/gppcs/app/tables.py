@@ -6,15 +6,16 @@ import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import pandas
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from gppcs.app.printing import visible
+from gppcs.evaluation.comparison import Entry
 from gppcs.evaluation.report import definition_of
 
 if TYPE_CHECKING:
-    from gppcs.evaluation.comparison import Entry
     from gppcs.evaluation.mesh_comparison import MeshEntry
 
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
@@ -33,8 +34,6 @@ Cell = tuple[str, bool]  # a value as text, and whether it is the best of its co
 
 def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
     """Return the record of a method or a pipeline, as `--json` prints it."""
-    from gppcs.evaluation.comparison import Entry
-
     if isinstance(entry, Entry):
         method = entry.result.method
         record: dict[str, Any] = {"method": method.name, "parameters": dataclasses.asdict(method)}
@@ -50,8 +49,6 @@ def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
 
 def label_of(entry: Entry | MeshEntry) -> str:
     """Return what tables call a method or a pipeline."""
-    from gppcs.evaluation.comparison import Entry
-
     return str(entry.result.method) if isinstance(entry, Entry) else entry.pipeline
 
 
@@ -110,8 +107,6 @@ def as_markdown(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:
     """Return a comparison as CSV, with all figures."""
-    import pandas
-
     flat = []
     for record in records:
         row = {name: value for name, value in record.items() if name not in ("figures", "relative")}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,14 +52,6 @@ class Viewpoint:
 GUESSED = Viewpoint()  # up and direction are guessed
 
 
-class Square(NamedTuple):
-    """A square part of a picture: its upper left corner and its edge length, in supersampled pixels."""
-
-    column: int
-    row: int
-    side: int
-
-
 @dataclass(frozen=True)
 class Camera:
     """An orthographic camera for one panel of a picture."""
@@ -91,13 +82,13 @@ class Camera:
         empty = np.maximum(0.04 * np.array(shape), margin * SUPERSAMPLING)  # on each side
         return cls(axes, (lower + upper) / 2.0, float(np.min((shape - 2.0 * empty) / extent)), shape)
 
-    def close_up(self, square: Square, size: int) -> Camera:
-        """Return a camera that shows a square part of this camera's picture."""
-        middle = np.array([square.column, square.row]) + square.side / 2.0
+    def close_up(self, square: tuple[int, int, int], size: int) -> Camera:
+        """Return a camera that shows a square of this camera's picture: column, row and side, supersampled."""
+        column, row, side = square
+        middle = np.array([column, row]) + side / 2.0
         centre = self.centre + (middle - np.array(self.shape) / 2.0) * (1.0, -1.0) / self.scale
-        side = size * SUPERSAMPLING
-        enlargement = side / square.side
-        return Camera(self.axes, centre, self.scale * enlargement, (side, side), enlargement)
+        pixels = size * SUPERSAMPLING
+        return Camera(self.axes, centre, self.scale * pixels / side, (pixels, pixels), pixels / side)
 
     def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the pixels (N, 2) of points (N, 3) in the picture, and their depths (N,)."""

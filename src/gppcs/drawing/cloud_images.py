@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
-from gppcs.drawing.estimates import AROUND, disc_radii, estimates
+from gppcs.drawing.estimates import disc_radii, estimates
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -70,16 +69,16 @@ class Original:
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud = cloud
         points, self.frame = normalised(cloud.points)
-        self.tree, spacing = _spacings(points)
-        self.spacing = self.frame.lengths(spacing)
+        self.tree = KdTree.build(points[first_occurrences(points)])
+        self.spacing = self.frame.lengths(disc_radii(self.tree, points))
 
     def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
         if cloud.normals is not None:
             return cloud.normals[indices]
         points = self.frame.near(cloud.points[indices])
-        _, neighbours = self.tree.query(points, k=range(1, min(12, self.tree.n) + 1), workers=-1)
-        patches = self.tree.data[neighbours]
+        neighbours, _ = self.tree.in_own_order().nearest_of(points, min(12, len(self.tree.order)))
+        patches = self.tree.points.T[neighbours]
         patches = patches - patches.mean(axis=1, keepdims=True)
         _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
         return directions[:, :, 0]  # in which a patch is thinnest
@@ -123,8 +122,7 @@ class View:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         pixels, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
-        _, spacing = _spacings(cloud.points)
-        radii = np.clip(0.33 * self.camera.scale * spacing, 2.4, max_radius)[front]
+        radii = np.clip(0.33 * self.camera.scale * Original(cloud).spacing, 2.4, max_radius)[front]
         nearest, _ = _splat(pixels[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
         opacity = 0.35
@@ -143,14 +141,6 @@ def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background:
     facing = np.clip(normals @ (light / np.linalg.norm(light)), 0.0, 1.0)
     lit = np.clip(colours * (0.52 + 0.63 * facing)[:, None], 0.0, 1.0)
     return np.where(nearest[..., None] < 0, background, np.append(lit, np.ones((1, 3)), axis=0)[nearest])
-
-
-def _spacings(points: Array) -> tuple[cKDTree, Array]:
-    """Return a tree over the distinct points, and the radius of the disc of each point (N, 3)."""
-    # Repeats would make the searches take quadratic time.
-    tree = cKDTree(points[first_occurrences(points)], balanced_tree=False, compact_nodes=False)
-    distances, neighbours = tree.query(points, k=range(1, min(AROUND + 1, tree.n) + 1), workers=-1)
-    return tree, disc_radii(tree.data, neighbours, distances[:, min(6, tree.n - 1)])
 
 
 def _splat(

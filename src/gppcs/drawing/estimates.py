@@ -31,17 +31,15 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     return variation[same], features.normals[same], tree
 
 
-def disc_radii(
-    points: NDArray[np.float64], neighbours: NDArray[np.int64], sixth: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the distances (N,) to the sixth neighbours, less where a scan has but lines: they are no surface to close.
-
-    Shapes: points (M, 3), neighbours (N, K), numbers of points.
-    """
+def disc_radii(tree: KdTree, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines."""
+    distinct, count = np.ascontiguousarray(tree.points.T), tree.points.shape[1]
+    neighbours, squared = tree.in_own_order().nearest_of(points, min(AROUND + 1, count))
+    sixth = np.sqrt(squared[:, min(6, count - 1)])
     across, at_once = np.empty(len(sixth)), 1 << 16  # points, to bound the memory
     for first in range(0, len(sixth), at_once):
         part = slice(first, first + at_once)
-        around = points[neighbours[part]]
+        around = distinct[neighbours[part]]
         around -= around.mean(axis=1, keepdims=True)
         spread = np.einsum("nki,nkj->nij", around, around) / around.shape[1]
         total = np.einsum("nii->n", spread)

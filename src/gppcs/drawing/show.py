@@ -6,7 +6,6 @@ import sys
 import tempfile
 import webbrowser
 from html import escape
-from io import BytesIO
 from pathlib import Path
 
 from gppcs.clouds.cloud import CloudLike
@@ -59,9 +58,7 @@ def show(
         page = view_page([named], made, viewpoint)
     else:
         page = report_page(Named("original", as_cloud(original)), [named], made, viewpoint)
-    content = BytesIO()
-    page.write(content)
-    (_embed if _in_notebook() else _open)(content.getvalue())
+    (_embed if _in_notebook() else _open)(page.content())
 
 
 def _in_notebook() -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Square, Viewpoint
+from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
@@ -21,6 +21,8 @@ GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its clos
 TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
 POINT = 0.72  # typographic points, the unit of matplotlib for letters and lines, in a pixel
 CLOSE_UPS = 2
+
+Square = tuple[int, int, int]  # column and row of the upper left corner, and side, in supersampled pixels
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def feature_squares(variation: NDArray[np.float64], side: int, count: int) -> li
         row, column = np.unravel_index(sums.argmax(), sums.shape)
         if sums[row, column] <= featureless:
             break
-        squares.append(Square(int(column), int(row), side))
+        squares.append((int(column), int(row), side))
         near = math.ceil(1.5 * side)  # the smallest distance of two corners along one axis
         sums[max(row - near, 0) : row + near, max(column - near, 0) : column + near] = 0.0
     return squares
@@ -136,26 +138,20 @@ class _Sheet:
         """Add a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
         left, top = self.corners[number]
         top += self.tops[row]
-        self._image(left, top, images[0])
         for rank, (image, square) in enumerate(zip(images[1:], self.squares, strict=True)):
-            side = square.side / SUPERSAMPLING
-            colour = ("#d1495b", "#e8871e")[rank]
-            self._frame(left + square.column / SUPERSAMPLING, top + square.row / SUPERSAMPLING, side, colour)
-            size = image.shape[0]
-            x, y = left + rank * (size + BETWEEN), top + images[0].shape[0] + BETWEEN
-            self._image(x, y, image)
-            self._frame(x, y, size, colour)
+            size, colour = image.shape[0], ((0.82, 0.29, 0.36), (0.91, 0.53, 0.12))[rank]
+            column, line, side = (length // SUPERSAMPLING for length in square)
+            _draw_frame(images[0], column, line, side, colour)
+            _draw_frame(image, 0, 0, size, colour)
+            self._image(left + rank * (size + BETWEEN), top + images[0].shape[0] + BETWEEN, image)
+        self._image(left, top, images[0])
 
     def _image(self, left: int, top: int, image: NDArray[np.float64]) -> None:
         self.figure.figimage(image, left, self.height - top - image.shape[0], origin="upper")
 
-    def _frame(self, left: float, top: float, side: float, colour: str) -> None:
-        from matplotlib.patches import Rectangle
-        from matplotlib.transforms import IdentityTransform
 
-        width = 3  # pixels
-        inner = side - width
-        corner = (left + width / 2, self.height - top - side + width / 2)
-        frame = Rectangle(corner, inner, inner, fill=False, color=colour, transform=IdentityTransform())
-        frame.set_linewidth(POINT * width)
-        self.figure.add_artist(frame)
+def _draw_frame(image: NDArray[np.float64], left: int, top: int, side: int, colour: tuple[float, float, float]) -> None:
+    """Draw the frame of a square, three pixels wide, into a picture."""
+    inner = image[top + 3 : top + side - 3, left + 3 : left + side - 3].copy()
+    image[top : top + side, left : left + side] = colour
+    image[top + 3 : top + side - 3, left + 3 : left + side - 3] = inner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +25,6 @@ SMALLEST = 64  # pixels
 DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
 
 
-class Drawn(NamedTuple):
-    """What a picture shows."""
-
-    colour: str  # what the colours show, in words; empty for a white mesh
-    excluded: int  # points whose coordinates are NaN or infinite
-    outside: int  # points that lie so far from all others that the picture does not show them
-
-
 def draw_single(
     file: BinaryIO,
     cloud: PointCloud,
@@ -41,8 +33,12 @@ def draw_single(
     viewpoint: Viewpoint = GUESSED,
     size: tuple[int, int] = (1280, 960),
     bar: bool = True,
-) -> Drawn:
-    """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points."""
+) -> tuple[str, int, int]:
+    """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points.
+
+    Returns what the colours show, empty for a white mesh, the number of points that are not finite, and that of points
+    so far from all others that they are outside the picture.
+    """
     require_matplotlib()
     if mesh is not None:
         require_pyvista()
@@ -64,7 +60,7 @@ def draw_single(
     _write(file, _image(seen, local, camera), (width, height), below, legend)
     drawn, _ = camera.pixels(seen_points)
     outside = int(((drawn < 0) | (drawn >= np.array(camera.shape))).any(axis=1).sum())
-    return Drawn(legend.title, len(cloud) - len(indices), outside)
+    return legend.title, len(cloud) - len(indices), outside
 
 
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:

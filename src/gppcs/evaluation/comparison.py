@@ -15,6 +15,7 @@ from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import COMPILATION, Timer, timer_of
 from gppcs.errors import NoSurfaceError, ParameterError, shown
 from gppcs.evaluation.judge import judged, require_mesh
+from gppcs.evaluation.reconstruction import estimated_normals, reconstruct, without_membranes
 from gppcs.evaluation.report import Report
 from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
@@ -68,8 +69,7 @@ def compare(
     Returns
     -------
     list of Entry
-        One for each method, in the order of `methods`: `result`, `report`, the wall time `seconds` of the
-        simplification without the compilation of kernels, and `failure`: why no surface could be rebuilt, or None.
+        One for each method, in the order of `methods`.
 
     Raises
     ------
@@ -131,8 +131,6 @@ def checked_methods(
 
 def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
     """Return the surface rebuilt from a cloud, for a picture."""
-    from gppcs.evaluation.reconstruction import estimated_normals, reconstruct
-
     normals, corner = original.normals(), original.points.min(axis=0)
     points = cloud.points - corner
     guides = () if normals is None else (original.points - corner, normals)
@@ -145,8 +143,6 @@ def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
     """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan."""
-    from gppcs.evaluation.reconstruction import without_membranes
-
     corner = original.points.min(axis=0)  # squared distances need all digits
     try:
         left = without_membranes(Mesh(mesh.vertices - corner, mesh.faces), original.points - corner)

@@ -7,7 +7,7 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,25 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
+from gppcs.clouds.topology import topology_of
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
+from gppcs.evaluation.detail import attribute_errors
+from gppcs.evaluation.reconstruction import (
+    count_self_intersections,
+    distances_to,
+    estimated_normals,
+    reconstruct,
+    require_area,
+)
 from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.scaling import Frame, bounds
-
-if TYPE_CHECKING:
-    from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import areas_of_points, paper_radius
+from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
+from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
@@ -94,10 +105,7 @@ def evaluate(
 
 
 def evaluate_mesh(
-    original: CloudLike,
-    simplified: Mesh,
-    mesh: Mesh | None = None,
-    timer: Timer | None = None,
+    original: CloudLike, simplified: Mesh, mesh: Mesh | None = None, timer: Timer | None = None
 ) -> MeshReport:
     """Compare a simplified mesh with the original.
 
@@ -132,18 +140,9 @@ def evaluate_mesh(
     >>> gppcs.evaluate_mesh(cloud, fine).mesh_mean < gppcs.evaluate_mesh(cloud, coarse).mesh_mean
     True
     """
-    from gppcs.clouds.topology import topology_of
-    from gppcs.evaluation.reconstruction import count_self_intersections, distances_to
-    from gppcs.spatial.cells import first_occurrences
-    from gppcs.surface.local_surface import LocalSurface
-
     _require_measurable(require_mesh(simplified).vertices, "mesh")
-    original = as_cloud(original)
-    require_original(original, mesh)
-    before = usable(original, "original cloud")
-    frame = Frame.from_bounds(*bounds(before))
-    before = frame.near(before[first_occurrences(before)])
-    simplified, mesh = _local_mesh(simplified, frame), mesh and _local_mesh(mesh, frame)
+    before, frame, mesh = require_original(original, mesh)
+    simplified = _local_mesh(simplified, frame)
     with timer_of(timer)("distances"):
         _require_mesh_near(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
@@ -170,15 +169,17 @@ def evaluate_mesh(
     return report.in_unit(_unit_in(frame))
 
 
-def require_original(original: CloudLike, mesh: Mesh | None) -> None:
-    """Raise an error if a cloud, (N, 3), or its surface, cannot be what results are compared with."""
+def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Points, Frame, Mesh | None]:
+    """Return the distinct points of a cloud, (N, 3), and its surface, in a frame; or raise an error about them."""
     points = usable(as_cloud(original), "original cloud")
     _require_measurable(points, "original cloud")
+    frame = Frame.from_bounds(*bounds(points))
+    points = frame.near(points[first_occurrences(points)])
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
-        frame = Frame.from_bounds(*bounds(points))
-        local = frame.near(points)
-        _require_mesh_near(_local_mesh(mesh, frame), local, local, frame)
+        mesh = _local_mesh(mesh, frame)
+        _require_mesh_near(mesh, points, points, frame)
+    return points, frame, mesh
 
 
 def _qualities(mesh: Mesh) -> Points:
@@ -192,8 +193,6 @@ def judged(
     original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer, detail: Sequence[str] = ()
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
-    from gppcs.spatial.cells import first_occurrences
-
     original, simplified = as_cloud(original), as_cloud(simplified)
     before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
     _require_measurable(before, "original cloud")
@@ -230,8 +229,6 @@ def judged(
 
 def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, DetailErrors]:
     """Return the figures of some attributes."""
-    from gppcs.evaluation.detail import attribute_errors
-
     return {
         name: DetailErrors(
             error_mean=float(interpolated.mean()),
@@ -297,11 +294,6 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
 
 def _without_mesh(before: Points, after: Points, frame: Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    from gppcs.spatial.kdtree import KdTree, surface_area
-    from gppcs.spatial.spacing import areas_of_points
-    from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
-    from gppcs.surface.surface_variation import features_of_nearest
-
     tree = KdTree.build(before)
     _, to_original = tree.nearest_of(after, 1)
     _require_near(np.sqrt(to_original), "simplified cloud", after, before, frame)
@@ -367,9 +359,6 @@ def _angles(first: Points, second: Points) -> Points:
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     """Return the mean surface variation with the paper's radius, or a robust one where the box makes that wrong."""
-    from gppcs.spatial.spacing import paper_radius
-    from gppcs.surface.surface_variation import features_in_radius
-
     radius, robust = paper_radius(tree.points.T, VARIATION_NEIGHBOURS), spacing * np.sqrt(VARIATION_NEIGHBOURS / np.pi)
     if not robust / 3 <= radius <= 3 * robust:
         radius = robust
@@ -378,8 +367,6 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
 
 def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
     """Return the mesh rebuilt from points (M, 3) and its figures. Normals (M, 3) are estimated if not given."""
-    from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
-
     if normals is None:
         normals = estimated_normals(points, mesh.vertices, mesh.vertex_normals())
     rebuilt = reconstruct(points, normals)
@@ -398,8 +385,6 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, d
 
 def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: Frame) -> None:
     """Raise an error unless the mesh has an area and lies on the original; the boxes tell first."""
-    from gppcs.evaluation.reconstruction import distances_to, require_area
-
     require_area(mesh, "mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
     gaps = np.maximum(np.maximum(used.min(axis=0) - after, after - used.max(axis=0)), 0.0)

@@ -29,6 +29,8 @@ from gppcs.simplification import simplify
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.normals import estimate_normals
 
+Points = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class MeshEntry:
@@ -82,8 +84,7 @@ def compare_meshes(
     Returns
     -------
     list of MeshEntry
-        One for each pipeline: its name `pipeline`, the `mesh`, its `report`, the wall time `seconds` without the
-        compilation of kernels, and `failure`: why there is no mesh or no report, which are None then.
+        One for each pipeline, also if it finds no surface.
 
     Raises
     ------
@@ -113,7 +114,7 @@ def compare_meshes(
             f"expected a mesh of at least {MIN_VERTICES} vertices, found {count} of {len(original)} points"
         )
     _load_kernels()
-    return [_entry(pipeline, MeshTask(original, count, Timer(timer.on_progress)), mesh) for pipeline in chosen]
+    return [_entry(pipeline, original, count, mesh, Timer(timer.on_progress)) for pipeline in chosen]
 
 
 def checked_pipelines(
@@ -135,17 +136,17 @@ def checked_pipelines(
     return chosen
 
 
-def _entry(pipeline: str, task: MeshTask, mesh: Mesh | None) -> MeshEntry:
+def _entry(pipeline: str, cloud: PointCloud, count: int, surface: Mesh | None, timer: Timer) -> MeshEntry:
     """Return what one pipeline gives."""
     made, report, failure = None, None, None
-    timer = Timer()
+    clock = Timer()
     try:
-        with timer(pipeline):
-            made = PIPELINES[pipeline](task)
-        report = evaluate_mesh(task.cloud, made, mesh, task.timer)
+        with clock(pipeline):
+            made = PIPELINES[pipeline](cloud, count, timer)
+        report = evaluate_mesh(cloud, made, surface, timer)
     except InputError as error:  # no surface, or one that does not lie on the cloud, as cloud and surface are checked
         failure = str(error)
-    return MeshEntry(pipeline, made, report, timer.seconds[pipeline], failure)
+    return MeshEntry(pipeline, made, report, clock.seconds[pipeline], failure)
 
 
 @functools.cache
@@ -157,77 +158,60 @@ def _load_kernels() -> None:
         simplify(cloud, n_points=100)
 
 
-@dataclass(frozen=True)
-class MeshTask:
-    """The mesh that a pipeline is to make."""
-
-    cloud: PointCloud
-    n_vertices: int
-    timer: Timer
-
-    def kept(self) -> NDArray[np.int64]:
-        """Return the indices of the points that `gp` keeps, (M,)."""
-        return simplify(self.cloud, n_points=self.n_vertices, timer=self.timer).indices
-
-    def poisson(self, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-        """Return the screened Poisson mesh of points, (M, 3), without the parts that lie far from all of them."""
-        with self.timer("Poisson reconstruction"):
-            return without_membranes(reconstruct(points, normals), points)
+def _ours(cloud: PointCloud, n_vertices: int, timer: Timer, moved: bool, effort: int = 0) -> Mesh:
+    return meshed(cloud, n_points=n_vertices, moved=moved, effort=effort, timer=timer).mesh
 
 
-def _ours(task: MeshTask, moved: bool, effort: int = 0) -> Mesh:
-    return meshed(task.cloud, n_points=task.n_vertices, moved=moved, effort=effort, timer=task.timer).mesh
+def _poisson(points: Points, normals: Points) -> Mesh:
+    """Return the screened Poisson mesh of points, (M, 3), without the parts that lie far from all of them."""
+    return without_membranes(reconstruct(points, normals), points)
 
 
-def _with_normals(
-    task: MeshTask, kept: bool, join: Callable[[MeshTask, NDArray[np.float64], NDArray[np.float64]], Mesh]
-) -> Mesh:
-    """Join points, those that `gp` keeps or all, with normals of the surface of all."""
-    points, frame = normalised(task.cloud.points)
-    vertices = points[task.kept()] if kept else points
-    with task.timer("normals"):
-        normals = estimate_normals(points, vertices if kept else None)
-    made = join(task, vertices, normals)
+def _of_kept(cloud: PointCloud, n_vertices: int, timer: Timer, join: Callable[[Points, Points], Mesh]) -> Mesh:
+    """Join the points that `gp` keeps, with normals of the surface of all."""
+    points, frame = normalised(cloud.points)
+    vertices = points[simplify(cloud, n_points=n_vertices, timer=timer).indices]
+    with timer("normals"):
+        normals = estimate_normals(points, vertices)
+    with timer("joining points"):
+        made = join(vertices, normals)
     return Mesh(frame.world(made.vertices), made.faces)
 
 
-def _decimated(task: MeshTask, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    rebuilt = task.poisson(points, normals)
-    with task.timer("decimation"):
-        return decimated(rebuilt, 2 * task.n_vertices)
+def _decimated(cloud: PointCloud, n_vertices: int, timer: Timer) -> Mesh:
+    """Join all points, and thin the mesh."""
+    points, frame = normalised(cloud.points)
+    with timer("normals"):
+        normals = estimate_normals(points)
+    with timer("Poisson reconstruction"):
+        rebuilt = _poisson(points, normals)
+    with timer("decimation"):
+        made = decimated(rebuilt, 2 * n_vertices)
+    return Mesh(frame.world(made.vertices), made.faces)
 
 
-def _pivoted(task: MeshTask, points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
-    with task.timer("ball pivoting"):
-        return ball_pivoted(points, normals)
-
-
-def _advancing_front(task: MeshTask) -> Mesh:
-    """Join the kept points by CGAL's advancing front (Cohen-Steiner and Da 2004)."""
+def _advancing_front(vertices: Points, _: Points) -> Mesh:
+    """Join points by CGAL's advancing front (Cohen-Steiner and Da 2004)."""
     point, point_set = require_cgal("Kernel").Point_3, require_cgal("Point_set_3").Point_set_3
     front = require_cgal("Advancing_front_surface_reconstruction")
-    kept = task.cloud.points[task.kept()]
-    vertices, _ = normalised(kept)
     corners: list[int] = []
-    with task.timer("advancing front"):
-        points = point_set()
-        for vertex in vertices.tolist():
-            points.insert(point(*vertex))
-        front.advancing_front_surface_reconstruction(points, corners)
-        if not corners:
-            raise NoSurfaceError(f"the advancing front joined none of the {len(kept)} points")
-        mesh = oriented_alike(Mesh(vertices, np.reshape(corners, (-1, 3))))  # CGAL gives corners in any order
-        return Mesh(kept, mesh.faces)
+    points = point_set()
+    for vertex in vertices.tolist():
+        points.insert(point(*vertex))
+    front.advancing_front_surface_reconstruction(points, corners)
+    if not corners:
+        raise NoSurfaceError(f"the advancing front joined none of the {len(vertices)} points")
+    return oriented_alike(Mesh(vertices, np.reshape(corners, (-1, 3))))  # CGAL gives corners in any order
 
 
-PIPELINES: Mapping[str, Callable[[MeshTask], Mesh]] = {
+PIPELINES: Mapping[str, Callable[[PointCloud, int, Timer], Mesh]] = {
     "mesh": partial(_ours, moved=False),
     "mesh-moved": partial(_ours, moved=True),
     "mesh-effort": partial(_ours, moved=True, effort=2),
-    "poisson-kept": partial(_with_normals, kept=True, join=MeshTask.poisson),
-    "poisson-decimated": partial(_with_normals, kept=False, join=_decimated),
-    "ball-pivoting": partial(_with_normals, kept=True, join=_pivoted),
-    "advancing-front": _advancing_front,
+    "poisson-kept": partial(_of_kept, join=_poisson),
+    "poisson-decimated": _decimated,
+    "ball-pivoting": partial(_of_kept, join=ball_pivoted),
+    "advancing-front": partial(_of_kept, join=_advancing_front),
 }
 
 

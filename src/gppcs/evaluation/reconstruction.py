@@ -24,9 +24,7 @@ MEMBRANE = 4.0  # distance from all points beyond which a rebuilt surface is cut
 
 
 def estimated_normals(
-    points: NDArray[np.float64],
-    positions: NDArray[np.float64] | None = None,
-    guides: NDArray[np.float64] | None = None,
+    points: NDArray[np.float64], positions: NDArray[np.float64] | None = None, guides: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """Return normals, (M, 3), from planes fitted to the nearest points, signed as guides at positions, (V, 3)."""
     meshes = _mesh_set(points)

@@ -135,17 +135,7 @@ class MeshReport(Figures):
     )
 
     def figures(self, relative: bool = False) -> dict[str, float]:
-        """Return all figures by name.
-
-        Parameters
-        ----------
-        relative : bool
-            Whether to divide lengths by the diagonal. The diagonal itself stays.
-
-        Returns
-        -------
-        dict of str to float
-        """
+        """Return all figures by name, as `Report.figures` does."""
         return self.values_in(self.diagonal if relative else 1.0) | {"diagonal": self.diagonal}
 
 

@@ -20,7 +20,7 @@ N, M = 3000, 300
 
 def written(page):
     file = io.BytesIO()
-    page.write(file)
+    file.write(page.content())
     return WebPage(file.getvalue().decode())
 
 

@@ -83,7 +83,7 @@ def seen(node, browser, scan, kept, tmp_path_factory):
     paths = folder / "report.html", folder / "view.html"
     for path, each in zip(paths, (page, view_page([Named("street.ply", scene)], [])), strict=True):
         with open(path, "wb") as file:
-            each.write(file)
+            file.write(each.content())
     run = subprocess.run([node, VIEWER / "drive.mjs", browser, *paths], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return json.loads(run.stdout)

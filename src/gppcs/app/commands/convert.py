@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, note_left_out, started
 from gppcs.errors import ParameterError
 
@@ -35,8 +34,7 @@ def convert(
     ] = None,
     invalid: options.Invalid = "error",
     assume_same_crs: Annotated[
-        bool,
-        option("Give all files of one cloud the coordinate system of the first file.", None, "--assume-same-crs"),
+        bool, option("Give all files of one cloud the coordinate system of the first file.", None, "--assume-same-crs")
     ] = False,
     memory: options.Memory = None,
     force: options.Force = False,
@@ -49,6 +47,7 @@ def convert(
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
+    from gppcs.app.outputs import check_output
     from gppcs.clouds.quantities import bytes_of
     from gppcs.streaming.copc import write_beyond_memory
 
@@ -59,15 +58,15 @@ def convert(
         raise ParameterError("expected --memory with a name that ends in .copc.laz, found another")
     check_output(target, [source, *options.files_of_inside(inside)], force)
     part = (input_format, names_of(columns), inside or None, only, resolution, assume_same_crs)
-    if has_levels and not io.is_standard(source):
-        limit = None if memory is None else bytes_of(memory)
-        with io.CloudFiles([source], *part) as clouds:
+    with io.CloudFiles([source], *part) as clouds:
+        if has_levels and not io.is_standard(source):
+            limit = None if memory is None else bytes_of(memory)
             dropped = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
-        if dropped is not None:
-            note_left_out(target, dropped)
-            return
-    with timer("reading"), io.CloudFiles([source], *part) as clouds:
-        cloud, unread = clouds.read(), clouds.skipped()
+            if dropped is not None:
+                note_left_out(target, dropped)
+                return
+        with timer("reading"):
+            cloud, unread = clouds.read(), clouds.skipped()
     if invalid == "drop" and (n := int((~cloud.is_finite()).sum())):
         cloud = cloud[cloud.is_finite()]
         unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]

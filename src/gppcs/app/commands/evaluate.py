@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import gppcs
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.printing import emit, length_in_words, names_of, print_error, started, text_of
+from gppcs.app.printing import emit, names_of, print_error, started, text_of
 from gppcs.errors import ParameterError
 from gppcs.evaluation.report import DetailErrors, Figures, MeshReport, Rebuilt, Report, definition_of
 
@@ -52,28 +53,24 @@ def evaluate(
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
     from gppcs import io
     from gppcs.clouds.quantities import unit_of
-    from gppcs.evaluation.judge import evaluate as measured
-    from gppcs.evaluation.judge import evaluate_mesh
-    from gppcs.io.mesh_files import read_mesh
 
     timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
         raise ParameterError("expected either SIMPLIFIED or --simplified-mesh, found both or neither")
     if detail and simplified_mesh:
         raise ParameterError("expected --detail with SIMPLIFIED, found --simplified-mesh")
-    surface = read_mesh(mesh) if mesh else None
-    judged = read_mesh(simplified_mesh) if simplified_mesh else None
+    surface = gppcs.read_mesh(mesh) if mesh else None
+    judged = gppcs.read_mesh(simplified_mesh) if simplified_mesh else None
     with timer("reading"):
-        inputs = [original, *([simplified] if simplified else [])]
-        read = io.read_each(inputs, input_format, names_of(columns))
+        read = io.read_each([original, *filter(None, [simplified])], input_format, names_of(columns))
     if simplified and (faces := read[1][1]):
         print_error(f"note: {simplified}: only its points are judged; for its {faces:,} faces, use --simplified-mesh")
     clouds = [cloud[cloud.is_finite()] for cloud, _ in read]
     report: Report | MeshReport
     if judged:
-        report = evaluate_mesh(clouds[0], judged, surface, timer)
+        report = gppcs.evaluate_mesh(clouds[0], judged, surface, timer)
     else:
-        report = measured(clouds[0], clouds[1], surface, timer, detail or ())
+        report = gppcs.evaluate(clouds[0], clouds[1], surface, timer, detail or ())
     record = {
         "original": str(original),
         **({"simplified_mesh": str(simplified_mesh)} if judged else {"simplified": str(simplified)}),
@@ -93,14 +90,14 @@ def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
     figures, relative = report.figures(), report.figures(relative=True)
     table = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
     for name, value in figures.items():
-        known_unit = definition_of(name).unit
-        if known_unit == "length":
-            text = length_in_words(value, unit, None if name == "diagonal" else report.diagonal)
-        elif known_unit == "squared length":
-            text = f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)"
-        elif known_unit == "share":
-            text = f"{100 * value:.4g} %"
+        kind = definition_of(name).unit
+        if kind == "length":
+            part = "" if name == "diagonal" else f"  ({relative[name]:.3%} of the diagonal)"
+            table[name] = f"{value:.4g} {unit or ''}".rstrip() + part
+        elif kind == "squared length":
+            table[name] = f"{value:.4g}  ({relative[name]:.3g} of the squared diagonal)"
+        elif kind == "share":
+            table[name] = f"{100 * value:.4g} %"
         else:
-            text = text_of(value) + (" degrees" if known_unit == "degrees" else "")
-        table[name] = text
+            table[name] = text_of(value) + (" degrees" if kind == "degrees" else "")
     return table

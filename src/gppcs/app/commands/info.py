@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import gppcs
 from gppcs.app import options
-from gppcs.app.outputs import sources_of
 from gppcs.app.printing import emit, for_each, names_of, text_of
 
 if TYPE_CHECKING:
-    from gppcs.clouds.cloud import PointCloud
+    from gppcs.clouds.summary import Summary
 
 EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
@@ -32,37 +32,23 @@ def info(
     still shown, and the exit code is 2.
     """
     from gppcs import io
+    from gppcs.app.outputs import sources_of
 
     def show_info(file: Path) -> None:
         with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
-            _print(file, clouds.read(), clouds.n_faces, as_json)
+            summary, faces = gppcs.info(clouds.read()), clouds.n_faces
+        emit({"file": str(file), **asdict(summary), "faces": faces}, as_json, False, str(file), _table(summary, faces))
 
     for_each(sources_of(files), show_info)
 
 
-def _print(file: Path, cloud: PointCloud, faces: int, as_json: bool) -> None:
-    """Print the facts about one file."""
-    from gppcs.clouds.summary import info as summarise
-
-    summary = summarise(cloud)
-    record = {"file": str(file), **dataclasses.asdict(summary), "faces": faces}
-    table = {
-        name: value
-        for name, value in record.items()
-        if value is not None and name not in ("file", "attributes", "ranges")
-    }
+def _table(summary: Summary, faces: int) -> dict[str, Any]:
+    """Return the facts about one file, for a table."""
+    table = asdict(summary) | {"unit": summary.unit or "the file does not say it", "faces": faces}
+    kinds, ranges = table.pop("attributes"), table.pop("ranges")
     for name in ("minimum", "maximum"):
         table[name] = "  ".join(f"{value:.9g}" for value in table[name])  # may be far away
-    table["unit"] = summary.unit or "the file does not say it"
-    for name, kind in summary.attributes.items():
-        kind = re.sub(r"^[<>]U\d+", "text", kind)
-        table[f"attribute {name}"] = f"{kind:<8}  {_written(summary.ranges[name])}"
-    emit(record, as_json, False, str(file), table)
-
-
-def _written(limits: tuple[float, float] | None) -> str:
-    """Return the range of an attribute."""
-    if limits is None:
-        return ""
-    smallest, largest = map(text_of, limits)
-    return smallest if smallest == largest else f"{smallest} to {largest}"
+    for name, limits in ranges.items():
+        kind = re.sub(r"^[<>]U\d+", "text", kinds[name])
+        table[f"attribute {name}"] = f"{kind:<8}  {' to '.join(dict.fromkeys(map(text_of, limits or ())))}"
+    return {name: value for name, value in table.items() if value is not None}

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import gppcs
 from gppcs.app import options
 from gppcs.app.options import SIZE, option
 from gppcs.app.printing import emit, names_of, note_left_out, print_error, record_of_run, started, time_in_words
@@ -69,7 +70,6 @@ def mesh(
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import check_mesh_storable, mesh_format_of, write_mesh
     from gppcs.meshing.arguments import Size
-    from gppcs.meshing.pipeline import mesh as meshed
 
     timer = started(quiet, threads)
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
@@ -80,14 +80,11 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        clouds = [read for read, _ in io.read_each(files, input_format, names_of(columns))]
-        original = clouds[0]
-        kept = _indices_of(original, clouds[1], keep_points) if keep_points else None
+        original, *others = (read for read, _ in io.read_each(files, input_format, names_of(columns)))
+        kept = _indices_of(original, others[0], keep_points) if keep_points else None
     check_mesh_storable(output, original, lossy)
     with naming(cloud):
-        result = meshed(
-            original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer
-        )  # fmt: skip
+        result = gppcs.mesh(original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer)
     with timer("writing"):
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, dropped)
@@ -120,9 +117,9 @@ def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[A
         return finite  # `mesh` says what is wrong with the cloud
     nearest, squared = KdTree.build(original.points[finite]).nearest_of(points, 1)
     if len(strange := np.flatnonzero(squared[:, 0] > 0)):
+        first = f"found {len(strange)} that are none, the first at index {strange[0]}"
         raise InputError(
-            f"{path}: expected points of the cloud, found {len(strange)} that are none, the first at index "
-            f"{strange[0]}: methods that move points, such as wlop, give no such points"
+            f"{path}: expected points of the cloud, {first}; methods that move points, such as wlop, give none"
         )
     return finite[nearest[:, 0]]
 
@@ -141,15 +138,10 @@ def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved:
     if diagnostics.open_holes:
         yield f"the mesh has small holes ({diagnostics.open_holes:,}) where triangles would cut others"
     if diagnostics.outliers or diagnostics.off_surface:
-        yield (
-            f"points that the tolerance does not cover: {diagnostics.outliers:,} outliers, and "
-            f"{diagnostics.off_surface:,} that the full mesh misses, too; gppcs evaluate IN --simplified-mesh OUT "
-            "measures all points"
-        )
+        misses = f"{diagnostics.outliers:,} outliers, and {diagnostics.off_surface:,} that the full mesh misses, too"
+        yield f"points that the tolerance does not cover: {misses}; see gppcs evaluate IN --simplified-mesh OUT"
     if tolerance is None and noise and not moved:
         yield f"the points have noise of about {noise:.4g}, and so has their mesh; --moved removes it"
     if tolerance is not None and noise > tolerance:
-        yield (
-            f"the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}: the mesh follows the "
-            "noise; give a larger tolerance, or --points M with --moved"
-        )
+        below = f"the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}"
+        yield f"{below}, which the mesh follows; give a larger tolerance, or --points M with --moved"

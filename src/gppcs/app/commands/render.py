@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import Annotated
 
 from gppcs.app import options
-from gppcs.app.outputs import check_output
-from gppcs.app.pages import different_names
 from gppcs.app.printing import names_of, note_left_out, print_error, say, started, visible
 from gppcs.errors import ParameterError, shown
-
-if TYPE_CHECKING:
-    from gppcs.clouds.cloud import PointCloud
-    from gppcs.drawing.camera import Viewpoint
 
 EPILOG = (
     "gppcs render scan.ply -o scan.png\n\n"
@@ -31,10 +24,7 @@ def render(
         options.files("IN [SIMPLIFIED]", "A cloud, and a simplified cloud to draw beside it; or a mesh (extra view)."),
     ],
     output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
-    colour: Annotated[
-        str | None,
-        options.option("What the colours show: rgb, variation (surface variation), or an attribute.", metavar="NAME"),
-    ] = None,
+    colour: options.Colour = None,
     size: Annotated[str, options.option("Size in pixels, of one cloud or mesh.", metavar="WIDTHxHEIGHT")] = "1280x960",
     view: options.View = None,
     up: options.Up = None,
@@ -51,7 +41,10 @@ def render(
     default, one cloud or mesh has its RGB; a cloud without it, and two clouds, show surface variation.
     """
     from gppcs import io
+    from gppcs.app.outputs import check_output
+    from gppcs.app.pages import different_names, draw_beside
     from gppcs.drawing.single import checked_size, draw_single
+    from gppcs.drawing.web.layers import Named
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import mesh_of
@@ -65,8 +58,11 @@ def render(
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
         clouds = [io.read(source, input_format, names_of(columns)) for source in sources]
+        original, kept = (cloud[cloud.is_finite()] for cloud in clouds)
+        first, second = map(visible, different_names(sources))
+        caption = f"{len(kept) / max(len(original), 1):.1%} of the points"
         with io.whole_output(output, force) as file:
-            _draw_beside(file, clouds, [*map(visible, different_names(sources))], viewpoint, colour)
+            draw_beside(file, Named(first, original), [(Named(second, kept), caption)], viewpoint, colour, close_ups=0)
         if not quiet and not io.is_standard(output):
             say(f"{output}: {len(clouds[0]):,} and {len(clouds[1]):,} points beside each other")
         return
@@ -75,30 +71,16 @@ def render(
         cloud, faces, unread = files.read(), files.n_faces, files.skipped()
     mesh = mesh_of(source, faces)
     with naming(source), io.whole_output(output, force) as file:
-        drawn = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
+        title, excluded, outside = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if faces and mesh is None:
         note_left_out(output, unread)
-    if drawn.excluded:
-        print_error(f"note: {source}: {drawn.excluded:,} points with NaN or infinite coordinates are left out")
-    if drawn.outside:
-        print_error(f"note: {source}: {drawn.outside:,} points lie far from all others, outside the picture")
+    if excluded:
+        print_error(f"note: {source}: {excluded:,} points with NaN or infinite coordinates are left out")
+    if outside:
+        print_error(f"note: {source}: {outside:,} points lie far from all others, outside the picture")
     if not quiet and not io.is_standard(output):
-        coloured = f", coloured by {drawn.colour}" if drawn.colour else ""
+        coloured = f", coloured by {title}" if title else ""
         say(f"{output}: {pixels[0]} x {pixels[1]} pixels{coloured}")
-
-
-def _draw_beside(
-    file: BinaryIO, clouds: Sequence[PointCloud], names: Sequence[str], viewpoint: Viewpoint, colour: str | None
-) -> None:
-    """Draw a simplified cloud beside its original. Each point has the colour of the nearest original one."""
-    from gppcs.drawing.cloud_images import painted
-    from gppcs.drawing.side_by_side import Column, draw_comparison
-
-    finite = [cloud[cloud.is_finite()] for cloud in clouds]
-    original, legend = painted(finite[0], colour)
-    caption = f"{len(finite[1]) / len(finite[0]):.1%} of the points"
-    columns = [Column(names[0], original, "", None), Column(names[1], original.at(finite[1].points), caption, None)]
-    draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def _numbers(size: str) -> tuple[int, int]:

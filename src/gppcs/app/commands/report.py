@@ -9,7 +9,6 @@ import typer
 
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
 
 if TYPE_CHECKING:
@@ -49,6 +48,7 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
+    from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
@@ -70,7 +70,7 @@ def report(
     clouds = [Named(*named) for named in zip(names, read, surfaces, strict=True)]
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
-        page.write(file)
+        file.write(page.content())
     for note in page.described["notes"]:
         print_error(f"note: {note}")
     if not quiet and not io.is_standard(output):

@@ -10,7 +10,6 @@ import typer
 from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.outputs import check_output
 from gppcs.app.printing import emit, note_left_out, say, started
 from gppcs.clouds.quantities import count_of
 
@@ -53,6 +52,7 @@ def sample(
     With --to, the name - stands for standard output.
     """
     from gppcs import io, scans
+    from gppcs.app.outputs import check_output
 
     started(quiet)
     chosen = io.format_to_write(output, output_format, ascii)

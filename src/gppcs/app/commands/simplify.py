@@ -8,10 +8,9 @@ from typing import Annotated, Any
 
 from gppcs.amounts.options import Options
 from gppcs.app import options
-from gppcs.app.levels import sizes_of
 from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, from_field, option
-from gppcs.app.outputs import outputs_of
-from gppcs.app.printing import emit, for_each, say, say_aside, started
+from gppcs.app.printing import emit, for_each, print_error, say, started
+from gppcs.clouds.quantities import size_of
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
 
@@ -122,6 +121,7 @@ def simplify(
     """
     arguments = {name: value for name, value in locals().items() if name in HELP}
     from gppcs.amounts.options import method_of, require
+    from gppcs.app.outputs import outputs_of
     from gppcs.app.runs import Job, plan_job, run_job
     from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct, is_standard
@@ -134,17 +134,15 @@ def simplify(
         "inside": inside or None,
         "format": input_format,
     }
-    sizes = () if levels is None else sizes_of(levels)
-    _check_together(arguments, bool(sizes), index, mark)
+    sizes = () if levels is None else _sizes(levels)
+    _check_together(arguments | {"levels": levels, "index": index, "mark": mark})
     if sizes:
         arguments |= {"ratio": sizes[-1]} if sizes[-1] < 1 else {"n_points": round(sizes[-1])}
     job = Job(Options(**arguments), sizes, index, mark, force, lossy)
     if sizes:
         require(job.options.algorithm, Feature.RANKING)
     if dry_run and job.options.size is None:
-        raise ParameterError(
-            "expected ratio or n_points with --dry-run, as the number of points is known only after the work"
-        )
+        raise ParameterError("expected ratio or n_points with --dry-run, as other options need the points themselves")
     if mark is not None and job.options.algorithm.moves_points:
         raise ParameterError("expected mark with a method that moves no points, as it writes them where they were")
     outputs = {result.sources[0]: result for result in outputs_of(inputs, output, output_format, len(sizes))}
@@ -154,10 +152,11 @@ def simplify(
 
     def work(source: Path) -> None:
         result = outputs[source]
-        record, line, rows = plan_job(job, result) if dry_run else run_job(job, result, Timer(timer.on_progress))
+        record, rows = plan_job(job, result) if dry_run else run_job(job, result, Timer(timer.on_progress))
+        line = ", ".join(rows[name].partition(";")[0] for name in ("points", "memory", "time") if name in rows)
         if is_standard(result.targets[-1]) and not dry_run:  # where only the cloud goes
             if not quiet:
-                say_aside(f"{result.title}: {line}")
+                print_error(f"{result.title}: {line}")
         elif len(outputs) > 1 and not (quiet or as_json):
             say(f"{result.title}: {line}")
         else:
@@ -166,19 +165,28 @@ def simplify(
     for_each(outputs, work)
 
 
-def _check_together(arguments: Mapping[str, Any], has_levels: bool, index: bool, mark: str | None) -> None:
+def _check_together(arguments: Mapping[str, Any]) -> None:
     """Check that the options go together of which the library does not know."""
-    if mark == "":
+    if arguments["mark"] == "":
         raise ParameterError("expected mark with the name of an attribute, found nothing")
-    if mark is not None and (index or arguments["normals"] or arguments["scores"]):
-        raise ParameterError("expected mark without normals, scores and index, which only kept points have")
-    if not has_levels:
-        return
-    for name in ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group"):
-        if arguments[name] is not None:
-            raise ParameterError(f"expected levels without {name}, found both")
-    if mark is not None:
-        raise ParameterError("expected levels without mark, found both")
+    sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group")
+    for name, excluded in {"mark": ("index", "normals", "scores"), "levels": (*sizes, "mark")}.items():
+        for other in excluded:
+            if arguments[name] and arguments[other]:
+                raise ParameterError(f"expected {name} without {other}, found both")
+
+
+def _sizes(levels: str) -> tuple[float, ...]:
+    """Return the sizes of levels, from coarse to fine: either fractions of the points or numbers."""
+    values = [size_of("levels", value.strip()) for value in levels.split(",")]
+    sizes = sorted(set(values))
+    if len(values) > 256:
+        raise ParameterError(f"expected levels with at most 256 sizes, found {len(values)}")
+    if sizes[0] < 1 <= sizes[-1]:
+        raise ParameterError(f"expected levels with fractions or with numbers, found both in {shown(levels)}")
+    if len(sizes) < len(values):
+        raise ParameterError(f"expected levels with different sizes, such as 10%,3%,1%, found {shown(levels)}")
+    return tuple(sizes)
 
 
 def _settings(settings: list[str] | None) -> dict[str, str]:
@@ -193,7 +201,5 @@ def _condition_and_number(quota: str) -> tuple[str, str]:
     """Return condition and number of a quota, given as CONDITION: NUMBER."""
     condition, colon, number = quota.rpartition(":")
     if not colon or not condition.strip() or not number.strip():
-        raise ParameterError(
-            f"expected quota as 'CONDITION: NUMBER', such as 'classification == 6: 10%', found {shown(quota)}"
-        )
+        raise ParameterError(f"expected quota as CONDITION: NUMBER, such as 'z > 6: 10%', found {shown(quota)}")
     return condition.strip(), number.strip()

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gppcs.app import options
-from gppcs.app.outputs import check_output
 from gppcs.app.printing import names_of, print_error, say, started
 
 if TYPE_CHECKING:
@@ -42,6 +41,7 @@ def view(
     at an address of this machine, and asks for the points that are looked at until Ctrl-C ends the command.
     """
     from gppcs import io
+    from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
     from gppcs.drawing.web.contents import Named, view_page
     from gppcs.drawing.web.layers import MOST_SHOWN
@@ -64,15 +64,13 @@ def view(
                 return
     with timer("reading"):
         read = io.read_each(inputs, input_format, names_of(columns))
-        clouds = [
-            Named(name, cloud, mesh_of(path, faces))
-            for name, path, (cloud, faces) in zip(different_names(inputs), inputs, read, strict=True)
-        ]
+        named = zip(different_names(inputs), inputs, read, strict=True)
+        clouds = [Named(name, cloud, mesh_of(path, faces)) for name, path, (cloud, faces) in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
     with io.whole_output(output, force) as file:
-        page.write(file)
+        file.write(page.content())
     if io.is_standard(output):
         return
     if not quiet:

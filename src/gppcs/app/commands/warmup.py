@@ -24,10 +24,7 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     from gppcs.methods import METHODS
 
     if not folder_to_write():
-        raise OutputError(
-            "expected a folder to keep compiled kernels in, but neither that of gppcs nor the user's cache folder can "
-            "be written; set NUMBA_CACHE_DIR to a folder that can"
-        )
+        raise OutputError("expected a folder for kernels that can be written, found none; set NUMBA_CACHE_DIR to one")
     start = perf_counter()
     with started(quiet)("compiling kernels", len(METHODS)) as on_progress:
         compiled, folders = compile_all(on_progress)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,17 +57,16 @@ class Page:
         ]
         return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
 
-    def write(self, file: BinaryIO) -> None:
-        """Write the page."""
+    def content(self) -> bytes:
+        """Return the page."""
         before, after = (files("gppcs.drawing.web") / "page.html").read_bytes().split(b"<!--DATA-->")
         json = strict_json(self.described)
         for character in "<>&":  # they could end the element
             json = json.replace(character, f"\\u{ord(character):04x}")
         texts = {f"block{number}": ("text/plain", text) for number, text in enumerate(self.blocks.texts)}
-        file.write(before)
-        for name, (kind, text) in {"description": ("application/json", json), **texts}.items():
-            file.write(f'<script id="{name}" type="{kind}">{text}</script>\n'.encode("ascii"))
-        file.write(after)
+        elements = {"description": ("application/json", json), **texts}.items()
+        scripts = [f'<script id="{name}" type="{kind}">{text}</script>\n' for name, (kind, text) in elements]
+        return before + "".join(scripts).encode("ascii") + after
 
 
 def report_page(
@@ -104,7 +103,8 @@ def report_page(
         except InputError as error:
             layer.note(f"there are no figures: {error}.")
     extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
-    lead = f"{len(original.cloud):,} points beside {_counted(results)}"
+    sizes = " and ".join(f"{len(result.cloud):,}" for result in results)
+    lead = f"{len(original.cloud):,} points beside {sizes}"
     said = {"title": original.name, "lead": lead, "made": made, "unit": unit}
     diagonal = math.hypot(*extent)  # which does not overflow
     return Page.from_layers(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
@@ -147,13 +147,6 @@ def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -
         report = evaluate(original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
-
-
-def _counted(results: Sequence[Named]) -> str:
-    """Return in words how many results there are, of how many points."""
-    counts = sorted(len(result.cloud) for result in results)
-    sizes = f"{counts[0]:,}" if counts[0] == counts[-1] else f"{counts[0]:,} to {counts[-1]:,}"
-    return f"{'a result' if len(results) == 1 else f'{len(results)} results'} of {sizes}"
 
 
 def _lie_together(layers: Sequence[Layer]) -> bool:

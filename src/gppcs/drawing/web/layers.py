@@ -12,7 +12,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import CLASSES
 from gppcs.drawing.colours import KINDS, Colourable, kinds_of, scale_ends
-from gppcs.drawing.estimates import AROUND, disc_radii, estimates
+from gppcs.drawing.estimates import disc_radii, estimates
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
@@ -59,10 +59,7 @@ class Surface(NamedTuple):
     def spacings(self) -> NDArray[np.float64]:
         """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
         local, frame = normalised(self.cloud.points)
-        count = self.tree.points.shape[1]
-        nearest, squared = self.tree.in_own_order().nearest_of(local, min(AROUND + 1, count))
-        sixth = np.sqrt(squared[:, min(6, count - 1)])  # 1.4 mean spacings away
-        return frame.lengths(disc_radii(self.tree.points.T, nearest, sixth) / 1.4)
+        return frame.lengths(disc_radii(self.tree, local) / 1.4)  # the sixth neighbour is 1.4 mean spacings away
 
 
 def spread(spacings: NDArray[np.float64], minimum: float) -> tuple[float, NDArray[np.uint8]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -44,12 +43,9 @@ class Levels:
         layer.note(f"{len(cloud):,} of {total:,} points are here at once, the others as far as you look at them.")
         self._values, self._full = layer.described["values"], Colourable.from_cloud(named.cloud).full
         said: dict[str, Any] = {"title": name, "lead": f"{total:,} points, shown by level", "made": made}
-        content = BytesIO()
-        Page.from_layers([layer], blocks, viewpoint, **said, diagonal=0.0, unit=unit_of(cloud.header) or "").write(
-            content
-        )
+        page = Page.from_layers([layer], blocks, viewpoint, **said, diagonal=0.0, unit=unit_of(cloud.header) or "")
         policy = b"default-src 'none';"  # the page may load nothing but nodes
-        self.page = content.getvalue().replace(policy, policy + b" connect-src 'self';", 1)
+        self.page = page.content().replace(policy, policy + b" connect-src 'self';", 1)
 
     def __len__(self) -> int:
         """Return the number of nodes."""
