@@ -22,7 +22,13 @@ def stored_in(folder, cuts=()):
     split = [part for part in np.split(records, cuts) if len(part)]
     written = [write_run(folder, f"{number}.run", boxes, part) for number, part in enumerate(split)]
     return StoredPoints(
-        folder, boxes, sum(counts for _, counts in written), tuple(run for run, _ in written), RECORD, POINTS[:1_000]
+        folder,
+        boxes,
+        sum(counts for _, counts in written),
+        tuple(run for run, _ in written),
+        RECORD,
+        POINTS[:1_000],
+        len(POINTS),
     )
 
 

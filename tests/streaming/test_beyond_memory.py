@@ -225,6 +225,19 @@ def test_repeats_are_chosen_last(tmp_path, method):
     assert len(np.unique(result.cloud.points, axis=0)) == 300
 
 
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("n_places", [1, 2, 3, 40, 900])
+def test_few_different_places(tmp_path, monkeypatch, method, n_places):
+    monkeypatch.setattr("gppcs.streaming.scan.SAMPLED", 200)
+    rng = np.random.default_rng(n_places)
+    points = rng.random((n_places, 3))[rng.integers(n_places, size=20_000)]
+    path = written(tmp_path, gppcs.PointCloud(points))
+    for count in (1, 10, 500):
+        result = gppcs.simplify(path, n_points=count, method=method, memory=MEMORY)
+        assert len(np.unique(result.indices)) == count
+        assert len(np.unique(result.cloud.points, axis=0)) == min(count, n_places)
+
+
 def test_invalid_points_are_told_or_dropped(tmp_path):
     cloud = gppcs.sample("bracket", 9_000)
     cloud.points[[5_005, 7_000]] = np.nan

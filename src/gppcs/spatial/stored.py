@@ -69,6 +69,7 @@ class StoredPoints:
     runs: tuple[Run, ...]
     kind: np.dtype[Any]  # Of a record: its fields are "row", "place" and others
     sample: Floats  # (n, 3), A random sample of the points, without repeats
+    n_places: int  # Number of different points, about
     mean_weight: float = 1.0  # Mean of the weights, in units of the largest, if each record has a "weight"
 
     def __len__(self) -> int:

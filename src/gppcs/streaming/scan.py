@@ -35,6 +35,7 @@ from gppcs.streaming import plan
 
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one needed, so that there are hardly ever too few.
+FEWEST = 256  # Sampled points, if there are so many different ones.
 RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
 
 
@@ -55,7 +56,7 @@ class Overview:
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
     # The files of the chunks on disk, each with the index of its first point and the number of its stored points.
     chunks: list[tuple[str, int, int]] = field(default_factory=list)
-    # A random sample (m, 3) of the stored points with their attributes, and the numbers (m,) by which it was drawn.
+    # A random sample (m, 3) of the different stored points with their attributes, and the numbers (m,) by which it was drawn.
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: Floats = field(default_factory=lambda: np.empty((0, 3)))
     sample_columns: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -84,14 +85,17 @@ class Overview:
         for name, values in other.sample_columns.items():
             earlier = self.sample_columns.get(name)
             self.sample_columns[name] = values if earlier is None else np.concatenate([earlier, values])
-        if len(self.hashes) > 4 * SAMPLED:  # there are more points than were expected
-            smallest = np.argpartition(self.hashes, 2 * SAMPLED)[: 2 * SAMPLED]
-            self.hashes, self.sample = self.hashes[smallest], self.sample[smallest]
-            self.sample_columns = {name: values[smallest] for name, values in self.sample_columns.items()}
+        if len(self.hashes) > 4 * SAMPLED:  # there are repeats, or more points than were expected
+            self.keep_sampled(np.unique(self.hashes, return_index=True)[1][: 2 * SAMPLED])
         self.labels += other.labels
         self.groups += other.groups
         self.source_counts.append(other.count)
         self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
+
+    def keep_sampled(self, indices: Ints) -> None:
+        """Keep only some points of the sample, (n,)."""
+        self.hashes, self.sample = self.hashes[indices], self.sample[indices]
+        self.sample_columns = {name: values[indices] for name, values in self.sample_columns.items()}
 
 
 def read_all(
@@ -104,6 +108,7 @@ def read_all(
         for part in map_parts(read, list(enumerate(sources))):
             overview.add(part)
             on_progress(part.count)
+    overview.keep_sampled(_sampled(overview.hashes, fraction))
     return overview
 
 
@@ -145,10 +150,22 @@ def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options
     overview.lower, overview.upper = bounds(points)
     overview.keep, overview.keep_points = finite[constraints.keep], cloud.points[finite[constraints.keep]]
     hashes = point_hashes(points)
-    sampled = np.flatnonzero(hashes < fraction * HASHES) if fraction < 1.0 else np.arange(len(hashes))
+    sampled = _sampled(hashes, fraction)
     overview.hashes, overview.sample = hashes[sampled], points[sampled]
     overview.sample_columns = {name: values[usable[sampled]] for name, values in constraints.columns.items()}
     return overview
+
+
+def _sampled(hashes: NDArray[np.uint64], fraction: float) -> Ints:
+    """Return the indices of a sample of different points, ascending: those of the smallest hashes, and not too few."""
+    drawn = fraction
+    while True:
+        below = np.flatnonzero(hashes < drawn * HASHES) if drawn < 1.0 else np.arange(len(hashes))
+        different, first = np.unique(hashes[below], return_index=True)
+        if len(different) >= FEWEST or drawn >= 1.0:
+            count = max(FEWEST, np.count_nonzero(different < fraction * HASHES))
+            return np.sort(below[first[:count]])
+        drawn *= 4.0
 
 
 def _raw_type(is_weighted: bool, n_columns: int) -> np.dtype[Any]:
@@ -182,7 +199,16 @@ def sorted_by_boxes(
             for name, _, count in group:
                 (folder / name).unlink()
                 on_progress(count)
-    return StoredPoints(folder, boxes, counts, tuple(runs), record, sample, overview.weights.mean)
+    n_places = _number_of_places(overview.hashes, overview.stored)
+    return StoredPoints(folder, boxes, counts, tuple(runs), record, sample, n_places, overview.weights.mean)
+
+
+def _number_of_places(hashes: NDArray[np.uint64], n: int) -> int:
+    """Return about how many of n points are different, from the smallest hashes of these (Bar-Yossef et al. 2002)."""
+    if len(hashes) < FEWEST:
+        return len(hashes)
+    estimate = (len(hashes) - 1) * HASHES / float(hashes.max())
+    return n if estimate > 0.75 * n else round(estimate)  # no less of a cloud without repeats
 
 
 def _sorted_type(weights: WeightRange, details: Details | None, options: Options) -> np.dtype[Any]:

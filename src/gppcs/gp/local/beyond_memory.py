@@ -101,8 +101,8 @@ class StoredStage:
 
     @property
     def sampled(self) -> float:
-        """The fraction of all points that is in the sample on which noise and sharpness are measured."""
-        return min(1.0, sample_size(self.target) / len(self.stored))
+        """The fraction of the different points that is in the sample on which noise and sharpness are measured."""
+        return min(1.0, sample_size(self.target) / self.stored.n_places)
 
     def file(self, part: Part) -> Path:
         """Return the file of the candidates of a part and its halo."""
@@ -160,12 +160,13 @@ def _surveyed(
     spacing, few = math.sqrt(area / n_points), _evenly(parts)
     quiet = Noise(None, 0, False, 0.0, True, True, spacing)
     stage = StoredStage(stored, n_points, area, density, True, quiet, criterion, None)
-    if (within := int(np.pi * stage.sampled * len(stored) / n_points)) >= FEWEST:
+    if (within := int(np.pi * stage.sampled * stored.n_places / n_points)) >= FEWEST:
         fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(within, NEIGHBOURS), min(within, 2 * NEIGHBOURS)})
         measure = partial(_distances, stage, fits, -(-SAMPLES // len(few)))
         distances = np.concatenate(list(map_parts(measure, few)), axis=2)
-        layers = {k: Layer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
-        stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
+        if distances.size:  # repeats may leave no sample
+            layers = {k: Layer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
+            stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
     if "detail" in (stored.kind.names or ()):
         measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
         detail = DetailNoise.from_residuals(measured[:, 0], measured[:, 1:]) if len(measured) else None
@@ -295,7 +296,7 @@ def _sharpness(
     stage: StoredStage, near: Neighbourhood, points: Floats
 ) -> tuple[KdTree | None, NDArray[np.float32], NDArray[np.float32]]:
     """Return the tree over a sample of points, (n, 3), and the sharpness and the variation of the detail, (n,) each."""
-    drawn = np.flatnonzero(is_drawn(near.indices, sample_size(stage.target) / len(stage.stored)))
+    drawn = np.flatnonzero(is_drawn(near.indices, stage.sampled))
     drawn = drawn[first_occurrences(points[drawn])]
     tree = KdTree.build(points[drawn]) if len(drawn) else None
     sharpness, rough = np.zeros((2, len(points)), dtype=np.float32)
@@ -496,7 +497,7 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
         return old[:0], old[:0]
     if not noise.quiet:
         noise = replace(noise, tree=KdTree.build(near.points[is_drawn(near.indices, stage.sampled)]))
-    fraction = min(1.0, (CELL_POINTS if noise.quiet else NOISY_CELL_POINTS) * stage.target / len(stage.stored))
+    fraction = min(1.0, (CELL_POINTS if noise.quiet else NOISY_CELL_POINTS) * stage.target / stage.stored.n_places)
     before = detail = None
     if stage.detail:
         alike = KdTree.build(near.points).nearest_of(vertices, 1)[0][:, 0]  # repeats are not there
@@ -504,7 +505,9 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
         before = detail[alike]
     drawn = np.flatnonzero(is_drawn(near.indices, fraction))
     near, detail = near.take(drawn), detail if detail is None else detail[drawn]
-    area = stage.area / (fraction * len(stage.stored))
+    if not len(drawn):
+        return old[:0], old[:0]
+    area = stage.area / (fraction * stage.stored.n_places)
     new = exchanged(vertices, stays, near.points, area, noise, before, detail, farthest=0.5 * halo)
     moved = np.flatnonzero(new >= 0)
     return old[moved], near.indices[new[moved]]
