@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from copc_file import write_copc
+from copc_file import ENTRY, write_copc
 from gppcs.errors import FileFormatError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
 
@@ -140,23 +140,42 @@ def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(la
     path = tmp_path / "a.copc.laz"
     index = write_copc(path, las, DEPTH, SPACING)
     place, content = path.stat().st_size - index.nbytes, path.read_bytes()
-    loop, twice, beyond, many, more = (index.copy() for _ in range(5))
+    loop, twice, beyond, many, more, fewer, negative = (index.copy() for _ in range(7))
     loop[0] = (0, (0, 0, 0), place, index.nbytes, -1)
     twice[1] = index[0]
     beyond["size"][-1] = 2**30
     many["count"][-1] = 2**31 - 1
     more["count"][-1] += 1000
+    fewer["count"][0] -= 1
+    negative["count"][0] = -5
     for entries, message in (
         (loop, "a COPC index within the file"),
         (twice, "found some that overlap"),
         (beyond, "expected all compressed points within the file"),
         (many, "expected chunks of 1 to 10,000,000 points, found one of 2,147,483,647"),
         (more, "expected whole compressed points, but lazrs reports"),
+        (fewer, "expected a COPC index of all 2,000 points, found one of 1,999"),
+        (negative, "expected a COPC index of all 2,000 points, found one of"),
     ):
         path.write_bytes(content)
         damaged(path, place, entries.tobytes())
+        if entries is many or entries is more:
+            damaged(path, 247, np.uint64(entries["count"].sum()).tobytes())  # the number of points in the header
         with pytest.raises(FileFormatError, match=message):
             gppcs.read(path, resolution=1e-9)
+
+
+def test_a_page_that_leads_to_itself_is_visited_once(las, tmp_path):
+    path = tmp_path / "a.copc.laz"
+    write_copc(path, las, DEPTH, SPACING)
+    place = path.stat().st_size
+    damaged(path, INFO + 40, np.array([place, ENTRY.itemsize], "<u8").tobytes())
+    with open(path, "r+b") as file:
+        file.seek(place)
+        file.write(np.array([(0, (0, 0, 0), place, ENTRY.itemsize, -1)], ENTRY).tobytes())
+        file.truncate(10**10)  # which takes no place on the disk, but hours where the page is read for ever
+    with pytest.raises(FileFormatError, match="a COPC index within the file"):
+        gppcs.read(path, inside=BOX)
 
 
 def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):

@@ -64,11 +64,14 @@ def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, N
         )
     size = unread = file.seek(0, 2)
     pages, parts = [(info.hierarchy_root_offset, info.hierarchy_root_size)], [np.empty(0, ENTRY)]
+    visited = set[int]()
     while pages:
         offset, length = pages.pop()
         unread -= length
-        if not 0 <= length <= size - offset or unread < 0:  # pages that lead to each other would be read for ever
+        # Pages that overlap, or lead to each other, would be read for ever.
+        if not 0 <= length <= size - offset or unread < 0 or offset in visited:
             raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
+        visited.add(offset)
         file.seek(offset)
         page = np.frombuffer(file.read(length // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
         links = page[page["count"] == -1]
@@ -79,6 +82,11 @@ def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, N
     ends = entries["offset"] + entries["size"].astype(np.uint64)
     if (ends[:-1] > entries["offset"][1:]).any():
         raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
+    if (count := int(entries["count"].sum(dtype=np.int64))) != las.point_count:
+        raise FileFormatError(
+            f"expected a COPC index of all {las.point_count:,} points, found one of {count:,}; get the file again, or "
+            "read it without a box and a resolution"
+        )
     return info, entries
 
 
