@@ -16,7 +16,10 @@ from gppcs.drawing.web.layers import MOST_SHOWN
 from web_page import WebPage
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals as on Unix")
-BROWSER = "#!/bin/sh\necho $1 >opened.part\nmv opened.part opened\n"
+BROWSER = """#!/bin/sh
+(echo $1; ls -l ${1#file://}; cat ${1#file://}) >opened.part
+mv opened.part opened
+"""
 
 
 @pytest.mark.slow
@@ -41,7 +44,11 @@ def test_a_large_file_is_served_until_ctrl_c(folder, kernels):
     assert run.returncode == 128 + signal.SIGINT
     assert "until Ctrl-C" in err
     assert err.endswith("gppcs: interrupted\n")
-    assert Path("opened").read_text().strip() == url
+    address, listed, page = Path("opened").read_text().splitlines()
+    assert address.startswith("file:///")
+    assert listed.startswith("-rw-------")
+    assert f"url={url}" in page
+    assert not Path(address.removeprefix("file://")).exists()
     assert set(Path().iterdir()) - before == {Path("opened")}
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(url, timeout=60)

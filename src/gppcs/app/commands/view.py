@@ -91,8 +91,12 @@ def _serve(server: LevelsServer, opened: bool, quiet: bool) -> None:
         say(server.url)
     if not quiet:
         print_error("note: the page asks for points as they are looked at, until Ctrl-C ends this command")
-    if opened:
-        # In a thread, as a browser in this terminal comes back only when it is closed.
-        Thread(target=_open, args=(server.url, server.url), daemon=True).start()
-    with server:
+    with server, tempfile.TemporaryDirectory(prefix="gppcs-") as folder:
+        if opened:
+            # All users see the command line of the browser, but not the address on a page that only this user can read.
+            page = Path(folder) / "view.html"
+            page.touch(mode=0o600)
+            page.write_text(f'<meta http-equiv="refresh" content="0; url={server.url}">')
+            # In a thread, as a browser in this terminal comes back only when it is closed.
+            Thread(target=_open, args=(page.as_uri(), server.url), daemon=True).start()
         server.serve_forever()
