@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from gppcs.clouds.columns import unmasked
 from gppcs.engine.extras import require_sklearn
 from gppcs.methods import DEFAULT
 from gppcs.simplification import simplify
@@ -122,7 +123,8 @@ class Simplifier(_Transformer):
 
     def _simplified(self, X: ArrayLike, first: bool) -> tuple[NDArray[np.int64], NDArray[np.floating]]:
         """Return the rows that are kept of a table, and what they hold."""
-        table = validate_data(self, X, dtype=[np.float64, np.float32], reset=first)
+        unmasked_table = unmasked(X) if isinstance(X, np.ma.MaskedArray) else X
+        table = validate_data(self, unmasked_table, dtype=[np.float64, np.float32], reset=first)
         columns = min(table.shape[1], 3)
         points = np.pad(table[:, :columns], ((0, 0), (0, 3 - columns)))
         result = simplify(points, n_points=self.n_points, ratio=self.ratio, method=self.method)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import gppcs
 from gppcs import InputError, PointCloud
 
 POINTS = np.arange(12.0).reshape(4, 3)
@@ -39,6 +40,26 @@ def test_arrays_become_float64_and_floats_remember_their_type(dtype, kept):
     assert cloud.points.dtype == np.float64
     assert cloud.coordinate_dtype == np.dtype(kept)
     np.testing.assert_array_equal(cloud.points, POINTS)
+
+
+@pytest.mark.parametrize("dtype", ["f4", "i4", ">f8"])
+def test_masked_points_are_invalid(dtype):
+    points, masked = POINTS.astype(dtype), np.ma.array(POINTS, dtype, mask=np.arange(12).reshape(4, 3) % 5 == 0)
+    expected = np.where(masked.mask, np.nan, points)
+    fields = np.ma.array([(*row, 7) for row in points], [(name, dtype) for name in "xyzl"], mask=False)
+    fields["x"], fields["l"][2] = masked[:, 0], np.ma.masked
+    for made in (PointCloud(masked), PointCloud.from_object(masked)):
+        np.testing.assert_array_equal(made.points, expected)
+    cloud = PointCloud.from_object(fields)
+    np.testing.assert_array_equal(cloud.points[:, 0], expected[:, 0])
+    np.testing.assert_array_equal(cloud.attributes["l"], [7, 7, np.nan, 7])
+    whole = np.ma.array(POINTS.astype(dtype))
+    assert PointCloud.from_object(whole) == PointCloud.from_object(points)
+    cloud = PointCloud(np.random.default_rng(0).random((4, 3)))
+    with pytest.raises(gppcs.ParameterError, match="expected keep"):
+        gppcs.simplify(cloud, n_points=2, keep=np.ma.array([True] * 4, mask=[1, 0, 0, 0]))
+    with pytest.raises(gppcs.GppcsError, match="weight"):
+        gppcs.simplify(cloud, n_points=2, weight=np.ma.array([1.0] * 4, mask=[1, 0, 0, 0]))
 
 
 def test_take_keeps_order_attributes_and_types():

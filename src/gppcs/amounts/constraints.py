@@ -13,6 +13,7 @@ from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import quota_labels
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import unmasked
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lookup import as_floats, check_named, numbers_in
 from gppcs.clouds.ranges import columns_of_detail
@@ -136,7 +137,7 @@ def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
         return Expression.from_text(keep).mask(cloud)
     expected = f"expected keep to be a condition, a mask of the {len(cloud):,} points, or indices"
     try:
-        values = np.asarray(keep)
+        values = unmasked(keep)
     except ValueError:
         raise ParameterError(f"{expected}, found {shown(keep)}") from None
     if values.dtype == np.bool_ and values.shape == (len(cloud),):
@@ -156,7 +157,7 @@ def _weights(cloud: PointCloud, weight: Any) -> Floats:
         return numbers_in(cloud, weight, "to weigh its points by")
     expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
     try:
-        values = np.asarray(weight)
+        values = unmasked(weight)
     except ValueError:
         raise ParameterError(f"{expected}, found {shown(weight)}") from None
     if values.shape != (len(cloud),) or values.dtype.kind not in "biuf":

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gppcs.clouds import objects
 from gppcs.clouds.columns import NORMALS as NORMALS
-from gppcs.clouds.columns import Column, parts_of_columns
+from gppcs.clouds.columns import Column, parts_of_columns, unmasked
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
@@ -111,6 +111,7 @@ class PointCloud(ComparedByValue):
             An object is one of these:
 
             - a `Result`, whose cloud is taken
+            - a masked array, in which masked numbers are NaN, so that their points are invalid
             - a structured array with fields x, y and z; the other fields become attributes
             - `open3d.geometry.PointCloud` or `open3d.t.geometry.PointCloud`, with colours, normals, covariances or all
               other tensors
@@ -273,7 +274,7 @@ def usable(cloud: CloudLike, name: str) -> NDArray[np.float64]:
 def array_of(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArray[Any]:
     """Return values as an array; raise an InputError if NumPy cannot make one."""
     try:
-        return np.asarray(values)
+        return unmasked(values)
     except ValueError as error:
         raise InputError(f"expected {name}, found {type(values).__name__} with rows of different lengths") from error
     except (TypeError, LookupError, AttributeError, RuntimeError) as error:  # of objects that are like no array

@@ -20,6 +20,16 @@ COLOUR = ("red", "green", "blue")
 EXACT = 2**53  # float64 represents every whole number up to here
 
 
+def unmasked(values: Any) -> NDArray[Any]:
+    """Return values as an array, with NaN for masked numbers; NumPy would take those below the mask."""
+    if not (isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)):
+        return np.asarray(values)
+    if values.dtype.kind not in "biuf":
+        return np.asarray(np.ma.filled(values))
+    kind = values.dtype if values.dtype.kind == "f" else np.dtype(np.float64)
+    return np.asarray(np.ma.filled(values.astype(kind), np.nan))
+
+
 def coordinate_names(names: Iterable[str]) -> tuple[str, str, str]:
     """Return which names are the coordinates: x, y and z, or X, Y and Z."""
     listed = list(names)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gppcs.clouds.columns import COLOUR, NORMALS, CloudParts, Column, parts_of_columns
+from gppcs.clouds.columns import COLOUR, NORMALS, CloudParts, Column, parts_of_columns, unmasked
 from gppcs.engine.extras import require
 from gppcs.errors import InputError
 
@@ -43,7 +43,7 @@ def _from_structured(table: Any) -> CloudParts | None:
         return None
     if table.ndim != 1:
         raise InputError(f"expected a structured array of shape (N,), found {table.shape}")
-    return parts_of_columns({name: np.asarray(table[name]) for name in table.dtype.names})
+    return parts_of_columns({name: unmasked(table[name]) for name in table.dtype.names})
 
 
 def _from_pandas(table: Any) -> CloudParts:
@@ -126,14 +126,14 @@ def _parts(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = Non
     """Return what a cloud is made of, from points and arrays; each column of a vector becomes an attribute."""
     attributes: dict[str, Column] = {}
     for name, array in arrays.items():
-        values = np.asarray(array)
+        values = unmasked(array)
         _require_numbers(values, f"array {name!r}")
         parts = (vectors or {}).get(name, ())
         if parts and values.ndim == 2 and values.shape[1] == len(parts) and not set(parts) & {*arrays, *attributes}:
             attributes |= zip(parts, np.ascontiguousarray(values.T), strict=True)
         else:
             attributes[name] = values
-    points = np.asarray(points)
+    points = unmasked(points)
     return points, attributes, points.dtype if points.dtype.kind == "f" else np.dtype(np.float64)
 
 

@@ -56,7 +56,8 @@ class Overview:
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
     # The files of the chunks on disk, each with the index of its first point and the number of its stored points.
     chunks: list[tuple[str, int, int]] = field(default_factory=list)
-    # A random sample (m, 3) of the different stored points with their attributes, and the numbers (m,) by which it was drawn.
+    # A random sample (m, 3) of the different stored points with their attributes, and the numbers (m,) by which they
+    # were drawn.
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     sample: Floats = field(default_factory=lambda: np.empty((0, 3)))
     sample_columns: dict[str, NDArray[Any]] = field(default_factory=dict)
