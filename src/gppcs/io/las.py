@@ -123,7 +123,12 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     ):
         for start in range(0, len(cloud), BLOCK):
             block = records_of(cloud[start : start + BLOCK], las)
-            writer.write_points(laspy.PackedPointRecord(block, las.point_format))
+            points = laspy.PackedPointRecord(block, las.point_format)
+            if compressed:
+                writer.write_points(points)
+            else:  # laspy writes no points of dimensions with a colon in their names
+                writer.header.grow(points)
+                file.write(block.view(np.uint8).data)
         if las.evlrs:
             writer.write_evlrs(las.evlrs)
             position = writer.header.start_of_first_evlr
