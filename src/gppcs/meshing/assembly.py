@@ -25,12 +25,7 @@ def assembled(
     cover: Cover,
     bridges: bool = False,
 ) -> HalfEdges:
-    """Choose triangles of the fans that together are an oriented manifold, and fill gaps that dense points cover.
-
-    Triangles on which two or three fans agree come first, those with small circumcircles before others. Gaps of up to
-    eight corners are filled; then triangles of a single fan are added where there is room; then larger gaps are filled,
-    and pinholes. With `bridges`, pieces whose boundaries run side by side are joined before larger gaps are filled.
-    """
+    """Choose triangles of fans that are an oriented manifold, by votes and radii, and fill gaps that points cover."""
     n, surface = len(points), (points, normals, reaches, cover)
     covered = are_covered(cover, triangles, points, reaches)
     triangles, votes, radii = triangles[covered], votes[covered], radii[covered]
@@ -56,10 +51,7 @@ def assembled(
 def gaps_filled(
     mesh: HalfEdges, points: Floats, normals: Floats, reaches: Floats, cover: Cover, max_corners: int
 ) -> Ints:
-    """Return the triangles of a mesh and those of the gaps that have few corners and that the dense points cover.
-
-    The back of a small piece is no gap.
-    """
+    """Return the triangles of a mesh and of its covered gaps of few corners; the back of a small piece is no gap."""
     loops = [loop for loop in boundary_loops(mesh) if 3 <= len(loop) <= max_corners]
     new, gap = fillings(mesh, points, normals, loops)
     a, b, c = (points[corner] for corner in new.T)
@@ -70,10 +62,7 @@ def gaps_filled(
 
 
 def taken(triangles: Ints, n: int) -> Ints:
-    """Take triangles one after another, each if all of them stay an oriented manifold.
-
-    Bow-ties, vertices at which several fans meet, are allowed here: later triangles may join the fans.
-    """
+    """Take triangles one by one while all stay an oriented manifold, but for bow-ties, which later ones may join."""
     triangles = np.ascontiguousarray(triangles)
     table, take = EdgeTable.empty(n, 3 * len(triangles)), np.zeros(len(triangles), dtype=np.bool_)
     _take(triangles, table, np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_), take)
@@ -82,11 +71,7 @@ def taken(triangles: Ints, n: int) -> Ints:
 
 @kernel(allocates=False)
 def _take(triangles, table, valences, closed, take):
-    """Mark in `take`, (t,), the triangles that are taken.
-
-    The table, empty at first, gets their edges: 3 t + k leads from corner k of triangle t to the next one. `valences`
-    and `closed`, (n,), are the number of triangles at each vertex, and whether they close around it.
-    """
+    """Mark in `take`, (t,), what is taken; fill a table of edges, `valences`, (n,), and `closed` vertices, (n,)."""
     for t in range(len(triangles)):
         fits = True
         for k in range(3):
@@ -131,10 +116,7 @@ def without_scraps(mesh: HalfEdges, min_faces: int) -> HalfEdges:
 
 
 def largest_pieces(mesh: HalfEdges, count: int, counts_faces: bool) -> HalfEdges:
-    """Drop the smallest connected pieces, so that a mesh of that many vertices or triangles can have the others.
-
-    Each boundary loop needs three vertices, a closed piece four; each handle needs three more.
-    """
+    """Keep the largest pieces whose smallest meshes (Euler's formula) have at most so many vertices or triangles."""
     faces, n = mesh.faces(), len(mesh.leaving)
     pieces = pieces_of(faces, n)
     sizes = np.bincount(pieces)

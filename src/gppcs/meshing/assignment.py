@@ -62,11 +62,7 @@ def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_n
 
 
 def _planes(mesh: HalfEdges, vertices: Floats) -> tuple[Floats, Floats]:
-    """Return the normals of the triangles, (F, 3), and the planes along their edges, (F, 3, 4).
-
-    The normals are not of unit length. The planes through the edges are upright on the triangle: the unit normal that
-    points outward, and how far out the triangle extends.
-    """
+    """Return the normals of triangles, (F, 3), and for each edge the outward unit normal and the extent, (F, 3, 4)."""
     corners = vertices[mesh.corners()]
     along = np.roll(corners, -1, axis=1) - corners
     upright = np.cross(along[:, 0], -along[:, 2])

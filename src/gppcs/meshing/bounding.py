@@ -15,10 +15,7 @@ from gppcs.meshing.flips import flip_all
 
 
 def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
-    """Return a draft with half of the vertices, again and again, while all points that count, (n,), are near enough.
-
-    Where half of the vertices are too few, or triangles cut others, the vertices stay: while these are 2 % at most.
-    """
+    """Halve the vertices while points that count, (n,), are near and nothing is cut; up to 2 % may be fixed."""
     nearest = Assignment.on_any_sheet(draft.mesh, draft.vertices, draft.dense.raw)
     while True:
         trial = draft.copy()
@@ -40,10 +37,7 @@ def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
 
 
 def bound(draft: Draft, counted: Flags, limit: float, rounds: int) -> None:
-    """Remove as many vertices as can be while no point that counts, (n,), comes to lie beyond a squared distance.
-
-    Between rounds, edges are flipped and vertices fitted; then more can go.
-    """
+    """Remove vertices, with flips and fits between rounds, while points that count, (n,), stay within the limit."""
     dense, mesh, vertices = draft.dense, draft.mesh, draft.vertices
     nearest = Assignment.on_any_sheet(mesh, vertices, dense.raw)
     assigned = Assignment(np.where(counted, nearest.face, -1), nearest.squared, nearest.weights)

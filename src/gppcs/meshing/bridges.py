@@ -13,12 +13,7 @@ from gppcs.meshing.halfedges import HalfEdges, pieces_of
 def bridged(
     mesh: HalfEdges, triangles: Ints, points: Floats, normals: Floats, reaches: Floats, cover: Cover
 ) -> HalfEdges:
-    """Join pieces by bridges of two triangles, each between a boundary edge of one piece and one of another.
-
-    The shortest come first. A bridge is where a triangle of a fan, all of which are covered, has an edge on the
-    boundary of one piece and a corner on that of another, so that it cannot be taken alone. Bridges are covered, too,
-    cut no triangle of the mesh, and close no ring of pieces: so they make no holes and handles.
-    """
+    """Join pieces by pairs of covered triangles that cut nothing and close no ring of pieces, the shortest first."""
     while True:
         faces, piece = mesh.faces(), np.full(len(points), -1)
         piece[faces] = pieces_of(faces, len(points))[:, None]

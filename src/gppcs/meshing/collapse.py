@@ -30,12 +30,7 @@ THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
 def collapse(
     draft: Draft, target: int, counts_faces: bool = False, on_progress: Callable[[int], None] | None = None
 ) -> None:
-    """Remove vertices until few enough vertices or faces are left, each by moving its triangles to a neighbour.
-
-    The cost of a collapse is the sum of the two quadrics at the neighbour. Only collapses are made that keep the mesh
-    an oriented manifold of the same topology (the link condition), and that turn no triangle over. If the target is
-    not reached, a second pass drops the limit on turns.
-    """
+    """Remove vertices, the lowest sum of two quadrics first, where that keeps the topology and turns no triangle."""
     mesh, vertices, dense = draft.mesh, draft.vertices, draft.dense
     density = len(draft.nearest) / draft.n_vertices
     quadrics = dense_quadrics(dense.positions, dense.normals, vertices, draft.nearest)

@@ -28,11 +28,7 @@ class Cover(NamedTuple):
 
 
 def are_covered(cover: Cover, triangles: Ints, points: Floats, reaches: Floats) -> Flags:
-    """Return which triangles the dense points cover.
-
-    A point of a triangle is covered if one of the nearest dense points reaches it along its tangent plane. A lattice of
-    points is tried, about as dense as the cloud.
-    """
+    """Return which triangles have a dense point near each point of a lattice, along its tangent plane."""
     covered = np.empty(len(triangles), dtype=np.bool_)
     on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, minimum=64)
     return covered

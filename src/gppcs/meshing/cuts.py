@@ -183,10 +183,7 @@ def _is_folded(edge, a, b):
 
 @kernel(allocates=False)
 def _are_separated_in_space(a, b, c, d):
-    """Return whether a plane surely has the cone of a and b on one side, that of c and d on the other.
-
-    If any does, so does one through two of the four vectors.
-    """
+    """Return whether a plane, which can be one through two of the four, surely separates the cones a b and c d."""
     abd, abc = _side(a, b, d), _side(a, b, c)
     if abd * abc > 0:
         return True

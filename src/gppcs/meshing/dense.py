@@ -58,10 +58,7 @@ class DensePoints:
 
     @classmethod
     def _across_uneven(cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, joined: int) -> DensePoints:
-        """Take points to the surface across noise that differs from place to place; indices in the order of the tree.
-
-        `joined` is the number of points of the first mesh.
-        """
+        """Project points across noise that differs from place to place, for a first mesh of `joined` points."""
         raw = np.ascontiguousarray(tree.points.T)
         feet, normals, fitted = projected_across(tree, strides)
         tree = KdTree.build(feet)
@@ -81,10 +78,7 @@ class DensePoints:
         return cls(indices, raw, on_surface, normals, cover, float(np.sqrt((sigma**2).mean())), True)
 
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
-        """Return these points with the normals of some turned; all others take the sign of the nearest of these.
-
-        The tree is over these.
-        """
+        """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
         normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
         return replace(self, normals=_following(tree, normals, self.positions, self.normals))
 
@@ -97,10 +91,7 @@ def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) ->
 
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
-    """Return indices of points without repeats, ascending: all, or about 32 for each vertex.
-
-    More make the quadrics hardly better.
-    """
+    """Return indices of points without repeats, ascending: all, or about 32 for each vertex, as more hardly help."""
     distinct = first_occurrences(points)
     step = int(np.count_nonzero(distinct)) // (32 * n_vertices)
     if step <= 1:
@@ -109,21 +100,14 @@ def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
 
 
 def _covered(near: Ints, squared: Floats) -> Floats:
-    """Return the covering radius of each point: to its last neighbour, and at most twice the median of its neighbours.
-
-    Otherwise a stray point would cover all the way to the surface. Neighbours and squared distances are (N, k).
-    """
+    """Return the distance of the last of k neighbours, at most twice its median there, as strays cover little."""
     radii = np.sqrt(squared[:, -1])
     middle = (near.shape[1] - 1) // 2
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
 def _noise(tree: KdTree) -> tuple[float, int]:
-    """Return the noise of the points of a tree, 0 if it is small or detail, and the points of fits across it.
-
-    The layer of noise does not depend on how many points the quadrics are fitted to. That of detail grows about as the
-    radius of the fits.
-    """
+    """Return the noise, 0 if it is small or grows with the radius, as detail does, and the points of fits."""
     narrow, wide = 20, 40
     if len(tree.order) <= 2 * wide:
         return 0.0, wide

@@ -49,10 +49,7 @@ class FittedMesh(NamedTuple):
         limit: float = np.inf,
         squared_radii: Floats | None = None,
     ) -> Self:
-        """List the points of each triangle; with a limit to their squared distances, these are in the order of a tree.
-
-        The squared radii, (n,), are those of the points.
-        """
+        """List the points of each triangle; with a limit of squared distances, the radii bound vertices, too."""
         bounded = assigned.face >= 0 if squared_radii is not None else np.zeros(len(points), dtype=np.bool_)
         radii = np.empty(0) if squared_radii is None else squared_radii[bounded]
         tree = KdTree.over(np.ascontiguousarray(points[bounded].T))

@@ -34,10 +34,7 @@ WORTH = 0.6  # minimum gain of a split, in costs of a collapse: fits and flips t
 
 
 def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
-    """Return a draft in which vertices have gone to where they help more, and the triangles of the dense points.
-
-    The assignment given is changed.
-    """
+    """Return a draft whose vertices went to where they help more, and the triangles of points; `assigned` changes."""
     changed = draft.copy()
     mesh = changed.mesh
     fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.positions, assigned)
@@ -51,10 +48,7 @@ def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
 
 
 def exchange(fitted: FittedMesh, dense_index: Ints, thin_cost: float) -> None:
-    """Collapse edges while a split elsewhere is worth it, split as many edges, and fit all vertices, one by one.
-
-    Each vertex is of a dense point, its `dense_index`, (V,). In a very small mesh, some vertices may not be put back.
-    """
+    """Collapse edges while a split elsewhere is worth it, split as many edges, and fit all vertices, one by one."""
     mesh, tree, edges = fitted.mesh, TriangleTree.empty(), fitted.mesh.inner_edges()
     costs, gains = np.full(len(mesh.origin), np.inf), np.full(len(mesh.origin), -np.inf)
     costs[edges] = changes(fitted, edges, thin_cost, split=False)
@@ -103,11 +97,7 @@ def _try_all(begin, end, fitted, edges, thin_cost, split, energies):
 
 @kernel
 def _collapsed(fitted, star, h, thin_cost):
-    """Return by how much the energy rises if the ends of an edge become one vertex, and the best position for this.
-
-    The fit starts in the middle of the edge. With a limit, if it finds no allowed position, as beside a corner, it
-    starts at each end; without one, such collapses are too dear to be made.
-    """
+    """Return the rise in energy if the ends of an edge become one vertex, and the best position for this."""
     mesh = fitted.mesh
     v, u = mesh.origin[h], mesh.origin[following(h)]
     a, b = row(fitted.vertices, v), row(fitted.vertices, u)
@@ -121,7 +111,7 @@ def _collapsed(fitted, star, h, thin_cost):
     if star.farthest[0] > fitted.limit:
         return np.inf, middle
     lowest, position = fit_star(fitted, star, middle, thin_cost)
-    if lowest == np.inf and fitted.limit < np.inf:
+    if lowest == np.inf and fitted.limit < np.inf:  # as beside a corner; without a limit, these are too dear
         for end in (a, b):
             star.triangles[: star.sizes[1]] = -1
             energy, fit = fit_star(fitted, star, end, thin_cost)
@@ -132,10 +122,7 @@ def _collapsed(fitted, star, h, thin_cost):
 
 @kernel
 def collapse_all(fitted, tree, edges, dense_index, thin_cost, costs, changed):
-    """Collapse edges, (m,), but none that an earlier one has changed, or that makes triangles cut those of a tree.
-
-    Return their number. `changed`, (V,), marks the vertices of all triangles that differ then.
-    """
+    """Collapse edges, (m,), that no earlier one has `changed`, (V,), and that cut nothing; return their number."""
     mesh, count = fitted.mesh, 0
     star = room_for_star(len(fitted.points))
     inside = np.zeros(len(fitted.first), dtype=np.bool_)
@@ -209,11 +196,7 @@ def _split(fitted, star, h, thin_cost):
 
 @kernel
 def _split_all(fitted, tree, edges, dense_index, thin_cost, max_count, changed):
-    """Split at most so many edges, of (m,), but none of a triangle that is split already; return their number.
-
-    `changed`, (V,), marks the vertices of all triangles that differ then. New vertices and triangles take the numbers
-    of removed ones. Each vertex is of the nearest point that none has.
-    """
+    """Split at most so many edges, (m,), of unsplit triangles, each for an unused point; return their number."""
     mesh, count, w, f = fitted.mesh, 0, 0, 0
     star = room_for_star(len(fitted.points))
     used, divided = np.zeros(len(fitted.points), dtype=np.bool_), np.zeros(len(fitted.first), dtype=np.bool_)

@@ -15,11 +15,7 @@ STEEPEST = 0.7  # largest sine of the angle between a step to a neighbour and th
 
 
 def fans_of(points: Floats, normals: Floats, near: Ints, on_circle: float = ON_CIRCLE[0]) -> tuple[Ints, Ints, Floats]:
-    """Lay the neighbours of each point out in its tangent plane, and return the Delaunay triangles at the point.
-
-    A neighbour keeps its direction and its true distance. The fans of neighbouring points need not agree; the votes
-    of a triangle tell how many of the fans of its three corners have it.
-    """
+    """Return the Delaunay triangles of fans in tangent planes, how many of three fans have each, and their radii."""
     n = len(points)
     corners = np.full((n, MAX_FAN, 2), -1)
     on_ranges(_build_fans, n, points, normals, near, on_circle, corners, minimum=128)

@@ -15,10 +15,7 @@ LENGTH = 0.02  # weight of its squared edges, which keeps its triangles compact
 
 
 def holes_filled(mesh: HalfEdges, vertices: Floats, normals: Floats, size: float, max_corners: int = 1000) -> HalfEdges:
-    """Close holes up to a size, the diagonal of the box around their boundary loop, where that cuts nothing.
-
-    The time of a filling grows with the cube of its number of corners.
-    """
+    """Close holes whose loops have a box of this diagonal at most, where that cuts nothing; cubic time in corners."""
     loops = [
         loop
         for loop in boundary_loops(mesh)
@@ -30,10 +27,7 @@ def holes_filled(mesh: HalfEdges, vertices: Floats, normals: Floats, size: float
 def fillings(
     mesh: HalfEdges, vertices: Floats, normals: Floats, loops: list[Ints], careful: bool = False
 ) -> tuple[Ints, Ints]:
-    """Return triangles that close boundary loops of a mesh, (T, 3), and the number of the loop of each.
-
-    Careful ones cut no triangle of the mesh, and turn none over.
-    """
+    """Return triangles that close loops, (T, 3), and the loop of each; careful ones cut nothing and turn none over."""
     if not loops:
         return np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
     ends = np.cumsum([len(loop) for loop in loops])
@@ -44,10 +38,7 @@ def fillings(
 
 
 def with_fillings(mesh: HalfEdges, vertices: Floats, new: Ints, number: Ints) -> tuple[HalfEdges, Ints]:
-    """Add fillings to a mesh, but those with a triangle that cuts another; return also the numbers of the filled loops.
-
-    No two loops have a common vertex.
-    """
+    """Add fillings of loops without common vertices, but none that cuts; return also the numbers of filled loops."""
     if not len(new):
         return mesh, number
     faces, n = mesh.faces(), len(vertices)
@@ -91,11 +82,7 @@ def _fill_all(mesh, vertices, normals, tree, corners, ends, careful, new, number
 
 @kernel
 def fill(mesh, vertices, normals, tree, inside, corners, halves, careful, new):
-    """Fill `new` with the cheapest triangles that close a loop of vertices, (L,); return their number, 0 if none do.
-
-    The cost is the area, more where the filling bends away from the normals of its corners. Careful fillings cut no
-    triangle but those marked in `inside`, and turn none over.
-    """
+    """Fill `new` with the cheapest triangles that close a loop, (L,), outside of `inside`; return their number or 0."""
     length = len(corners)
     costs, middles = np.full((length, length), np.inf), np.empty((length, length), dtype=np.int64)
     for i in range(length - 1):

@@ -22,10 +22,7 @@ MIN_PIECE = 12  # triangles of a piece; smaller ones are scraps
 
 
 def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool, timer: Timer) -> Draft:
-    """Return the first mesh of points, (N, 3), for a result of so many vertices; the indices `fixed` are vertices.
-
-    Where its triangles hardly agree, thick noise is tried as the reason.
-    """
+    """Return the first mesh of points, (N, 3); where triangles hardly agree, thick noise is tried as the reason."""
     best, best_agreed = None, 0.0
     errors: list[NoSurfaceError] = []
     for thick in (False, True):
@@ -66,10 +63,7 @@ def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
 
 
 def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple[Draft, float]:
-    """Join some dense points; raise an error if they lie on no surface.
-
-    Return also the fraction of the fans' triangles that another fan has too.
-    """
+    """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
     n, positions, reaches = len(joined), dense.positions[joined], dense.cover.reaches[joined]
     tree = KdTree.over(np.ascontiguousarray(positions.T))
     near, _ = tree.neighbours(min(24, n - 1))

@@ -35,10 +35,7 @@ def fit(draft: Draft, assigned: Assignment) -> Assignment:
 
 
 def fit_observed(draft: Draft, assigned: Assignment) -> None:
-    """Move the vertices to where they explain the dense points best as the cloud has them, without new cuts.
-
-    Projections onto the surface are smoothed.
-    """
+    """Move vertices to explain the dense points as the cloud has them, without new cuts; projections are smoothed."""
     covered, faces = np.flatnonzero(assigned.face >= 0), draft.mesh.faces()
     corners, observed = draft.mesh.corners()[assigned.face[covered]], draft.dense.raw[covered]
     noise = noise_between(observed, draft.dense.positions[covered])
@@ -56,11 +53,7 @@ def fit_observed(draft: Draft, assigned: Assignment) -> None:
 
 @one_blas_thread()
 def stepped(mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignment) -> Floats:
-    """Return vertices after one step towards the minimum of the squared distances between dense points and triangles.
-
-    A step off the triangle at a point's foot changes its distance; one along it hardly does, as the foot slides. The
-    matrix of the normal equations has a block of 3 x 3 for each vertex, and one for each half-edge.
-    """
+    """Return vertices after a Gauss-Newton step on squared distances; feet slide along triangles nearly free."""
     n = len(vertices)
     diagonal, beside, right = np.zeros((n, 3, 3)), np.zeros((len(mesh.origin), 3, 3)), np.zeros((n, 3))
     totals, largest = np.zeros(n), np.zeros(n)
@@ -90,11 +83,7 @@ def stepped(mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignm
 
 @kernel(allocates=False)
 def _add_points(mesh, vertices, points, assigned, diagonal, beside, right, totals, largest):
-    """Add all dense points to sums that are zero: the distance of each in the direction in which it grows.
-
-    That is the triangle's normal where the foot is inside, else the direction to the point. Of each vertex, `totals`
-    is the sum of squared weights, (V,), and `largest` the largest weight in a point, (V,).
-    """
+    """Add to sums the residual of each point along its triangle's normal, or its offset if the foot is on an edge."""
     for i in range(len(points)):
         f = assigned.face[i]
         if f < 0:

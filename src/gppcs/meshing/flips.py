@@ -25,10 +25,7 @@ THIN = 0.2  # triangles below this quality are thin
 
 
 def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
-    """Flip edges while the energy falls; return the triangles of the dense points.
-
-    While many triangles are thin, they cost more next time.
-    """
+    """Flip edges while the energy falls; return the triangles of the dense points; many thin ones raise their cost."""
     assigned = assigned or draft.assigned()
     if draft.thin_cost == 0.0:  # at first, five mean squared distances of the points of a triangle
         draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
@@ -46,10 +43,7 @@ def fraction_of_thin(draft: Draft) -> float:
 
 @kernel
 def flip_all(fitted, tree, normals, thin_cost, sweeps):
-    """Flip edges while the energy falls and, with a tree, no triangle comes to cut another; return how many were.
-
-    Each edge is tried `sweeps` times at most, on average: again when a triangle beside it has changed.
-    """
+    """Flip edges while the energy falls and nothing cuts a tree, in few `sweeps`; return how many were."""
     mesh, size = fitted.mesh, len(fitted.mesh.origin)
     queue, waiting = np.empty(size, dtype=np.int64), np.zeros(size, dtype=np.bool_)
     count = begin = flips = 0
@@ -109,10 +103,7 @@ def is_flippable(mesh, vertices, normals, h, halves):
 
 @kernel(allocates=False)
 def _is_better(fitted, thin_cost, h):
-    """Return whether the energy of the two triangles of an edge is lower after its flip.
-
-    No point may be beyond the limit of squared distances, unless one already was as far.
-    """
+    """Return whether the energy is lower after the flip of an edge, and no other point is beyond the limit."""
     mesh, vertices, limit = fitted.mesh, fitted.vertices, fitted.limit
     o = mesh.opposite[h]
     pa, pb = row(vertices, mesh.origin[h]), row(vertices, mesh.origin[o])

@@ -35,11 +35,7 @@ RADIAL = 0.4  # minimum mean cosine between normals and the way from the centre 
 def without_small_handles(
     mesh: HalfEdges, vertices: Floats, normals: Floats, reaches: Floats, cover: Cover
 ) -> HalfEdges:
-    """Drop triangles along short loops that go around or through handles; the gaps are to be filled.
-
-    The mesh has no bow ties, before and after. A round cuts as many handles as a code has bits, at most. Bars stay, and
-    holes that the dense points of the cover leave open; `reaches`, (n,), is how far each vertex covers the surface.
-    """
+    """Drop triangles along short loops of handles, but of bars and holes without points; gaps are to be filled."""
     while (codes := _codes(mesh)).any():
         dropped = _beside_loops(mesh, vertices, normals, reaches, cover, codes)
         if not dropped.any():
@@ -77,10 +73,7 @@ def _beside_loops(
 
 
 def _is_in_hole(mesh: HalfEdges, vertices: Floats, reaches: Floats, tree: KdTree, loop: Ints, outward: float) -> bool:
-    """Return whether a loop, away from boundaries, runs in a hole: a point across it lies far from all points.
-
-    SPAN reaches are enough, half of them where normals point into the hole. Across a bridge lie points of the sheets.
-    """
+    """Return whether a loop inside the surface has points across it that lie far from the cloud, by its normals."""
     if (mesh.opposite[mesh.leaving[loop]] < 0).any():
         return False
     v, w = np.indices((MAX_STEPS + 1, MAX_STEPS + 1)).reshape(2, -1) / MAX_STEPS
@@ -137,10 +130,7 @@ def _add_up(order, above, sums):
 
 
 def _short_loops(mesh: HalfEdges, codes: Ints) -> tuple[Ints, Ints]:
-    """Return short loops that do not part the mesh, the shortest first, and the sum of the codes along each.
-
-    The vertices are (L, LONGEST), -1 after the last one.
-    """
+    """Return short loops that do not part the mesh, (L, LONGEST), the shortest first, and the sums of their codes."""
     bases = np.unique(mesh.origin[codes != 0])
     loops, along = np.full((len(bases), LONGEST), -1), np.zeros(len(bases), dtype=np.int64)
     _find_loops(mesh, codes, bases, loops, along)

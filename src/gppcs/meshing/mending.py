@@ -29,10 +29,7 @@ RELAXED = 0.25  # fraction of the way to the mean of its neighbours by which a v
 
 
 def mend_draft(draft: Draft, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
-    """Mend triangles that cut others, so that none does; vertices are added for those removed, in all but the last try.
-
-    Return the number of holes that stay open.
-    """
+    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes."""
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
     for last in (*[False] * (tries - 1), True):
         if len(_mended(draft, relaxations if draft.moved else 0)):
@@ -46,10 +43,7 @@ def mend_draft(draft: Draft, counts_faces: bool, tries: int = 4, relaxations: in
 
 
 def _mended(draft: Draft, relaxations: int) -> Ints:
-    """Mend triangles that cut others, and relax what still does; return the triangles that no round has helped.
-
-    Their corners go back.
-    """
+    """Mend cuts, and relax what still cuts; return the triangles that no round has helped, whose corners go back."""
     before = draft.vertices.copy()
     for last in (*[False] * relaxations, True):
         into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed)
@@ -78,11 +72,7 @@ def _add(draft: Draft, count: int) -> None:
 
 
 def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags, rounds: int = 4) -> tuple[Ints, Ints]:
-    """Replace patches around triangles that cut others by triangles that cut nothing, where that can be done.
-
-    The patches are two triangles with a common edge, then those around a vertex or some vertices. A patch is a disc,
-    and its boundary stays, so the topology does, too. The vertices inside are removed.
-    """
+    """Replace discs around triangles that cut others; return where vertices go, and which triangles still cut."""
     into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
     if len(mesh.faces()):
         tree = TriangleTree.from_mesh(mesh, vertices)
@@ -96,10 +86,7 @@ def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags, round
 
 @kernel
 def relax(mesh, vertices, corners):
-    """Move some vertices, (m,), one after another, a part of the way to the mean of their neighbours.
-
-    On boundaries, these are the two on the boundary.
-    """
+    """Move vertices, (m,), one by one, partly to the mean of their neighbours, on boundaries of those on these."""
     halves, ring = room_for_ring()
     for v in corners:
         count, _, closed = neighbours(mesh, v, halves, ring)
@@ -135,11 +122,7 @@ def _mend_all(mesh, vertices, normals, fixed, tree, faces, into):
 
 @kernel(allocates=False)
 def _patch(mesh, f, which, halves, patch):
-    """Fill `patch` with a patch around the triangle f; return its number of triangles, 0 if there is none.
-
-    Of the 11 patches, three are f and a neighbour, one is f and all neighbours, three are the triangles around a
-    corner, three those around two, and the last one those around all three.
-    """
+    """Fill `patch` with f and one or all neighbours, or with the stars of one to three corners; return its size."""
     patch[0], size = f, 1
     for k in range(3):
         h = 3 * f + k
@@ -157,10 +140,7 @@ def _patch(mesh, f, which, halves, patch):
 
 @kernel
 def _boundary(mesh, patch, inside, fixed, loop):
-    """Fill `loop` with the half-edges around a patch, counter-clockwise; return their number.
-
-    It is 0 if the patch is not a disc, has too long a boundary, or has a fixed vertex inside.
-    """
+    """Fill `loop` with the half-edges around a patch; return their number, 0 if it is no disc to be filled."""
     first, outer = -1, 0
     for f in patch:
         for h in range(3 * f, 3 * f + 3):
@@ -214,11 +194,7 @@ def _nearest(vertices, v, corners):
 
 
 def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:
-    """Drop triangles until none cuts another, and close the holes by triangles that cut nothing.
-
-    This may change the topology: a handle that is no part of the surface often cuts it. Return the mesh, and the
-    number of holes that stay open.
-    """
+    """Drop triangles until none cuts another, as handles may, and fill the holes; return also how many stay open."""
     boundary, left = mesh.boundary_edges(), _without_cuts(mesh, vertices)
     old = mesh.origin[boundary] * len(vertices) + mesh.targets()[boundary]
     loops = [loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]

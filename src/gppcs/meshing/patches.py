@@ -13,12 +13,7 @@ from gppcs.meshing.fans import STEEPEST
 
 
 def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints) -> Flags:
-    """Return which normals of points, (n, 3), must be turned so that patches agree where they meet.
-
-    Triangles, on which all fans agree, join points to patches, whose normals agree; any other point is a patch by
-    itself. All points of one patch whose nearest ones, (n, k), are of another decide whether the two agree. Signs are
-    passed on along a spanning tree, first where the most points agree. The largest patch of a tree keeps its sign.
-    """
+    """Return which normals, (n, 3), to turn so that patches, by the majority of near points, (n, k), agree."""
     patches, patch = connected(triangles[:, :2].ravel(), triangles[:, 1:].ravel(), len(points))
     pairs, agreement = _agreements(patch, points, normals, near)
     sums = coo_array((agreement, np.sort(patch[pairs], axis=0)), shape=(patches, patches)).tocsr()

@@ -204,10 +204,7 @@ def _begun(request: _Request, first: Draft, count: int, counts_faces: bool) -> D
 
 
 def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -> Assignment:
-    """Remove vertices until the target is reached; then let others take the place of the least useful ones.
-
-    Return the triangles of the dense points.
-    """
+    """Remove vertices down to the target, put others where they help most; return the triangles of the dense points."""
     n_vertices = -(-target // 2) if counts_faces else target
     excess = draft.n_vertices - n_vertices
     with request.timer("collapse", max(0, excess)) as on_progress:
@@ -245,10 +242,7 @@ def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
 
 
 def _mean_distance(first: Draft, draft: Draft, assigned: Assignment) -> float:
-    """Return the mean distance from a mesh of the points that the first one reaches, from their triangles.
-
-    Of those that have none, the nearest on any sheet counts.
-    """
+    """Return the mean distance from a mesh of the points that the first one covers, be it on another sheet."""
     dense, without = first.dense, np.flatnonzero(assigned.face < 0)
     points, vertices = dense.positions[without], dense.positions[first.dense_index]
     reached = Assignment.on_same_sheet(first.mesh, vertices, points, dense.normals[without], first.nearest[without])

@@ -24,10 +24,7 @@ def refine(draft: Draft, count: int, assigned: Assignment) -> None:
 def farthest_points_of(
     mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int, min_weight: float = 0.05
 ) -> tuple[Ints, Ints]:
-    """Return the triangles with the largest sums of squared distances, and the farthest dense point of each.
-
-    All barycentric coordinates of such a point are at least `min_weight`.
-    """
+    """Return the triangles with the largest sums of squared distances, and the farthest inner point of each."""
     covered = assigned.face >= 0
     sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(mesh.corners()))
     s, t = assigned.weights.T

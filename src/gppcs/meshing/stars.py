@@ -98,10 +98,7 @@ def add_points(fitted, star, f, nearest):
 
 @kernel(allocates=False)
 def add_around(fitted, star, v, u, thin_cost):
-    """Add the triangles around a vertex to a star, from its neighbour u on; return the energy of these.
-
-    The triangles that have u, too, are not part of the star. Their points are, if u is the larger number.
-    """
+    """Add to a star the triangles around v without u, and their points; those of both if u > v; return the energy."""
     mesh, here = fitted.mesh, row(fitted.vertices, v)
     add_moved(fitted.boundaries[v], minus((star.base[0], star.base[1], star.base[2]), here), star.quadric)
     edges, _ = around(mesh, v, star.halves)
@@ -124,10 +121,7 @@ def add_around(fitted, star, v, u, thin_cost):
 
 @kernel
 def fit_star(fitted, star, p, thin_cost):
-    """Return the lowest energy of a star, from a position of its vertex on, infinity if none is allowed, and where.
-
-    The energy is the sum of squared distances of the points, that of the boundaries, and the cost of thin triangles.
-    """
+    """Return the lowest energy of a star, from a position of its vertex on, infinity if none is allowed, and where."""
     energy = _place_points(fitted, star, p, thin_cost)
     lowest, best = energy if _is_allowed(fitted, star, p) else np.inf, p
     for _ in range(3):
@@ -188,10 +182,7 @@ def _is_nearer(star, m, p, point, k):
 
 @kernel
 def _stepped(fitted, star, p):
-    """Return the position of a star's vertex after a step of Gauss and Newton: the minimum of a quadric.
-
-    A step off a point's triangle changes its distance; one along it hardly does, as the foot slides.
-    """
+    """Return the position of a star's vertex after a Gauss-Newton step along which feet slide nearly free."""
     q, total = np.zeros(NUMBERS), 0.0
     add_moved(star.quadric, minus(p, (star.base[0], star.base[1], star.base[2])), q)
     for m in range(star.sizes[1]):
@@ -228,10 +219,7 @@ def _solved(p, xx, xy, xz, yy, yz, zz, x, y, z):
 
 @kernel
 def _is_allowed(fitted, star, p):
-    """Return whether the vertex of a star is near a point, and its triangles have areas and no sharp folds.
-
-    No point may be beyond the limit, unless one already was as far.
-    """
+    """Return whether a vertex at p is near a point, folds no triangle, and has no other point beyond the limit."""
     mesh, count = fitted.mesh, star.sizes[0]
     min_cosine = -0.3  # between the normals of neighbouring triangles
     largest, farthest = 0.0, max(fitted.limit, star.farthest[0])

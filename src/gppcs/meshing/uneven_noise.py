@@ -18,10 +18,7 @@ FITTED = 80  # points of each fit
 
 
 def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
-    """Measure the noise around the points of a tree; return None if there is little, if it is even, or if it is detail.
-
-    Returns its standard deviation, (n,), and the stride between the points of the narrowest fit across it, (n,).
-    """
+    """Return sigma and the stride of the narrowest fits across it, (n,); None if noise is small, even or detail."""
     n, finer, fewest = tree.points.shape[1], 4, 10_000
     widest = n / fewest  # points of the widest fits: to fewer, thin parts pass for noise, however many points there are
     if widest < finer:
@@ -42,11 +39,7 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
 
 
 def _decided(sigmas: Floats, radii: Floats) -> tuple[Ints, Floats, Ints] | None:
-    """Tell uneven noise by what fits of each stride measure at some points, (strides, points) both.
-
-    Returns the points where there is noise, its sigma, and the narrowest fit that reaches across it; None if there is
-    little noise, or if it is even.
-    """
+    """Return the points with noise, its sigma and their narrowest fit, by measures (strides, points); or None."""
     # Noise grows by at most the square root of the radius, detail about as the radius.
     steady = (sigmas[1:] <= sigmas[:-1] * (radii[1:] / radii[:-1]) ** 0.5) & (sigmas[:-1] > 0.0)
     counted = steady & (sigmas[:-1] > 0.1 * radii[0])
