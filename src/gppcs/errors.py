@@ -59,17 +59,7 @@ class ParameterError(GppcsError, ValueError):
 
 
 class FileFormatError(GppcsError, ValueError):
-    """The format of a file is unknown, or its content does not follow the format.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import gppcs
-    >>> with tempfile.NamedTemporaryFile(suffix=".doc") as file:
-    ...     gppcs.read(file.name)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    gppcs.errors.FileFormatError: ...: expected one of the formats .ply ..., found '.doc'
-    """
+    """The format of a file is unknown, or its content does not follow the format."""
 
 
 class MissingExtraError(GppcsError, ImportError):
@@ -77,15 +67,7 @@ class MissingExtraError(GppcsError, ImportError):
 
 
 class OutputError(GppcsError, OSError):
-    """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> gppcs.write("no such folder/cloud.ply", [[0, 0, 0]])  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    gppcs.errors.OutputError: no such folder/cloud.ply: expected a folder ..., found none; make it or choose another
-    """
+    """A file cannot be written: it exists already, its folder is missing, or its format cannot hold the cloud."""
 
 
 def shown(value: Any) -> str:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import quota_labels
-from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import unmasked
+from gppcs.clouds.cloud import PointCloud, array_of
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.lookup import as_floats, check_named, numbers_in
 from gppcs.clouds.ranges import columns_of_detail
@@ -135,18 +134,15 @@ def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
         return mask
     if isinstance(keep, str):
         return Expression.from_text(keep).mask(cloud)
-    expected = f"expected keep to be a condition, a mask of the {len(cloud):,} points, or indices"
-    try:
-        values = unmasked(keep)
-    except ValueError:
-        raise ParameterError(f"{expected}, found {shown(keep)}") from None
+    expected = f"keep to be a condition, a mask of the {len(cloud):,} points, or indices"
+    values = array_of(keep, expected)
     if values.dtype == np.bool_ and values.shape == (len(cloud),):
         return values
     if values.ndim != 1 or not (np.issubdtype(values.dtype, np.integer) or values.size == 0):
-        raise ParameterError(f"{expected}, found {shown(keep)}")
+        raise ParameterError(f"expected {expected}, found {shown(keep)}")
     outside = (values < 0) | (values >= len(cloud))
     if outside.any():
-        raise ParameterError(f"{expected} from 0 to {len(cloud) - 1}, found {values[outside][0]}")
+        raise ParameterError(f"expected {expected} from 0 to {len(cloud) - 1}, found {values[outside][0]}")
     mask[values.astype(np.int64)] = True
     return mask
 
@@ -155,11 +151,8 @@ def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
     if isinstance(weight, str):
         return numbers_in(cloud, weight, "to weigh its points by")
-    expected = f"expected weight to be an attribute, or a number for each of the {len(cloud):,} points"
-    try:
-        values = unmasked(weight)
-    except ValueError:
-        raise ParameterError(f"{expected}, found {shown(weight)}") from None
+    expected = f"weight to be an attribute, or a number for each of the {len(cloud):,} points"
+    values = array_of(weight, expected)
     if values.shape != (len(cloud),) or values.dtype.kind not in "biuf":
-        raise ParameterError(f"{expected}, found {shown(weight)}")
+        raise ParameterError(f"expected {expected}, found {shown(weight)}")
     return as_floats(values)

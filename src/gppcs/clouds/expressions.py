@@ -75,9 +75,8 @@ class Expression:
     def _truth(self, node: ast.expr, cloud: PointCloud) -> NDArray[np.bool_]:
         """Return for which points a part of the condition is true."""
         if isinstance(node, ast.BoolOp):
-            parts = [self._truth(value, cloud) for value in node.values]
             joined = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
-            return joined.reduce(np.broadcast_arrays(*parts))
+            return joined.reduce(np.broadcast_arrays(*(self._truth(value, cloud) for value in node.values)))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return ~self._truth(node.operand, cloud)
         if isinstance(node, ast.Compare):
@@ -134,9 +133,7 @@ class Expression:
             raise self._error(node.right, "a divisor other than 0")
         if len(sizes) == 2 and not isinstance(node.op, ast.Div):
             if (sizes[0] * sizes[1] if isinstance(node.op, ast.Mult) else sum(sizes)) > EXACT:
-                left, right = (
-                    value.astype(object) if isinstance(value, np.ndarray) else value for value in (left, right)
-                )
+                left, right = np.asarray(left, object), np.asarray(right, object)
         elif max(sizes, default=0) > EXACT:
             raise self._error(node, f"whole numbers of at most {EXACT:,} beside fractions and in divisions")
         try:
@@ -149,20 +146,13 @@ class Expression:
         value = self._value(node, cloud)
         if _is_text(value):
             raise self._error(node, "a number to compute with")
-        if isinstance(value, np.bool_):
-            return int(value)
-        return value.astype(np.int64) if isinstance(value, np.ndarray) and value.dtype == np.bool_ else value
+        return value * 1 if getattr(value, "dtype", None) == np.bool_ else value
 
     def _column(self, node: ast.expr, name: str, cloud: PointCloud) -> NDArray[Any]:
         """Return a coordinate or an attribute; its case does not matter if only one name fits."""
         names = [*cloud.attributes, *AXES]
         if name not in names:
-            plain = [unicodedata.normalize("NFKC", other).lower() for other in (name, *names)]
-            alike = [
-                other
-                for other, text in zip(names, plain[1:], strict=True)
-                if text == plain[0] or name == _MARK + other[1:]
-            ]
+            alike = [other for other in names if _plain(name) in (_plain(other), _plain(_MARK + other[1:]))]
             if len(alike) != 1:
                 raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{nearest_name(name, names)}")
             name = alike[0]
@@ -196,6 +186,10 @@ def _is_whole(value: Any) -> bool:
 def _size(value: Any) -> int:
     """Return the largest absolute value of whole numbers."""
     return int(np.abs(value).max(initial=0)) if isinstance(value, np.ndarray) else abs(value)
+
+
+def _plain(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).lower()
 
 
 def _at(text: str, position: int) -> str:

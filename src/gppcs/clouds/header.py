@@ -12,13 +12,6 @@ class Header(ComparedByValue):
     """What a file says of a whole cloud, besides its points: comments, a coordinate system, the scale of integers.
 
     Each format that has such things derives a class, reads an object of it, and writes it again.
-
-    Examples
-    --------
-    >>> cloud = gppcs.sample("sphere", n_points=100)
-    >>> gppcs.write("sphere.las", cloud, lossy=True)  # which rounds coordinates
-    >>> gppcs.read("sphere.las").header.crs is None
-    True
     """
 
     @property

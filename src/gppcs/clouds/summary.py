@@ -43,12 +43,6 @@ class Summary:
     ranges : mapping of str to (number, number) or None
         The minimum and maximum of each attribute by name, without NaN and infinity; None if there is no such
         value, or the attribute is no number. An attribute with several numbers per point has one range for all.
-
-    Examples
-    --------
-    >>> summary = gppcs.info([[0, 0, 0], [3, 0, 0], [3, 4, 0]])
-    >>> summary.diagonal
-    5.0
     """
 
     points: int

@@ -91,11 +91,6 @@ def set_threads(count: int | None) -> None:
         At least 1; it may exceed the number of cores. None stands for the default: the cores that this process may
         use.
 
-    Raises
-    ------
-    ParameterError
-        If the number is not whole or below 1.
-
     Examples
     --------
     >>> import gppcs

@@ -33,11 +33,6 @@ class Timer:
         Called as `on_progress(stage, done, total)` at the start of each stage, after some of its steps, and at its end,
         when `done` equals `total`. Before, `total` is None if the number of steps is unknown.
 
-    Raises
-    ------
-    ParameterError
-        If `on_progress` cannot be called.
-
     Attributes
     ----------
     on_progress : callable or None

@@ -112,14 +112,6 @@ class Selection(ComparedByValue):
         but repeats are chosen, in the order of the cloud.
     normals : (M, 3) array, float64, optional
         Unit normals at the new positions, whose signs have no meaning, if the method finds them.
-
-    Examples
-    --------
-    >>> import gppcs
-    >>> points = gppcs.sample("sphere", n_points=1000).points
-    >>> selection = gppcs.FarthestPoint()(gppcs.Task(points, 10))
-    >>> isinstance(selection, gppcs.Selection), len(selection.indices)
-    (True, 10)
     """
 
     indices: Ints
