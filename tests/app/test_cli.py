@@ -1,14 +1,16 @@
 """The program as a whole: its help, its version, its exit codes and streams."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import typer.main
 
 import gppcs
-from command_line import files
+from command_line import FAST, files
 from gppcs.app import program
 
 
@@ -62,3 +64,16 @@ def test_examples_of_the_help_name_options_that_exist(name):
     for _, command, *words in [line for line in lines if line[1] in COMMANDS]:
         known = {option for param in COMMANDS[command].params for option in (*param.opts, *param.secondary_opts)}
         assert {word.split("=")[0] for word in words if word.startswith("--")} <= {*known, "--help"}, command
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", ""])
+def test_a_terminal_that_lacks_characters_is_no_reason_to_fail(scan, encoding):
+    """The arrow of the title, and those in the name of the file."""
+    Path("scan.ply").rename("sc\u00e4n\u2192.ply")
+    words = [sys.executable, "-m", "gppcs", "simplify", "sc\u00e4n\u2192.ply", "-o", "out.ply", "--points", "9"]
+    variables = os.environ | {"PYTHONIOENCODING": encoding, "LC_ALL": "C"}
+    run = subprocess.run([*words, *FAST], capture_output=True, env=variables, check=False)
+    assert (run.returncode, run.stderr) == (0, b"")
+    assert run.stdout.startswith(b"sc")
+    assert b"400 in, 9 out" in run.stdout

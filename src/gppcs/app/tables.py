@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas
 from rich.console import Console
@@ -13,10 +13,8 @@ from rich.text import Text
 
 from gppcs.app.printing import visible
 from gppcs.evaluation.comparison import Entry
+from gppcs.evaluation.mesh_comparison import MeshEntry
 from gppcs.evaluation.report import definition_of
-
-if TYPE_CHECKING:
-    from gppcs.evaluation.mesh_comparison import MeshEntry
 
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
@@ -27,7 +25,6 @@ SHOWN = (
     "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "boundary_loops", "genus",
     "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip
-
 
 Cell = tuple[str, bool]  # a value as text, and whether it is the best of its column
 

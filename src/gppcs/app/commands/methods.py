@@ -30,10 +30,8 @@ def methods(
     """List all methods with their sources and parameters, or explain one method and each of its parameters."""
     from gppcs.amounts.options import method_of
 
-    if name is not None and not as_json:
-        _explain(type(method_of(name)))
-        return
-    for method in METHODS.values() if name is None else [type(method_of(name))]:
+    chosen = METHODS.values() if name is None else [type(method_of(name))]
+    for method in chosen:
         parameters = parameters_of(method)
         record = {
             "name": method.name,
@@ -44,10 +42,13 @@ def methods(
             "parameters": dataclasses.asdict(method()),
             "meanings": {key: parameter.meaning for key, parameter in parameters.items()},
         }
-        defaults = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
-        table = {"source": method.source, "parameters": defaults or "none"}
-        emit(record, as_json, False, f"{method.name}: {method.summary}", table)
-    if not as_json:
+        if name is None or as_json:
+            defaults = ", ".join(f"{key}={parameter.default}" for key, parameter in parameters.items())
+            table = {"source": method.source, "parameters": defaults or "none"}
+            emit(record, as_json, False, f"{method.name}: {method.summary}", table)
+        else:
+            _explain(method)
+    if name is None and not as_json:
         say("\ngppcs methods NAME explains a method and its parameters.")
 
 

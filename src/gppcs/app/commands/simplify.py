@@ -137,10 +137,9 @@ def simplify(
     sizes = () if levels is None else _sizes(levels)
     _check_together(arguments | {"levels": levels, "index": index, "mark": mark})
     if sizes:
+        require(arguments["method"], Feature.RANKING)
         arguments |= {"ratio": sizes[-1]} if sizes[-1] < 1 else {"n_points": round(sizes[-1])}
     job = Job(Options(**arguments), sizes, index, mark, force, lossy)
-    if sizes:
-        require(job.options.algorithm, Feature.RANKING)
     if dry_run and job.options.size is None:
         raise ParameterError("expected ratio or n_points with --dry-run, as other options need the points themselves")
     if mark is not None and job.options.algorithm.moves_points:

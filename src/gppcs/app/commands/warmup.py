@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
 from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.printing import emit, say, started
@@ -25,10 +23,10 @@ def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
 
     if not folder_to_write():
         raise OutputError("expected a folder for kernels that can be written, found none; set NUMBA_CACHE_DIR to one")
-    start = perf_counter()
-    with started(quiet)("compiling kernels", len(METHODS)) as on_progress:
+    timer = started(quiet)
+    with timer("compiling kernels", len(METHODS)) as on_progress:
         compiled, folders = compile_all(on_progress)
-    seconds = perf_counter() - start
+    seconds = sum(timer.seconds.values())
     if as_json:
         emit({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__}, as_json)
     elif not quiet:
