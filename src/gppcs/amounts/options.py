@@ -11,17 +11,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from numpy.typing import ArrayLike
-
-from gppcs.amounts.quotas import Quota, quotas_of
-from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import Length, Tolerance, bytes_of, count_of, metres_of, ratio_of
-from gppcs.clouds.ranges import weights_of_detail
 from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown, whole_number
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
 from gppcs.methods.parameters import parameters_of, with_settings
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the help of the command needs the texts below, but no NumPy
+    from numpy.typing import ArrayLike
+
+    from gppcs.amounts.quotas import Quota
+    from gppcs.clouds.quantities import Length, Tolerance
     from gppcs.io.cloud_files import CloudFiles
 
 
@@ -150,6 +148,9 @@ class Options:
     )
 
     def __post_init__(self) -> None:
+        from gppcs.clouds.expressions import Expression
+        from gppcs.clouds.quantities import metres_of
+
         one_of("invalid", self.invalid, ("error", "drop"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
             flag(name, getattr(self, name))
@@ -175,6 +176,8 @@ class Options:
     @cached_property
     def size(self) -> float | int | None:
         """The fraction of the points to keep (float) or their number (int), if one of them is asked for."""
+        from gppcs.clouds.quantities import count_of, ratio_of
+
         if self.ratio is not None:
             return ratio_of("ratio", self.ratio)
         return None if self.n_points is None else count_of("n_points", self.n_points)
@@ -188,11 +191,15 @@ class Options:
     @cached_property
     def max_error(self) -> Tolerance | None:
         """The error that is allowed, if there is one."""
+        from gppcs.clouds.quantities import Tolerance
+
         return None if self.tolerance is None else Tolerance.from_value(self.tolerance)
 
     @cached_property
     def lengths(self) -> Mapping[str, Length]:
         """The spacing and the largest gap that are asked for."""
+        from gppcs.clouds.quantities import Length
+
         names = ("spacing", "max_gap")
         return {name: Length.from_value(name, getattr(self, name)) for name in names if getattr(self, name) is not None}
 
@@ -213,11 +220,15 @@ class Options:
     @cached_property
     def details(self) -> Mapping[str, float]:
         """The attributes that count beside the shape, with their weights."""
+        from gppcs.clouds.ranges import weights_of_detail
+
         return {} if self.detail is None else weights_of_detail(self.detail)
 
     @cached_property
     def quotas(self) -> tuple[Quota, ...]:
         """How many points meet conditions."""
+        from gppcs.amounts.quotas import quotas_of
+
         return () if self.quota is None else quotas_of(self.quota)
 
     def open(self, paths: Sequence[str | os.PathLike[str]]) -> CloudFiles:
@@ -230,6 +241,8 @@ class Options:
     @cached_property
     def memory_limit(self) -> int | None:
         """How many bytes the process may hold, if that is limited."""
+        from gppcs.clouds.quantities import bytes_of
+
         return None if self.memory is None else bytes_of(self.memory)
 
     @cached_property

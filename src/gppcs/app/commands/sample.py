@@ -11,7 +11,6 @@ from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.options import option
 from gppcs.app.printing import emit, note_left_out, say, started
-from gppcs.clouds.quantities import count_of
 
 EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
 
@@ -53,6 +52,7 @@ def sample(
     """
     from gppcs import io, scans
     from gppcs.app.outputs import check_output
+    from gppcs.clouds.quantities import count_of
 
     started(quiet)
     chosen = io.format_to_write(output, output_format, ascii)

@@ -10,7 +10,6 @@ from gppcs.amounts.options import Options
 from gppcs.app import options
 from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, from_field, option
 from gppcs.app.printing import emit, for_each, print_error, say, started
-from gppcs.clouds.quantities import size_of
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
 
@@ -177,6 +176,8 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
 
 def _sizes(levels: str) -> tuple[float, ...]:
     """Return the sizes of levels, from coarse to fine: either fractions of the points or numbers."""
+    from gppcs.clouds.quantities import size_of
+
     values = [size_of("levels", value.strip()) for value in levels.split(",")]
     sizes = sorted(set(values))
     if len(values) > 256:
