@@ -326,12 +326,7 @@ def _check_scores(cloud: PointCloud) -> None:
 
 
 def _result(
-    selection: Selection,
-    kept: PointCloud,
-    outliers: Ints | None,
-    n: int,
-    options: Options,
-    timer: Timer,
+    selection: Selection, kept: PointCloud, outliers: Ints | None, n: int, options: Options, timer: Timer
 ) -> Result:
     """Return the result of a choice among n points."""
     if options.scores:

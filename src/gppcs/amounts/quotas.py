@@ -70,12 +70,7 @@ def quota_labels(cloud: PointCloud, usable: Ints, quotas: Sequence[Quota]) -> La
 
 
 def choose_quotas(
-    quotas: Sequence[Quota],
-    labels: Labels,
-    count: int,
-    keep: Ints,
-    repeats: Ints,
-    rank: Callable[[int], Selection],
+    quotas: Sequence[Quota], labels: Labels, count: int, keep: Ints, repeats: Ints, rank: Callable[[int], Selection]
 ) -> tuple[Selection, Ints]:
     """Choose points so that each quota gets its own; return also the indices that fill it with repeats.
 

@@ -53,10 +53,7 @@ class LocalGP(Method):
     }
 
     feature_weight: float = parameter(
-        0.5,
-        "How much denser points are where the surface is rough, from 0, an even cover, to 1.",
-        minimum=0,
-        maximum=1,
+        0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1.", minimum=0, maximum=1
     )
     lengthscale: float = parameter(
         1.5,

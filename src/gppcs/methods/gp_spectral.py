@@ -44,14 +44,10 @@ class SpectralGP(Method):
     fit_nu: bool = parameter(False, "Fit nu as well; the fit starts from the given nu.")
     k_opt: int = parameter(200, "Number of random points to which the hyperparameters are fitted.", minimum=1)
     iterations: int = parameter(
-        200,
-        "Most iterations of the optimiser from each of its starts; it rarely needs more than 30.",
-        minimum=1,
+        200, "Most iterations of the optimiser from each of its starts; it rarely needs more than 30.", minimum=1
     )
     k_init: int | None = parameter(
-        None,
-        "Number of farthest points to start from; by default, a third of the points asked for.",
-        minimum=1,
+        None, "Number of farthest points to start from; by default, a third of the points asked for.", minimum=1
     )
     k_add: int | None = parameter(
         None,

@@ -103,7 +103,4 @@ def _wall() -> list[Patch]:
     ]
 
 
-BRACKET = Scan(
-    (*_plate(), *_wall()),
-    ((-PLATE_X, -PLATE_Y, 0.0), (PLATE_X, PLATE_Y, EYE + WALL_X)),
-)
+BRACKET = Scan((*_plate(), *_wall()), ((-PLATE_X, -PLATE_Y, 0.0), (PLATE_X, PLATE_Y, EYE + WALL_X)))

@@ -190,10 +190,8 @@ def sorted_by_boxes(
     groups = _grouped(overview.chunks)
     names = list(overview.sample_columns)
     with timer("boxes", overview.stored) as on_progress:
-        fill = partial(_fill, names, overview.weights, details, options.algorithm.reads_attribute)
-        sort = partial(
-            _sort, folder, boxes, frame, record, _raw_type(overview.weights.n_positive > 0, len(names)), fill
-        )
+        attribute = options.algorithm.reads_attribute
+        sort = partial(_sort, folder, boxes, frame, record, names, overview.weights, details, attribute)
         for group, (run, run_counts) in zip(groups, map_parts(sort, groups), strict=True):
             runs.append(run)
             counts += run_counts
@@ -222,26 +220,6 @@ def _sorted_type(weights: WeightRange, details: Details | None, options: Options
     return np.dtype([*RECORD.descr, *more])
 
 
-def _fill(
-    names: Sequence[str],
-    weights: WeightRange,
-    details: Details | None,
-    attribute: str | None,
-    records: NDArray[Any],
-    raw: NDArray[Any],
-) -> None:
-    """Fill records that are going to be sorted, given those that were read."""
-    records["row"], records["place"] = raw["row"], raw["place"]
-    columns = {name: raw["columns"][:, number] for number, name in enumerate(names)}
-    if weights.n_positive:
-        relative = weights.relative(np.ascontiguousarray(raw["weight"]))
-        records["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
-    if details and details.width:
-        records["detail"] = details.values(PointCloud(raw["place"], columns))
-    if attribute is not None:
-        records["value"] = columns[attribute]
-
-
 def _grouped(chunks: Sequence[tuple[str, int, int]]) -> list[list[tuple[str, int, int]]]:
     """Return the chunks in groups of about as many points as a run should have."""
     groups: list[list[tuple[str, int, int]]] = []
@@ -260,16 +238,26 @@ def _sort(
     boxes: Boxes,
     frame: Frame,
     record: np.dtype[Any],
-    raw: np.dtype[Any],
-    fill: Any,
+    names: Sequence[str],
+    weights: WeightRange,
+    details: Details | None,
+    attribute: str | None,
     group: Sequence[tuple[str, int, int]],
 ) -> tuple[Run, Ints]:
     """Sort some chunks into a run, and return it with the number of its points in each box."""
     records, begin = np.empty(sum(count for _, _, count in group), record), 0
     for name, first, count in group:
         chunk = records[begin : begin + count]
-        fill(chunk, np.fromfile(folder / name, dtype=raw))
-        chunk["row"] += first
+        raw = np.fromfile(folder / name, dtype=_raw_type(weights.n_positive > 0, len(names)))
+        chunk["row"], chunk["place"] = raw["row"] + first, raw["place"]
+        if weights.n_positive:
+            relative = weights.relative(np.ascontiguousarray(raw["weight"]))
+            chunk["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
+        columns = {column: raw["columns"][:, number] for number, column in enumerate(names)}
+        if details and details.width:
+            chunk["detail"] = details.values(PointCloud(raw["place"], columns))
+        if attribute is not None:
+            chunk["value"] = columns[attribute]
         begin += count
     records["place"] = frame.local(np.ascontiguousarray(records["place"]))
     return write_run(folder, group[0][0].replace(".raw", ".run"), boxes, records)

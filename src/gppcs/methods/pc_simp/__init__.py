@@ -24,9 +24,7 @@ class PCSimp(Method):
     _bytes_per_point = 1500
 
     neighbours: int = parameter(
-        15,
-        "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more.",
-        minimum=1,
+        15, "k: the number of nearest points in a neighbourhood; fewer in clouds that have no more.", minimum=1
     )
     uniformity: float = parameter(
         0.1,

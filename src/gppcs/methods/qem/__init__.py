@@ -23,9 +23,7 @@ class QEM(Method):
     _bytes_per_point = 550
 
     neighbours: int = parameter(
-        8,
-        "Number of neighbours of a point, used for its normal and as partners of contractions.",
-        minimum=1,
+        8, "Number of neighbours of a point, used for its normal and as partners of contractions.", minimum=1
     )
 
     def __call__(self, task: Task) -> Selection:

@@ -119,8 +119,4 @@ def _measured(rays: Rays, distances: Floats, rng: np.random.Generator) -> Floats
     return measured
 
 
-ROOM = Scene(
-    (*_walls(), *_desk(), *_chair(), *_shelf(), *_rest()),
-    _rays,
-    _measured,
-)
+ROOM = Scene((*_walls(), *_desk(), *_chair(), *_shelf(), *_rest()), _rays, _measured)

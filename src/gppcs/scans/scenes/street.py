@@ -147,8 +147,4 @@ def _rays(count: int) -> Rays:
     return Rays(origins, np.stack([*around, np.sin(elevation)], axis=1))
 
 
-STREET = Scene(
-    (*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()),
-    _rays,
-    with_noise(0.02),
-)
+STREET = Scene((*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()), _rays, with_noise(0.02))
