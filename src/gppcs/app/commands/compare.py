@@ -149,7 +149,6 @@ def _check_folder(folder: Path, names: list[str], inputs: list[Path], force: boo
         raise OutputError(f"{folder}: expected a folder, found something else; name a folder")
     if not force and folder.is_dir() and any(folder.iterdir()):
         raise OutputError(f"{folder}: expected a new or empty folder; choose another, or overwrite tables with force")
-    targets = [folder / name for name in names]
-    check_distinct(targets, inputs)
-    for target in targets:
-        check_writable(target, force, makes_folders=True)
+    check_distinct([folder / name for name in names], inputs)
+    for name in names:
+        check_writable(folder / name, force, makes_folders=True)

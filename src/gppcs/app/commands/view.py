@@ -71,11 +71,10 @@ def view(
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
     with io.whole_output(output, force) as file:
         file.write(page.content())
-    if io.is_standard(output):
-        return
-    if not quiet:
+    is_file = not io.is_standard(output)
+    if is_file and not quiet:
         say(str(output))
-    if opened:
+    if is_file and opened:
         _open(output.absolute().as_uri(), str(output))
 
 
