@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.bridges import bridged
+from gppcs.meshing.assembly import bridged
 from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
 from shapes import faults, sheet

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gppcs.meshing.patches import turned_patches
+from gppcs.meshing.fans import turned_patches
 from gppcs.spatial.kdtree import KdTree
 from shapes import sheet
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import add_boundaries
@@ -54,21 +54,16 @@ def collapse(
     draft.merge(ends(into))
 
 
-def dense_quadrics(points: Floats, normals: Floats, vertices: Floats, nearest: Ints) -> Floats:
+@kernel
+def dense_quadrics(points, normals, vertices, nearest):
     """Return for each vertex the quadric of the tangent planes of the dense points nearest to it, (V, 10)."""
     quadrics = np.zeros((len(vertices), NUMBERS))
-    _add_dense(points, normals, vertices, nearest, quadrics)
-    return quadrics
-
-
-@kernel(allocates=False)
-def _add_dense(points, normals, vertices, nearest, quadrics):
-    """Add the planes of all dense points to `quadrics`, (V, 10)."""
     for i in range(len(points)):
         v = nearest[i]
         if v >= 0:
             normal = row(normals, i)
             add_plane(quadrics[v], normal, dot(normal, minus(row(vertices, v), row(points, i))), 1.0)
+    return quadrics
 
 
 def ends(into: Ints) -> Ints:

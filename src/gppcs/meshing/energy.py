@@ -56,20 +56,8 @@ class FittedMesh(NamedTuple):
         boundaries = np.zeros((len(vertices), NUMBERS))
         add_boundaries(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), boundaries)
         first, after = np.full(len(mesh.corners()), -1), np.full(len(points), -1)
-        fitted = cls(
-            mesh,
-            vertices,
-            boundaries,
-            points,
-            assigned,
-            first,
-            after,
-            limit,
-            radii,
-            tree.points,
-            tree.lower,
-            tree.upper,
-        )
+        boxes = tree.points, tree.lower, tree.upper
+        fitted = cls(mesh, vertices, boundaries, points, assigned, first, after, limit, radii, *boxes)
         _list_points(fitted)
         return fitted
 

@@ -10,9 +10,8 @@ from gppcs.errors import NoSurfaceError
 from gppcs.meshing.assembly import assembled, without_scraps
 from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.fans import fans_of
+from gppcs.meshing.fans import fans_of, turned_patches
 from gppcs.meshing.mending import without_cuts
-from gppcs.meshing.patches import turned_patches
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.fans import ON_CIRCLE

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, cg
+from scipy.sparse import bsr_array
+from scipy.sparse.linalg import cg
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.arrays import Floats, Ints
@@ -12,7 +13,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import cutting
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.halfedges import HalfEdges, following
+from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.stars import SLIDE
 from gppcs.spatial.triangles import area_vector, dot, minus, point_in, qualities, row, unit
 from gppcs.surface.inducing import joint_steps, noise_between
@@ -63,19 +64,15 @@ def stepped(mesh: HalfEdges, vertices: Floats, points: Floats, assigned: Assignm
     pull[largest < NEAR] = PULL_ALONE
     pull *= totals.sum() / np.count_nonzero(mesh.leaving >= 0)
     diagonal += pull[:, None, None] * np.eye(3)
-    inverse = np.linalg.inv(diagonal)
-
-    def multiplied(steps: Floats) -> Floats:
-        product = np.einsum("ijk,ik->ij", diagonal, steps.reshape(-1, 3))
-        _add_beside(mesh, beside, steps.reshape(-1, 3), product)
-        return product.ravel()
-
-    def conditioned(steps: Floats) -> Floats:
-        return np.einsum("ijk,ik->ij", inverse, steps.reshape(-1, 3)).ravel()
-
-    matrix, preconditioner = (
-        LinearOperator((3 * n, 3 * n), product, dtype=np.float64) for product in (multiplied, conditioned)
-    )
+    # The matrix of the normal equations has a block of 3 x 3 for each vertex, and one for both ways of each half-edge.
+    there = np.flatnonzero(mesh.origin >= 0)
+    begins, ends, vertex = mesh.origin[there], mesh.targets()[there], np.arange(n)
+    blocks = np.concatenate([diagonal, beside[there], beside[there]])
+    lines, columns = np.concatenate([[vertex, vertex], [begins, ends], [ends, begins]], axis=1)
+    order = np.argsort(lines, kind="stable")
+    limits = np.searchsorted(lines[order], np.arange(n + 1))
+    matrix = bsr_array((blocks[order], columns[order], limits), shape=(3 * n, 3 * n))
+    preconditioner = bsr_array((np.linalg.inv(diagonal), vertex, np.arange(n + 1)), shape=(3 * n, 3 * n))
     steps, _ = cg(matrix, right.ravel(), rtol=1e-6, maxiter=100, M=preconditioner)
     moved: Floats = vertices + steps.reshape(-1, 3)
     return moved
@@ -113,20 +110,6 @@ def _add_block(block, weight, across):
         for j in range(3):
             block[i, j] += (1.0 - SLIDE) * weight * across[i] * across[j]
         block[i, i] += SLIDE * weight
-
-
-@kernel(allocates=False)
-def _add_beside(mesh, beside, steps, product):
-    """Add the products of the blocks of half-edges, (3 F, 3, 3), with steps of vertices, (V, 3), to `product`."""
-    for h in range(len(beside)):
-        v = mesh.origin[h]
-        if v < 0:
-            continue
-        w = mesh.origin[following(h)]
-        for i in range(3):
-            for j in range(3):
-                product[v, i] += beside[h, i, j] * steps[w, j]
-                product[w, i] += beside[h, i, j] * steps[v, j]
 
 
 def undo_turns(faces: Ints, vertices: Floats, normals: Floats, moved: Floats) -> None:

@@ -358,13 +358,7 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
 
 
 def _result(
-    cloud: PointCloud,
-    finite: Ints,
-    draft: Draft,
-    diagnostics: MeshDiagnostics,
-    moved: bool,
-    frame: Frame,
-    timer: Timer,
+    cloud: PointCloud, finite: Ints, draft: Draft, diagnostics: MeshDiagnostics, moved: bool, frame: Frame, timer: Timer
 ) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
     indices = finite[draft.dense.indices[draft.dense_index]]

@@ -159,13 +159,12 @@ def _find_foot(star, m, p, point):
             _is_nearer(star, m, p, point, k)
         return
     _is_nearer(star, m, p, point, begin)
-    k = (begin + 1) % count
-    while k != begin and _is_nearer(star, m, p, point, k):
-        k = (k + 1) % count
-    if star.triangles[m] == begin:
-        k = (begin + count - 1) % count
+    for step in (1, count - 1):
+        k = (begin + step) % count
         while k != begin and _is_nearer(star, m, p, point, k):
-            k = (k + count - 1) % count
+            k = (k + step) % count
+        if star.triangles[m] != begin:
+            break
 
 
 @kernel(allocates=False)
