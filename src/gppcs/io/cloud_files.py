@@ -6,10 +6,10 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,14 +24,18 @@ from gppcs.io.rows import BLOCK
 from gppcs.io.streams import plain_input
 from gppcs.io.vpc import files_of
 
+T = TypeVar("T")
 
-class _Opened(NamedTuple):
+
+@dataclass
+class _Opened:
     """An open file, decompressed."""
 
     file: Any
     format: Format
     reader: Reader
     close: Callable[[], None]
+    cloud: PointCloud | None = None  # all points, if they are read at once, until `read` returns them
 
     @property
     def size(self) -> int:
@@ -42,6 +46,31 @@ class _Opened(NamedTuple):
     def is_copy(self) -> bool:
         """Whether it is a temporary file, which has no name."""
         return isinstance(self.file.name, int)
+
+    def first(self) -> PointCloud:
+        """Return the first points, or all, if they are read at once."""
+        if self.reader.at_once:
+            self.cloud = self.reader.read() if self.cloud is None else self.cloud
+            return self.cloud
+        chunks = self.reader.chunks(BLOCK, True)
+        first = next(chunks)
+        return first if len(first) else next(filter(len, chunks), first)
+
+    def read(self) -> PointCloud:
+        """Return all points, and keep none."""
+        cloud, self.cloud = self.cloud, None
+        return self.reader.read() if cloud is None else cloud
+
+    def count(self, is_part: bool) -> tuple[int, bool]:
+        """Return the number of points, or of the part that a query selects, and whether it is exact."""
+        if is_part and not self.reader.at_once:
+            return sum(map(len, self.reader.chunks(BLOCK, False))), True
+        if self.reader.n_points is not None and not is_part:
+            return self.reader.n_points, True
+        first = self.first()
+        if self.reader.at_once or len(first) < BLOCK:
+            return len(first), True
+        return round(len(first) * self.size / max(1, self.file.tell())), False
 
 
 class CloudFiles:
@@ -73,25 +102,24 @@ class CloudFiles:
         self._span: Span | None = None  # the part of a single file that is read
         self._header: Header | None = None  # of the first file that has one
         self._opened: dict[Path, _Opened] = {}
-        self._clouds: dict[Path, PointCloud] = {}  # already read, for `read`
 
     def __enter__(self) -> CloudFiles:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._clouds.clear()
         while self._opened:
             self._opened.popitem()[1].close()
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
-        return {**state, "_opened": {}, "_clouds": {}}
+        return {**state, "_opened": {}}
 
     @cached_property
     def preview(self) -> PointCloud:
         """Up to 65,536 of the first points, with attributes and header."""
         for path in self._paths:
-            cloud = self._first_of(path)
+            with self._reading(path) as opened:
+                cloud = opened.first()
             if len(cloud):
                 break
         return cloud[:BLOCK] if len(cloud) > BLOCK else cloud
@@ -109,67 +137,39 @@ class CloudFiles:
     @cached_property
     def _counts(self) -> list[tuple[int, bool]]:
         """The number of points of each file, and whether it is exact."""
-        return [self._count(path) for path in self._paths]
-
-    def _count(self, path: Path) -> tuple[int, bool]:
-        with self._reading(path) as opened:
-            if self.query and not opened.reader.at_once:
-                return sum(len(cloud) for cloud in opened.reader.chunks(BLOCK, False)), True
-            if opened.reader.n_points is not None and not self.query:
-                return opened.reader.n_points, True
-            first = self._first_of(path)
-            if opened.reader.at_once or len(first) < BLOCK:
-                return len(first), True
-            return round(len(first) * opened.size / max(1, opened.file.tell())), False
-
-    def _first_of(self, path: Path) -> PointCloud:
-        """Return the first points of a file, or all, which are kept for `read`, if they are read at once."""
-        with self._reading(path) as opened:
-            if opened.reader.at_once and path not in self._clouds:
-                self._clouds[path] = opened.reader.read()
-            if opened.reader.at_once:
-                return self._clouds[path]
-            chunks = opened.reader.chunks(BLOCK, True)
-            first = next(chunks)
-            return first if len(first) else next(filter(len, chunks), first)
+        return self._of_each(lambda opened: opened.count(self.query is not None))
 
     @property
     def at_once(self) -> tuple[str | None, int]:
         """The name of a format, if any, that has all points in memory before some are read, and their bytes, about."""
-        held = [opened for opened in map(self._open, self._paths) if opened.reader.at_once]
-        counts = [opened.reader.n_points for opened in held]
-        sizes = [opened.size if n is None else 24 * n for opened, n in zip(held, counts, strict=True)]
-        return held[-1].format.name if held else None, sum(sizes)
+        name, size = None, 0
+        for opened in map(self._open, self._paths):
+            if opened.reader.at_once:
+                name, n = opened.format.name, opened.reader.n_points
+                size += opened.size if n is None else 24 * n
+        return name, size
 
     @property
     def n_faces(self) -> int:
         """The number of faces, of which nothing is read."""
-        total = 0
-        for path in self._paths:
-            with self._reading(path) as opened:
-                total += opened.reader.n_faces()
-        return total
+        return sum(self._of_each(lambda opened: opened.reader.n_faces()))
 
     def skipped(self) -> list[str]:
         """Return in words what of the files is not read."""
         n_faces = self.n_faces
-        messages = [f"faces ({n_faces:,})"] if n_faces else []
-        for path in self._paths:
-            with self._reading(path) as opened:
-                messages += opened.reader.skipped()
-        return messages
+        faces = [f"faces ({n_faces:,})"] if n_faces else []
+        return sum(self._of_each(lambda opened: opened.reader.skipped()), faces)
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        return [self._open(path).format for path in self._paths]
+        return self._of_each(lambda opened: opened.format)
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         clouds, columns = [], JointColumns()
         for path in self._paths:
             with self._reading(path) as opened:
-                cloud = self._clouds.pop(path) if path in self._clouds else opened.reader.read()
-                clouds.append(self._in_one_system(cloud))
+                clouds.append(self._in_one_system(opened.read()))
                 columns.add(clouds[-1])
         return columns.joined(clouds)
 
@@ -193,7 +193,7 @@ class CloudFiles:
                 part = copy(self)
                 part._paths, part._span, part._header = [path], span, header
                 if opened.is_copy:
-                    part._opened[path] = opened._replace(close=lambda: None)
+                    part._opened[path] = replace(opened, close=lambda: None)
                 parts.append(part)
         return parts
 
@@ -207,6 +207,14 @@ class CloudFiles:
         first = self._header = self._header or cloud.header
         ours, theirs = first.conventions, cloud.header.conventions
         return cloud if any(ours.get(n) != theirs.get(n) for n in cloud.attributes) else replace(cloud, header=first)
+
+    def _of_each(self, function: Callable[[_Opened], T]) -> list[T]:
+        """Return what a function returns for each file."""
+        results = []
+        for path in self._paths:
+            with self._reading(path) as opened:
+                results.append(function(opened))
+        return results
 
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:

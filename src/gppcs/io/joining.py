@@ -38,33 +38,27 @@ class JointColumns:
         return None if self._first is None else self._first.header
 
     def add(self, cloud: PointCloud) -> None:
-        """Take note of a part."""
+        """Take note of a part, after checking that it has the attributes and the coordinate system of the first."""
         if self._first is None:
             self._first = cloud.take(np.empty(0, dtype=np.int64))  # which has names and header, and no points
-        self._check_like(self._first, cloud)
-        self._coordinates.add(cloud.coordinate_dtype)
-        for name, values in cloud.attributes.items():
-            self._types.setdefault(name, set()).add(values.dtype)
-            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
-                self._signed.add(name)
-
-    def _check_like(self, first: PointCloud, cloud: PointCloud) -> None:
-        """Check that a part has the attributes and the coordinate system of the first part."""
-        if differing := first.attributes.keys() ^ cloud.attributes.keys():
-            raise _differ("attributes", f"{', '.join(sorted(differing))} in some only")
-        crs = [part.header.crs if part.header else None for part in (first, cloud)]
+        crs = [part.header.crs if part.header else None for part in (self._first, cloud)]
         if None not in crs and crs[0] != crs[1]:
             raise FileFormatError(
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; bring them to "
                 "one first, or take them for the same with assume_same_crs"
             )
-        conventions = [part.header.conventions if part.header else {} for part in (first, cloud)]
+        first, kinds = _kinds(self._first), _kinds(cloud)
+        for name in sorted(first.keys() | kinds.keys()):
+            if first.get(name) != kinds.get(name):
+                raise FileFormatError(
+                    f"expected the same attributes in all files of a cloud, found {name} as "
+                    f"{first.get(name, 'nothing')} and {kinds.get(name, 'nothing')}; simplify each by itself"
+                )
+        self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
-            kinds = [convention.get(name, "no scale") for convention in conventions]
-            shapes = [first.attributes[name].shape[1:], values.shape[1:]]
-            if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
-                actual = kinds if kinds[0] != kinds[1] else shapes
-                raise _differ(f"kind of {name}", f"{actual[0]} and {actual[1]}")
+            self._types.setdefault(name, set()).add(values.dtype)
+            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
+                self._signed.add(name)
 
     def merge(self, other: JointColumns) -> None:
         """Take note of the parts that another has noted."""
@@ -86,9 +80,6 @@ class JointColumns:
     def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
         """Return the values of an attribute in a type that holds those of all parts exactly."""
         types = self._types[name]
-        kinds = {"number" if dtype.kind in "biuf" else dtype.kind for dtype in types}
-        if len(kinds) > 1:
-            raise _differ(f"kind of {name}", " and ".join(sorted(map(str, types))))
         if types == {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
             common = np.dtype(np.uint64)
         else:
@@ -105,7 +96,10 @@ def _concatenated(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _differ(what: str, actual: str) -> FileFormatError:
-    return FileFormatError(
-        f"expected the same {what} in all files of a cloud, found {actual}; write them anew, or simplify each by itself"
-    )
+def _kinds(cloud: PointCloud) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Return what all parts must have in common of each attribute: in words what it is, and its shape."""
+    conventions = cloud.header.conventions if cloud.header else {}
+    return {
+        name: (conventions.get(name, "numbers" if values.dtype.kind in "biuf" else "text"), values.shape[1:])
+        for name, values in cloud.attributes.items()
+    }
