@@ -14,9 +14,10 @@ from gppcs.io import FORMATS, CloudFiles, format_to_write, read, write
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
 WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 PLAIN = (".points3d.txt", ".xyz", ".csv", ".obj")  # texts without a signature, or without a number of points
+UNSIGNED = (".xyz", ".csv", ".pts", ".obj", ".points3d.bin")
 
 
-@pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix not in (".xyz", ".csv", ".pts", ".obj")])
+@pytest.mark.parametrize("suffix", [suffix for suffix in WRITABLE if suffix not in UNSIGNED])
 def test_content_decides_before_the_name(tmp_path, suffix):
     for name in ("cloud", "cloud.xyz", "cloud.unknown"):
         write(tmp_path / name, CLOUD, format=suffix)

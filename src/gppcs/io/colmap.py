@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import COLOUR
+from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.meshes import colours_of
@@ -22,42 +23,40 @@ TITLE = "# 3D point list with one line of data per point:"
 RECORD = np.dtype([("id", "<u8"), ("position", "<f8", 3), ("colour", "u1", 3), ("error", "<f8"), ("track", "<u8")])
 
 
-def open_colmap_text(file: BufferedReader) -> Reader:
-    """Open a text file, to read its points without their tracks."""
+def open_colmap(read: Callable[[BufferedReader], tuple[list[Column], bool]], file: BufferedReader) -> Reader:
+    """Open a file to read its points without their tracks."""
     has_tracks = False
 
-    def points(line: str) -> str:
+    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+        nonlocal has_tracks
+        file.seek(0)
+        columns, has_tracks = read(file)
+        yield _cloud(columns)
+
+    return Reader(chunks, at_once=True, skipped=lambda: ["the tracks of the points"] if has_tracks else [])
+
+
+def _read_text(file: BufferedReader) -> tuple[list[Column], bool]:
+    """Return the eight columns of a text file, and whether a point has a track."""
+    has_tracks = False
+
+    def without_track(line: str) -> str:
         nonlocal has_tracks
         fields = line.split(None, 8)
         has_tracks |= len(fields) > 8 and not fields[0].startswith("#")
         return " ".join(fields[:8]) + "\n"
 
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        file.seek(0)
-        for ids, *values, error in read_rows(map(points, lines_of(file)), 8):
-            yield _cloud(ids, np.stack(values[:3], axis=1), np.stack(values[3:], axis=1), error)
-
-    return Reader(chunks, at_once=True, skipped=lambda: _tracks(has_tracks))
+    blocks = read_rows(map(without_track, lines_of(file)), 8)
+    return [np.concatenate(parts) for parts in zip(*blocks, strict=True)], has_tracks
 
 
-def open_colmap_binary(file: BufferedReader) -> Reader:
-    """Open a binary file, to read its points without their tracks."""
-    has_tracks = False
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        nonlocal has_tracks
-        file.seek(0)
-        data = np.frombuffer(file.read(), dtype=np.uint8)
-        starts = _starts(data)
-        records = data[starts[:, np.newaxis] + np.arange(RECORD.itemsize)].reshape(-1).view(RECORD)
-        has_tracks = bool(records["track"].any())
-        yield _cloud(records["id"].astype(np.int64), records["position"], records["colour"], records["error"])
-
-    return Reader(chunks, at_once=True, skipped=lambda: _tracks(has_tracks))
-
-
-def _tracks(has_tracks: bool) -> list[str]:
-    return ["the tracks of the points"] if has_tracks else []
+def _read_binary(file: BufferedReader) -> tuple[list[Column], bool]:
+    """Return the eight columns of a binary file, and whether a point has a track."""
+    data = np.frombuffer(file.read(), dtype=np.uint8)
+    starts = _starts(data)
+    records = data[starts[:, np.newaxis] + np.arange(RECORD.itemsize)].reshape(-1).view(RECORD)
+    columns = [records["id"].astype(np.int64), *records["position"].T, *records["colour"].T, records["error"]]
+    return columns, bool(records["track"].any())
 
 
 def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -77,14 +76,17 @@ def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     return np.array(starts, dtype=np.int64)
 
 
-def _cloud(ids: NDArray[Any], points: NDArray[Any], colours: NDArray[Any], errors: NDArray[Any]) -> PointCloud:
-    """Return a cloud of what a file says."""
+def _cloud(columns: list[Column]) -> PointCloud:
+    """Return a cloud of the columns of a file."""
+    ids, *values, errors = columns
+    colours = np.stack(values[3:])
     if "f" in (ids.dtype.kind, colours.dtype.kind):
         raise FileFormatError("expected whole numbers as POINT3D_ID, R, G and B, found fractions or numbers too large")
     if ((colours < 0) | (colours > 255)).any():
         raise FileFormatError(f"expected colours from 0 to 255, found {colours.min():g} to {colours.max():g}")
-    channels = dict(zip(COLOUR, colours.astype(np.uint8).T.copy(), strict=True))
-    return PointCloud(points, {ID: ids.astype(np.int64), **channels, ERROR: errors.astype(np.float64)})
+    channels = dict(zip(COLOUR, colours.astype(np.uint8), strict=True))
+    attributes = {ID: ids.astype(np.int64), **channels, ERROR: errors.astype(np.float64)}
+    return PointCloud(np.stack(values[:3], axis=1), attributes)
 
 
 def write_colmap_text(file: BinaryIO, cloud: PointCloud) -> None:
@@ -126,27 +128,20 @@ def _stored(cloud: PointCloud) -> PointCloud:
     return keeping(cloud, holds)
 
 
-def _is_binary(start: bytes, size: int) -> bool:
-    """Return whether a file is long enough for the number of points that it begins with, and these look like points."""
-    count, at, end = int.from_bytes(start[:8], "little"), 8, len(start) - RECORD.itemsize
-    if not 0 < count <= (size - 8) // RECORD.itemsize or end < at:
-        return False
-    while at <= end and count:
-        record = np.frombuffer(start, RECORD, 1, at)[0]
-        if record["id"] > 2**53 or record["track"] > size or not (np.abs(record["position"]) < 2**53).all():
-            return False
-        at, count = at + RECORD.itemsize + 8 * int(record["track"]), count - 1
-    return at <= size
-
-
 FORMATS = (
     Format(
         "COLMAP text",
         (".points3d.txt",),
-        open_colmap_text,
+        partial(open_colmap, _read_text),
         write_colmap_text,
         lambda start, size: start.startswith(TITLE.encode()),
         _stored,
     ),
-    Format("COLMAP binary", (".points3d.bin",), open_colmap_binary, write_colmap_binary, _is_binary, _stored),
+    Format(
+        "COLMAP binary",
+        (".points3d.bin",),
+        partial(open_colmap, _read_binary),
+        write_colmap_binary,
+        stored=_stored,  # there is nothing to recognise it by
+    ),
 )

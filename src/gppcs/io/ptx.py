@@ -27,12 +27,13 @@ def open_ptx(file: BufferedReader) -> Reader:
         nonlocal n_missing
         file.seek(0)
         parts = [_columns(table, pose, scan) for scan, (pose, blocks) in enumerate(_scans(file)) for table in blocks]
-        n_missing = sum(int(columns.pop("missing")[0]) for columns in parts)
         if len({tuple(columns) for columns in parts}) > 1:
             raise FileFormatError(
                 "expected colours in all scans or in none, found them in some; read the scans one by one"
             )
-        joined = {name: np.concatenate([columns.pop(name) for columns in parts]) for name in list(parts[0])}
+        has_return = np.concatenate([columns.pop("has_return") for columns in parts])
+        n_missing = int(np.count_nonzero(~has_return))
+        joined = {name: np.concatenate([columns.pop(name) for columns in parts])[has_return] for name in list(parts[0])}
         if not joined["scan"].any():
             del joined["scan"]
         yield PointCloud.from_columns({name: joined[name] for name in joined if attributes or name in "xyz"})
@@ -67,22 +68,21 @@ def _numbers(line: str, width: int, scan: int) -> list[float]:
 
 
 def _columns(table: list[Column], pose: NDArray[np.float64], scan: int) -> dict[str, Column]:
-    """Return the points of a scan that have a return, by name, and the number of others."""
+    """Return the points of a scan by name, and which have a return."""
     if len(table) not in (4, 7):
         raise FileFormatError(f"expected 4 or 7 numbers for each point, found {len(table)}")
     points = np.stack(table[:3], axis=1, dtype=np.float64, casting="unsafe")
-    has_return = points.any(axis=1)
-    points = points[has_return]
+    has_return = np.asarray(points.any(axis=1))
     if not np.array_equal(pose, np.eye(4)):
         points = points @ pose[:3, :3] + pose[3, :3]
     columns: dict[str, Column] = dict(zip("xyz", points.T, strict=True))
-    columns["intensity"] = table[3][has_return].astype(np.float64)
+    columns["intensity"] = table[3].astype(np.float64)
     for name, values in zip(("red", "green", "blue"), table[4:], strict=False):
         wrong = ~((values >= 0) & (values <= 255) & (values == np.rint(values)))
         if wrong.any():
             raise FileFormatError(f"expected whole numbers from 0 to 255 as {name}, found {values[np.argmax(wrong)]:g}")
-        columns[name] = values[has_return].astype(np.uint8)
-    return {**columns, "scan": np.full(len(points), scan, np.int32), "missing": np.array([(~has_return).sum()])}
+        columns[name] = values.astype(np.uint8)
+    return {**columns, "scan": np.full(len(points), scan, np.int32), "has_return": has_return}
 
 
 def _is_ptx(start: bytes, size: int) -> bool:

@@ -36,17 +36,12 @@ class Query:
             return None
         if resolution is not None and not 0 < number(resolution) < math.inf:
             raise ParameterError(f"expected a resolution above 0, found {shown(resolution)}")
-        lower, upper = np.full(3, -math.inf), np.full(3, math.inf)
-        polygons = []
-        for area in _areas(inside):
-            if isinstance(area, Polygons):
-                polygons.append(area)
-            else:
-                lower, upper = np.maximum(lower, area[0]), np.minimum(upper, area[1])
+        areas = _areas(inside)
+        boxes = np.array([area for area in areas if not isinstance(area, Polygons)]).reshape(-1, 2, 3)
         return cls(
-            tuple(lower.tolist()),
-            tuple(upper.tolist()),
-            tuple(polygons),
+            tuple(boxes[:, 0].max(axis=0, initial=-math.inf).tolist()),
+            tuple(boxes[:, 1].min(axis=0, initial=math.inf).tolist()),
+            tuple(area for area in areas if isinstance(area, Polygons)),
             None if only is None else Expression.from_text(only),
             None if resolution is None else float(resolution),
         )

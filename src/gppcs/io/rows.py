@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT, Column, coordinate_names
+from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
@@ -278,13 +278,23 @@ def column_chunks(
 ) -> Iterator[PointCloud]:
     """Yield the clouds of n values each of columns that are mapped into memory."""
     axes = coordinate_names(columns)
+    kept = [name for name in columns if attributes and name not in axes]
+    dtype = np.result_type(*(columns[axis].dtype for axis in axes)).newbyteorder("=")
     first, last = span or (0, len(columns[axes[0]]))
     for start in range(first, max(last, first + 1), n):
-        part = slice(start, min(start + n, last))
-        # Copies, since the file may change.
-        yield PointCloud.from_columns(
-            {name: np.array(columns[name][part]) for name in (columns if attributes else axes)}
-        )
+        stop = min(start + n, last)
+        points = np.empty((stop - start, 3))
+        copies = dict(zip(axes, points.T, strict=True))
+        for name in kept:
+            values = columns[name]
+            copies[name] = np.empty((stop - start, *values.shape[1:]), values.dtype.newbyteorder("="))
+        for begin in range(start, max(stop, start + 1), BLOCK):  # which fits into the processor's cache
+            for name, copy in copies.items():
+                block = columns[name][begin : min(begin + BLOCK, stop)]
+                if name in axes:
+                    check_coordinate(name, block)
+                copy[begin - start : begin - start + BLOCK] = block
+        yield PointCloud(points, {name: copies[name] for name in kept}, dtype)
 
 
 def read_records(
