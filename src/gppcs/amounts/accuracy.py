@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING
+from functools import cache
 
 import numpy as np
 
@@ -14,9 +13,10 @@ from gppcs.clouds.quantities import MEASURES, Measure, Scale, Tolerance
 from gppcs.engine.arrays import Floats
 from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
-
-if TYPE_CHECKING:
-    from gppcs.surface.local_surface import LocalSurface
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.local_surface import LocalSurface
+from gppcs.surface.outliers import outliers_among
 
 MINIMUM_EXPONENT, MAXIMUM_EXPONENT = 0.25, 4.0  # Bounds on the estimated exponent p in error ~ M^-p.
 MAXIMUM_STEP = 100.0  # Growth of the number of points from one estimate to the next.
@@ -38,8 +38,6 @@ def fewest_points(
     of a ranking, if `choose` ranks points; otherwise each number of points is a choice of its own. Without a measure,
     the largest distance counts, of all points but outliers.
     """
-    from gppcs.surface.outliers import outliers_among
-
     outliers = np.zeros(len(points), dtype=np.bool_)
     if tolerance.measure is None:
         with timer("outliers"):
@@ -69,22 +67,12 @@ def fewest_points(
 
 def in_tree_order(points: Floats) -> Floats:
     """Return points, (N, 3), so that neighbours follow each other: they find each other's surface in the cache."""
-    from gppcs.spatial.kdtree import KdTree
-
     return points[KdTree.build(points).order]
 
 
-def surface_of(kept: Floats) -> LocalSurface:
-    """Return the local surface of positions, (M, 3), which may repeat each other."""
-    from gppcs.spatial.cells import first_occurrences
-    from gppcs.surface.local_surface import LocalSurface
-
-    return LocalSurface.from_points(kept[first_occurrences(kept)])
-
-
 def distances_to(kept: Floats, points: Floats) -> Floats:
-    """Return the distance of points, (N, 3), to the local surface of others, (M, 3). Shapes: returns (N,)."""
-    return surface_of(kept).nearest_to(points)[0]
+    """Return the distance, (N,), of points, (N, 3), to the local surface of others, (M, 3), which may repeat."""
+    return LocalSurface.from_points(kept[first_occurrences(kept)]).nearest_to(points)[0]
 
 
 def errors_of(distances: Floats) -> dict[Measure, float]:
@@ -166,7 +154,7 @@ class _Search:
             exponent = _exponent(previous, previous_error, judged, error, lower)
             estimate = self._crossing(judged, error, exponent)
             if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
-                enough, errors = self._fewest(partial(_first, positions), estimate, count, exponent)
+                enough, errors = self._fewest(lambda m: positions[:m], estimate, count, exponent)  # noqa: B023
                 if errors[self.measure] <= self.tolerance:
                     return _prefix(ranking, enough), errors
             previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
@@ -177,47 +165,34 @@ class _Search:
 
     def among_numbers(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among choices of all numbers of points."""
-        selections: dict[int, Selection] = {}
-
-        def positions(m: int) -> Floats:
-            if m not in selections:
-                selections[m] = self.choose(m)
-            return self.positions(selections[m])
-
-        enough, errors = self._fewest(positions, 1000, len(self.points), exponent=1.0)
-        return selections[enough], errors
+        choose = cache(self.choose)
+        enough, errors = self._fewest(lambda m: self.positions(choose(m)), 1000, len(self.points), exponent=1.0)
+        return choose(enough), errors
 
     def _fewest(
         self, positions: Callable[[int], Floats], start: float, maximum: int, exponent: float
     ) -> tuple[int, dict[Measure, float]]:
         """Return the fewest points that reach the tolerance, if `maximum` do, and their errors."""
-        cache: dict[int, dict[Measure, float]] = {}
+        errors = cache(lambda m: self.errors(positions(m)))
 
         def error(m: int) -> float:
-            if m not in cache:
-                cache[m] = self.errors(positions(m))
-            return cache[m][self.measure]
+            return errors(m)[self.measure]
 
         estimate, enough = min(max(round(start), self.minimum), maximum), maximum
         while True:
             enough = self._bracketed(error, estimate, enough, exponent)
             estimate = math.floor(0.95 * enough)
             if estimate < self.minimum or error(estimate) > self.tolerance:
-                error(enough)
-                return enough, cache[enough]
+                return enough, errors(enough)
             enough = estimate
 
     def _bracketed(self, error: Callable[[int], float], estimate: int, maximum: int, exponent: float) -> int:
-        """Return a number of points that reaches the tolerance, while a little fewer miss it.
-
-        Each next number is a step from the last one to the other side of where the error should cross the tolerance,
-        or close to there. Steps to the same side grow, as the error may stay as it is for long.
-        """
+        """Return a number of points that reaches the tolerance, while a little fewer miss it."""
         few, enough, steps, is_enough = self.minimum - 1, maximum, 0, True
         while enough > few + 1 and enough > RESOLUTION * few:
             value = error(estimate)
             was_enough, is_enough = is_enough, value <= self.tolerance
-            steps = steps + 1 if is_enough == was_enough else 1
+            steps = steps + 1 if is_enough == was_enough else 1  # to one side, which grow: the error may stay for long
             step = RESOLUTION**2.0 ** max(0, steps - 2)
             crossing = self._crossing(estimate, value, exponent) * RESOLUTION**0.15
             if is_enough:
@@ -235,11 +210,6 @@ class _Search:
         if error == 0.0:
             return count / MAXIMUM_STEP
         return count * min(max((error / self.tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
-
-
-def _first(positions: Floats, count: int) -> Floats:
-    """Return the first positions."""
-    return positions[:count]
 
 
 def _prefix(ranking: Selection, count: int) -> Selection:

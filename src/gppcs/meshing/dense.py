@@ -53,7 +53,7 @@ class DensePoints:
             on_surface = on_surface[tree.order]
             near, squared = tree.neighbours(min(RANK, len(indices) - 1))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
-        cover = Cover(tree.points, tree.lower, tree.upper, normals, radii)
+        cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, noise)
 
     @classmethod
@@ -64,17 +64,15 @@ class DensePoints:
         tree = KdTree.build(feet)
         indices, raw, on_surface = indices[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
         near, squared = tree.neighbours(RANK)
-        # Signs agree between every few points only: those much nearer to each other lie beside each other across what
-        # noise is left, not along the surface.
-        sparse = tree.in_own_order().thinned(max(1, len(indices) // joined))
-        normals = normals[tree.order]
-        signed = normals[:: max(1, len(indices) // joined)].copy()
+        # Signs agree between every few points only: nearer ones lie across what noise is left, not along the surface.
+        step, normals = max(1, len(indices) // joined), normals[tree.order]
+        sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()
         normals = _following(sparse, with_signs(sparse, sparse.neighbours(EDGES)[0], signed), tree.points.T, normals)
-        # A point covers the surface as far as it would in the thinned cloud that its quadric is fitted to, and as it
-        # would among the joined points: these cannot tell a gap that is no wider than they are apart.
+        # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot
+        # tell a gap that is no wider than they are apart.
         radii = _covered(near, squared) * max(1.0, len(indices) / joined) ** 0.5
         radii = np.maximum(radii, fitted[tree.order] * (RANK / FITTED) ** 0.5)
-        cover = Cover(tree.points, tree.lower, tree.upper, normals, radii)
+        cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, float(np.sqrt((sigma**2).mean())), True)
 
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:

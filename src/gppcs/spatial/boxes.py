@@ -23,12 +23,10 @@ MapParts = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]  # Lik
 class Part(NamedTuple):
     """Some boxes that follow each other."""
 
-    # The boxes from `first` to `last`, the latter excluded.
     first: int
-    last: int
-    # (3,) each, corners of the box around them.
-    lower: Floats
-    upper: Floats
+    last: int  # excluded
+    lower: Floats  # (3,), corner of the box around them
+    upper: Floats  # (3,)
 
     def near(self, records: NDArray[Any], width: float) -> NDArray[Any]:
         """Return the records that lie in the part or within some distance of it along each axis."""
@@ -45,9 +43,8 @@ class Boxes:
 
     axes: Ints  # (nodes,), the axis along which a node is cut
     cuts: Floats  # (nodes,): Where it is cut. Points on the cut belong to the upper child.
-    # (2 nodes, 3) each, corners of all nodes, with those that are not cut, the boxes; row 0 is unused.
-    lower: Floats
-    upper: Floats
+    lower: Floats  # (2 nodes, 3), lower corners of all nodes, the last half of which are the boxes; row 0 is unused
+    upper: Floats  # (2 nodes, 3)
 
     @classmethod
     def from_sample(cls, sample: Floats, count: int) -> Boxes:

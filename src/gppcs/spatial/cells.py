@@ -38,11 +38,9 @@ def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.float32]) 
 
 
 def _mark(points: Floats, grid: Floats, values: NDArray[np.float32], marks: Flags) -> None:
-    """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false.
-
-    The hash of each point is stored with its last bits replaced by the point's index. These entries are sorted by their
-    first bits into parts, each small enough for a small hash table. Within a part, points keep their order.
-    """
+    """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false."""
+    # Entries are hashes whose last bits are the point's index. They are sorted by their first bits into parts, each
+    # small enough for a small hash table.
     n = len(points)
     bits, spare = (n // POINTS_PER_PART).bit_length(), 64 - n.bit_length()  # beside the index of a point
     chunks = min(RANGES, n // POINTS_PER_PART + 1)

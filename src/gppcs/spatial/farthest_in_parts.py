@@ -1,8 +1,4 @@
-"""Farthest point sampling of a cloud on disk, part by part.
-
-All parts choose down to one distance; it is lowered again and again until enough points are chosen. A part chooses with
-a halo, keeps what lies in itself, and nothing more is chosen in boxes where parts of earlier classes have chosen.
-"""
+"""Farthest point sampling of a cloud on disk: all parts choose down to one distance, which is lowered step by step."""
 
 from __future__ import annotations
 
@@ -11,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.lib.recfunctions import require_fields
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Ints
@@ -67,8 +64,6 @@ def _choose(
     points = near.points
     indices, distances = farthest_points(points, len(points), before=chosen["place"], minimum=max(distance, NEGLIGIBLE))
     inside = near.inside[indices]
-    added = np.empty(np.count_nonzero(inside), dtype=CHOSEN)
-    for name in RECORD.names or ():
-        added[name] = near.records[name][indices[inside]]
+    added = require_fields(near.records[indices[inside]], CHOSEN)
     added["distance"] = distances[inside]
     return added

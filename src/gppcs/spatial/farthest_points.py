@@ -35,9 +35,8 @@ def farthest_points(
 ) -> tuple[Ints, Floats]:
     """Choose points, (N, 3), each the farthest from all before it, (m, 3) of which are chosen already.
 
-    Ties go to the smallest index, as in the plain algorithm (Eldar, Lindenbaum, Porat and Zeevi 1997). A step skips
-    every box that lies farther from the new point than all of the box's points lie from earlier ones (Han et al. 2023).
-    Returns the indices and the distances to the points before, down to a minimum.
+    Ties go to the smallest index. A step skips every box that lies farther from the new point than all of the box's
+    points lie from earlier ones. Returns the indices and the distances to the points before, down to a minimum.
     """
     tree = tree or KdTree.build(points)
     squared = np.full(len(points), np.inf)

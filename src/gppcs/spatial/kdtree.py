@@ -1,7 +1,7 @@
 """A balanced k-d tree over points, the kernels that search it, and an estimate of the area of the surface.
 
-Two descents are everywhere. Where the order does not matter, a loop goes through the nodes in tree order, without a
-stack: on to `2 * node`, or `after` the node. Where the nearest node comes first, `push_children` keeps a stack.
+There are two descents: through the nodes in tree order, without a stack, on to `2 * node` or `after` the node; and to
+the nearest node first, with the stack of `push_children`.
 """
 
 from __future__ import annotations
@@ -34,9 +34,8 @@ class KdTree:
 
     order: Ints  # (N,), index in the input of each point in tree order
     points: Floats  # (3, N), coordinates in tree order; each row is an axis
-    # (nodes, 3) each, corners of the bounding box of each node; row 0 is unused.
-    lower: Floats
-    upper: Floats
+    lower: Floats  # (nodes, 3), lower corner of the bounding box of each node; row 0 is unused
+    upper: Floats  # (nodes, 3)
     leaves: int  # Number of leaves, which is also the node number of the first leaf
 
     @classmethod
@@ -66,6 +65,11 @@ class KdTree:
         measure_boxes(points, lower, upper)
         return cls(np.arange(n) if order is None else order, points, lower, upper, leaves)
 
+    @property
+    def arrays(self) -> tuple[Floats, Floats, Floats]:
+        """Coordinates, and lower and upper corners of the boxes, in the order in which kernels take them."""
+        return self.points, self.lower, self.upper
+
     def in_own_order(self) -> KdTree:
         """Return the tree over the points in tree order: what is computed for its input is then in tree order."""
         return replace(self, order=np.arange(len(self.order)))
@@ -84,10 +88,7 @@ class KdTree:
         """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: for a query without a finite distance.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
-        on_ranges(
-            _nearest_of_all, len(queries), self.points, self.lower, self.upper, queries, positions, squared,
-            minimum=QUERIES_AT_ONCE,
-        )  # fmt: skip
+        on_ranges(_nearest_of_all, len(queries), *self.arrays, queries, positions, squared, minimum=QUERIES_AT_ONCE)
         return self.order[positions], squared
 
     def neighbours(self, k: int) -> tuple[Ints, Floats]:
@@ -129,10 +130,7 @@ def leaf_range(n, leaves, leaf):
 
 @kernel(allocates=False)
 def after(node, root):
-    """Return the node behind a subtree on a descent from a root, in tree order; 0 behind the last.
-
-    A descent needs no stack: from a node that is visited it goes on to `2 * node`, otherwise, and from leaves, to this.
-    """
+    """Return the node behind a subtree on a descent from a root, in tree order; 0 behind the last."""
     while node > root and node & 1:
         node >>= 1
     return node + 1 if node > root else 0
@@ -248,12 +246,9 @@ def _pivot(records, axis, begin, middle, end, sample):
 
 @kernel(allocates=False)
 def _move_forward(records, axis, begin, end, pivot, equal):
-    """Move records, (N, 4), with keys below the pivot, or also equal, to the front; return where the others start.
-
-    Every record is swapped, needed or not (Lomuto's scheme): a branch would be mispredicted half of the time.
-    """
+    """Move records, (N, 4), with keys below the pivot, or also equal, to the front; return where the others start."""
     free = begin
-    for i in range(begin, end):
+    for i in range(begin, end):  # each record is swapped (Lomuto): a branch would be mispredicted half of the time
         x, y, z, number = records[i, 0], records[i, 1], records[i, 2], records[i, 3]
         key = records[i, axis]
         for field in range(4):

@@ -60,11 +60,9 @@ class Search(NamedTuple):
     near: Ints  # (leaves,), node numbers of the leaves near the box of the shared search
     room: Room  # The points found in these leaves
     squared: Floats  # (m + STRIDE,), squared distances of these points from a position
-    # (k,) each, positions and squared distances of the nearest points, if a position searches the tree by itself.
-    positions: Ints
-    gaps: Floats
-    # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding.
-    local: Floats
+    positions: Ints  # (k,), of the nearest points, if a position searches the tree by itself
+    gaps: Floats  # (k,), their squared distances
+    local: Floats  # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding
 
 
 @kernel
@@ -162,12 +160,12 @@ def squared_radii(tree: KdTree) -> Floats:
     squared = np.ones(n)
     if n > 1:
         k = min(NEIGHBOURS, n - 1) + 1
-        on_ranges(_squared_radii, tasks, tasks, tree.points, tree.order, tree.lower, tree.upper, k, squared)
+        on_ranges(_squared_radii, tasks, tasks, *tree.arrays, tree.order, k, squared)
     return squared
 
 
 @kernel
-def _squared_radii(first, last, tasks, points, order, lower, upper, k, squared):
+def _squared_radii(first, last, tasks, points, lower, upper, order, k, squared):
     """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
     n, leaves = points.shape[1], first_leaf(lower)
     search = search_for(k, leaves)

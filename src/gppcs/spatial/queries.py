@@ -39,10 +39,8 @@ def has_others(tree: KdTree, queries: Floats, squared: Floats) -> Flags:
 def _within(tree: KdTree, queries: Floats, squared: Floats, starts: Ints) -> tuple[Ints, Ints]:
     """Return how many others each query has, and those of them for which there is room between `starts`."""
     counts, positions = np.empty(len(queries), dtype=np.int64), np.empty(starts[-1], dtype=np.int64)
-    on_ranges(
-        _others_within, len(queries), tree.points, tree.lower, tree.upper, queries, squared, starts, positions, counts,
-        minimum=QUERIES_AT_ONCE,
-    )  # fmt: skip
+    outputs = positions, counts
+    on_ranges(_others_within, len(queries), *tree.arrays, queries, squared, starts, *outputs, minimum=QUERIES_AT_ONCE)
     return counts, positions
 
 

@@ -75,6 +75,10 @@ class StoredPoints:
     def __len__(self) -> int:
         return int(self.counts.sum())
 
+    def count(self, part: Part) -> int:
+        """Return how many points a part has."""
+        return int(self.counts[part.first : part.last].sum())
+
     def parts(self, maximum: int) -> list[Part]:
         """Return parts of at most so many points each, unless a box has more."""
         return self.boxes.parts(self.counts, maximum)
@@ -143,12 +147,18 @@ def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> t
     of_point = boxes.box_of(np.ascontiguousarray(records["place"]))
     counts = np.bincount(of_point, minlength=len(boxes))
     first, last = (int(of_point.min()), int(of_point.max()) + 1) if len(records) else (0, 0)
-    unfinished = folder / f"{name}.{uuid4().hex}"  # a task may be done by two workers at once
-    with unfinished.open("wb") as file:
-        np.concatenate([[0], np.cumsum(counts[first:last])]).astype(np.int64).tofile(file)
-        records[np.argsort(of_point, kind="stable")].tofile(file)
-    os.replace(unfinished, folder / name)
+    starts = np.concatenate([[0], np.cumsum(counts[first:last])])
+    write_at_once(folder / name, starts, records[np.argsort(of_point, kind="stable")])
     return Run(name, first, last), counts
+
+
+def write_at_once(path: Path, *arrays: NDArray[Any]) -> None:
+    """Write arrays to a file, which appears once it is complete: a task may be done by two workers at once."""
+    unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
+    with unfinished.open("wb") as file:
+        for array in arrays:
+            array.tofile(file)
+    os.replace(unfinished, path)
 
 
 def without(stored: StoredPoints, indices: Ints, map_parts: MapParts) -> StoredPoints:

@@ -154,9 +154,7 @@ def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[I
     count = len(queries)
     nearest, squared, weights = np.zeros(count, dtype=np.int64), np.empty(count), np.empty((count, 2))
     order = KdTree.build(queries).order  # queries after each other see the same triangles, in the cache
-    on_ranges(
-        _find_all, count, corners, lower, upper, queries, order, nearest, squared, weights, minimum=256
-    )  # fmt: skip
+    on_ranges(_find_all, count, corners, lower, upper, queries, order, nearest, squared, weights, minimum=256)
     return in_tree_order[nearest], squared, weights
 
 

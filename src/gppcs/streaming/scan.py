@@ -1,8 +1,4 @@
-"""The two readings of the files of a cloud that does not fit into memory.
-
-The first stores its points, the last takes the kept ones with all their attributes. Several files, and several parts of
-a file where its format allows, are read at once.
-"""
+"""The two readings of a cloud that does not fit into memory: one stores its points, the last takes the kept ones."""
 
 from __future__ import annotations
 
@@ -46,13 +42,11 @@ class Overview:
     count: int = 0  # points
     n_bad: int = 0  # points that are not finite
     first_bad: int = 0  # the index of the first of these
-    # (3,), corners of the bounding box of the stored points.
-    lower: Floats = field(default_factory=lambda: np.full(3, np.inf))
+    lower: Floats = field(default_factory=lambda: np.full(3, np.inf))  # (3,): of the box around the stored points
     upper: Floats = field(default_factory=lambda: np.full(3, -np.inf))
     columns: JointColumns = field(default_factory=JointColumns)
-    # Ints (k,) and positions (k, 3) of the points to keep.
-    keep: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    keep_points: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    keep: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (k,): indices of the points to keep
+    keep_points: Floats = field(default_factory=lambda: np.empty((0, 3)))  # (k, 3)
     weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
     # The files of the chunks on disk, each with the index of its first point and the number of its stored points.
     chunks: list[tuple[str, int, int]] = field(default_factory=list)

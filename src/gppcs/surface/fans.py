@@ -14,10 +14,9 @@ ON_CIRCLE = 1e-8, 1e-6
 
 @kernel(allocates=False)
 def lay_out(points, normals, i, near, agreeing, steepest, inverse, index):
-    """Fill `inverse`, (k, 2), and `index`, (k,), with the neighbours of point i on its sheet; return their number.
+    """Lay out the neighbours of point i on its sheet, over their squared distance; return their number.
 
-    Each is laid out in the tangent plane, over its squared distance. Its normal and its slope tell whether it is on the
-    sheet.
+    Shapes: inverse (k, 2), index (k,).
     """
     normal = row(normals, i)
     u, v = tangents(normal[0], normal[1], normal[2])

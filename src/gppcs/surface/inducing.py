@@ -1,9 +1,7 @@
 """Continuous inducing points: the vertices of a surface go where, together, they explain all observations best.
 
-Denoising estimates each point alone, so it rounds edges and lowers bumps. Here the surface is a linear interpolation of
-the vertices, in triangles, and each observed point observes the triangle nearest to it, with Gaussian noise.
-The steps of the vertices have a Gaussian prior, whose variance follows from the observations: none where noise alone
-explains them. The vertices go to the mean of the posterior. research/local-field.md has the equations.
+Denoising estimates each point alone, so it rounds edges and lowers bumps. Here each observed point observes the
+triangle nearest to it, and all steps of the vertices have one posterior (research/local-field.md).
 """
 
 from __future__ import annotations

@@ -30,9 +30,7 @@ class LocalSurface:
 
     tree: KdTree  # The tree over the points, which are distinct
     normals: Floats  # (M, 3), unit normals of the tangent planes, in tree order
-    # (M, MAX_TRIANGLES, 2), the two other corners of each triangle around a point, in tree order; -1 after the last
-    # triangle.
-    corners: NDArray[np.int32]
+    corners: NDArray[np.int32]  # (M, MAX_TRIANGLES, 2), the other corners of each point's triangles; -1 after the last
 
     @classmethod
     def from_points(cls, points: Floats) -> LocalSurface:
@@ -40,7 +38,7 @@ class LocalSurface:
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
-        on_ranges(_build_fans, len(tree.order), tree.points, tree.lower, tree.upper, normals, corners)
+        on_ranges(_build_fans, len(tree.order), *tree.arrays, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: Floats) -> tuple[Floats, Floats]:
@@ -61,10 +59,7 @@ class LocalSurface:
         """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
         n = len(queries)
         result = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
-        on_ranges(
-            _search, n, self.tree.points, self.tree.lower, self.tree.upper, self.corners, queries, *result,
-            minimum=QUERIES_AT_ONCE,
-        )  # fmt: skip
+        on_ranges(_search, n, *self.tree.arrays, self.corners, queries, *result, minimum=QUERIES_AT_ONCE)
         return result
 
 

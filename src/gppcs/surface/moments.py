@@ -127,10 +127,7 @@ def _null_vector(xx, xy, xz, yy, yz, zz, normal):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def flattest_side_by_side(moments, variation, normals, sure):
-    """Find what `flattest` finds for AT_ONCE neighbourhoods, (10, AT_ONCE), in one vectorised loop without branches.
-
-    The cosine of a third of arccos r is rewritten with arccos sqrt((1 - r) / 2), smooth where a neighbourhood is flat.
-    """
+    """Find what `flattest` finds for AT_ONCE neighbourhoods, (10, AT_ONCE), in one vectorised loop without branches."""
     for p in range(AT_ONCE):
         inverse = 1.0 / moments[0, p]
         x, y, z = moments[1, p] * inverse, moments[2, p] * inverse, moments[3, p] * inverse
@@ -142,6 +139,7 @@ def flattest_side_by_side(moments, variation, normals, sure):
         a, b, c = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
         size = np.sqrt((a * a + b * b + c * c + 2.0 * off) * (1 / 6))
         determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+        # cos(arccos(r) / 3) by arccos sqrt((1 - r) / 2), which is smooth where a neighbourhood is flat.
         t = 2.0 * np.sqrt(max(0.0, 0.5 - determinant / (4.0 * size * size * size))) - 1.0
         root = SMALLEST_ROOT[0]
         for power in range(1, len(SMALLEST_ROOT)):

@@ -1,10 +1,7 @@
 """Noise: how far points lie off the quadrics of their neighbours, and what observations of the surface are then worth.
 
-The estimator is a `Layer`: of the distances of points from quadrics fitted to the k points nearest each. All else tells
-noise from detail by how the layer changes with k. Noise stays, and detail grows with the radius of the fits.
-
-The rows "noise off", "wide neighbourhoods off" and "largest variance off" of the ablation
-(benchmarks/results/gp_ablation.md) show what the parts are worth.
+Where more points make the fits wider, the layer of noise stays, and that of detail grows. The rows "noise off", "wide
+neighbourhoods off" and "largest variance off" of the ablation (benchmarks/results/gp_ablation.md) show its worth.
 """
 
 from __future__ import annotations
@@ -97,20 +94,13 @@ def feet_of(tree: KdTree, points: Floats, neighbours: int) -> Floats:
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of a cloud, for a simplification to a given target spacing.
+    """The noise of a cloud, for a simplification to a given target spacing."""
 
-    Detail of about that size looks like thin noise, which therefore makes observations uncertain, but moves no
-    features.
-    """
-
-    # Over the points to which quadrics are fitted; None if no noise matters, so that its memory is free.
-    tree: KdTree | None
+    tree: KdTree | None  # Over the points to which quadrics are fitted; None if no noise matters
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
     sigma: float  # Standard deviation, as in `Layer`, in the unit of the tree; 0 where it is not measured
-    # Whether no noise matters: there is little, it is detail of the surface such as vegetation, or too few points lie
-    # near each other to measure it.
-    quiet: bool
+    quiet: bool  # Whether no noise matters: there is little, it is detail, or there are too few points to measure it
     clean: bool  # Whether there is little, so that sharp points can be told
     spacing: float  # Target spacing, in the same unit
 
@@ -140,11 +130,10 @@ class Noise:
         return self.sigma / self.spacing if self.spacing > 0.0 else 0.0
 
     def observe(self, points: Floats) -> tuple[Floats | None, Floats]:
-        """Return feet, (n, 3), and variances, (n,), of observations at some points, (n, 3).
+        """Return feet, (n, 3), and variances, (n,), of observations at points, (n, 3), times h^2 (Eq. (7)).
 
-        The feet are where features are measured: projections onto the surface, None if the noise is not thick. The
-        variance, in the squared unit of the tree, is 0 without noise. Divided by h^2 it is in units of the prior
-        variance of a field with target spacing h.
+        The feet are where features are measured: projections onto the surface, None if the noise is not thick, as
+        detail looks like thin noise.
         """
         if self.tree is None:
             return None, np.zeros(len(points))

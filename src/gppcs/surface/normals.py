@@ -181,11 +181,7 @@ def _ascending(numbers: NDArray[np.float32]) -> Ints:
 
 
 def _outward(points: Floats, normals: Floats, areas: Floats, pieces: Ints) -> Floats:
-    """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it.
-
-    The flux of a closed piece is three times its volume, wherever c lies. For an open piece, c is its middle, moved
-    towards the middle of the cloud by at most the size of the piece, and a little down.
-    """
+    """Return for each piece, by its number, 1, or -1 if it must be turned: the sign of the flux of p - c through it."""
     size = np.bincount(pieces, areas)
     size[size == 0] = 1.0  # these numbers belong to no piece
     middle = np.stack([np.bincount(pieces, areas * axis) for axis in points.T], axis=1) / size[:, None]
@@ -194,6 +190,7 @@ def _outward(points: Floats, normals: Floats, areas: Floats, pieces: Ints) -> Fl
     distance = np.linalg.norm(towards, axis=1)
     towards *= np.divide(radius, distance, out=np.ones_like(radius), where=distance > radius)[:, None]
     up = np.array([0.01, 0.03, 0.1])  # flat pieces point to +z; the tilt also decides upright faces
+    # The flux of a closed piece is three times its volume, wherever c lies.
     centre = middle + towards - radius[:, None] * up
     flux = np.bincount(pieces, areas * np.einsum("ij,ij->i", points - centre[pieces], normals))
     return np.where(flux < 0, -1.0, 1.0)
@@ -214,10 +211,9 @@ def _doubt(begin, end, points, normals, near, doubts):
 
 @kernel(inline="always")
 def _fit_of_normals(points, normals, i, j):
-    """Return how well two normals agree, from -1 to 1, and by which sines the step between them is off their planes.
+    """Return how well two normals agree, one mirrored in the plane halfway (Koenig and Gumhold 2009), and how far off.
 
-    On an arc, the normal at one end is that at the other end, mirrored in the plane halfway. The cosine between one
-    normal and the mirrored other is also right across an edge (Koenig and Gumhold 2009 discuss this criterion).
+    The agreement is from -1 to 1; the other number is the sum of the sines of the step between them off their planes.
     """
     squared = cosine = rise_i = rise_j = 0.0
     for axis in range(3):
@@ -233,11 +229,7 @@ def _fit_of_normals(points, normals, i, j):
 
 @kernel
 def _signs(edges, points, normals, near):
-    """Join points by edges in the given order (Kruskal 1956); return the piece and the sign of each, (N,) both.
-
-    Edge e leads from point e // k to its neighbour e % k. Each point of a piece knows its parent and the sign relative
-    to it.
-    """
+    """Join points by edges, e // k to neighbour e % k, in order (Kruskal 1956); return piece and sign of each, (N,)."""
     parents = np.arange(len(points))
     signs = np.ones(len(points), dtype=np.int8)
     for edge in edges:

@@ -83,7 +83,10 @@ def outliers_among(points: Floats) -> Flags:
         tree = KdTree.over(np.ascontiguousarray(distinct.T))
         changed = has_others(KdTree.build(gone[-1]), distinct, squared)
         checked = changed | has_others(KdTree.build(distinct[changed]), distinct, squared) if changed.any() else changed
-    return _lie_at(points, np.concatenate(gone))
+    if len(gone) == 1:
+        return np.zeros(len(points), dtype=np.bool_)
+    at_one: Flags = KdTree.build(np.concatenate(gone)).nearest_of(points, 1)[1][:, 0] == 0.0
+    return at_one
 
 
 def _batches(mask: Flags) -> list[Ints]:
@@ -114,21 +117,13 @@ def _distances_to_planes(distinct: Floats, starts: Ints, neighbours: Floats) -> 
     return np.abs(np.einsum("ni,ni->n", distinct - centres, np.linalg.eigh(moments)[1][:, :, 0]))
 
 
-def _lie_at(points: Floats, distinct: Floats) -> Flags:
-    """Tell which points, (N, 3), coincide with others, (n, 3)."""
-    if not len(distinct):
-        return np.zeros(len(points), dtype=np.bool_)
-    at_one: Flags = KdTree.build(distinct).nearest_of(points, 1)[1][:, 0] == 0.0
-    return at_one
-
-
 def outliers_in_parts(stored: StoredPoints, map_parts: MapParts, on_progress: Callable[[int], None]) -> Ints:
     """Find the indices of the outliers of stored points, ascending: those of `find_outliers`, part by part."""
     parts = stored.parts(PART)
     outliers = [np.empty(0, dtype=np.int64)]
     for part, of_part in zip(parts, map_parts(partial(_outliers_of_part, stored), parts), strict=True):
         outliers.append(of_part)
-        on_progress(int(stored.counts[part.first : part.last].sum()))
+        on_progress(stored.count(part))
     return np.sort(np.concatenate(outliers))
 
 

@@ -20,26 +20,20 @@ TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height a
 class Quadrics(NamedTuple):
     """Quadrics fitted around m queries."""
 
-    # (m,), signed distance from the query to the quadric, along its normal, to first order.
-    heights: Floats
+    heights: Floats  # (m,), signed distance from the query to the quadric, along its normal, to first order
     normals: Floats  # (3, m), unit normal of the quadric at the query; its sign has no meaning
-    # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero.
-    radii: Floats
+    radii: Floats  # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero
 
 
 def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:
-    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query (Cazals and Pouget 2005).
+    """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query, over their plane.
 
-    The coordinates u and v lie in the plane of these points; weights are Gaussian. Where the quadric is steep, or there
-    are fewer than six points, the normal is the plane's.
+    Where the quadric is steep, or there are fewer than six points, the normal is the plane's.
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
     tasks = min(queries.leaves, TASKS)
-    on_ranges(
-        _fit_leaves, tasks, tasks, tree.points, tree.lower, tree.upper, queries.points, queries.lower, queries.upper,
-        min(k, len(tree.order)), fitted,
-    )  # fmt: skip
+    on_ranges(_fit_leaves, tasks, tasks, *tree.arrays, *queries.arrays, min(k, len(tree.order)), fitted)
     return fitted
 
 

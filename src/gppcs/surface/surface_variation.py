@@ -125,11 +125,9 @@ def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -
     # Nodes count as a whole only if some group of leaves is smaller than the balls.
     if (tree.upper[nodes] - tree.lower[nodes]).max(axis=1).min() <= 2.0 * radius:
         moments = np.empty((len(tree.lower), MOMENTS))
-        _node_moments(tree.points, tree.lower, tree.upper, moments)
-    on_ranges(
-        _features_in_balls, groups, groups, tree.points, tree.order, tree.lower, tree.upper, moments, radius * radius,
-        features.surface_variation, features.normals, features.neighbours,
-    )  # fmt: skip
+        _node_moments(*tree.arrays, moments)
+    outputs = features.surface_variation, features.normals, features.neighbours
+    on_ranges(_features_in_balls, groups, groups, *tree.arrays, tree.order, moments, radius * radius, *outputs)
     return features
 
 
@@ -153,7 +151,7 @@ def _node_moments(points, lower, upper, moments):
 
 @kernel
 def _features_in_balls(
-    first, last, groups, points, order, lower, upper, moments, squared_radius, variation, normals, neighbours
+    first, last, groups, points, lower, upper, order, moments, squared_radius, variation, normals, neighbours
 ):
     """Fill the features, (N,) and (N, 3), for some groups of leaves; `moments` is (nodes, 10) or empty."""
     n, leaves = points.shape[1], first_leaf(lower)
@@ -225,15 +223,13 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     tasks = min(tree.leaves, TASKS)
-    on_ranges(
-        _features_of_nearest, tasks, tasks, tree.points, tree.order, tree.lower, tree.upper, min(k, len(tree.order)),
-        features.surface_variation, features.normals, features.neighbours,
-    )  # fmt: skip
+    outputs = features.surface_variation, features.normals, features.neighbours
+    on_ranges(_features_of_nearest, tasks, tasks, *tree.arrays, tree.order, min(k, n), *outputs)
     return features
 
 
 @kernel
-def _features_of_nearest(first, last, tasks, points, order, lower, upper, k, variation, normals, neighbours):
+def _features_of_nearest(first, last, tasks, points, lower, upper, order, k, variation, normals, neighbours):
     """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of tasks."""
     n, leaves = points.shape[1], first_leaf(lower)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)

@@ -30,7 +30,7 @@ def ranked(points, n_points, seen=clean):
     candidates = Candidates(indices, points[indices], *seen(points[indices]), None, None)
     ranking = Ranking.of_fixed(0)
     for stage in stages:
-        tree, field = field_of(candidates.of_stage(stage), stage.spacing, stage.thinned, criterion())
+        tree, field = field_of(candidates, stage, criterion())
         ranking = ranking.extended(field, tree, stage, criterion(), lambda steps: None)
     return ranking
 

@@ -50,7 +50,7 @@ def choose(
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:  # about twice as many points in each as in the one before
         with timer("features"):
-            tree, field = field_of(candidates.of_stage(stage), stage.spacing, stage.thinned, criterion)  # (2) to (6)
+            tree, field = field_of(candidates, stage, criterion)  # Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             ranking = ranking.extended(field, tree, stage, criterion, on_progress)  # Eqs. (8) and (9)
     with timer("placement"):
@@ -75,10 +75,9 @@ def choose_denoised(
         trusted = np.flatnonzero(surface.trusted)
     candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
     indices = indices[candidates]
-    ranking = choose(
-        surface.points[candidates], n_points, criterion, density, timer, 0,
-        weights if weights is None else weights[indices], attributes if attributes is None else attributes[indices],
-    )  # fmt: skip
+    weights = None if weights is None else weights[indices]
+    attributes = None if attributes is None else attributes[indices]
+    ranking = choose(surface.points[candidates], n_points, criterion, density, timer, 0, weights, attributes)
     chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
         moved = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
@@ -109,9 +108,7 @@ class Candidates(NamedTuple):
 
     indices: Ints  # (n,), ascending: indices in the cloud
     points: Floats  # (n, 3)
-    # (n, 3), projections onto the surface, where features are measured; None if the noise is not thick: features are
-    # then measured at the points themselves.
-    feet: Floats | None
+    feet: Floats | None  # (n, 3), where features are measured: as `Noise.observe` returns them
     variances: Floats  # (n,): of each observation, in the squared unit of the points; 0 without noise
     weights: Floats | None  # (n,)
     detail: Detail | None
@@ -134,20 +131,14 @@ class Candidates(NamedTuple):
             self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail
         )
 
-    def of_stage(self, stage: Stage) -> Candidates:
-        """Return the candidates of a stage, which are among these."""
-        return self.take(np.searchsorted(self.indices, stage.indices))
-
 
 class Ranking(NamedTuple):
     """The M chosen points, in the order of choice."""
 
     indices: Ints  # (M,)
-    # (M,): Score of each point, and posterior standard deviation in units of the prior's, when the point was chosen; 0
-    # for fixed points. Scores fall within a stage, apart from small effects of the error and of the few neighbours.
-    # They rise at the start of the next stage, whose field is finer.
-    scores: Floats
-    deviations: Floats
+    # When the points were chosen; 0 for fixed points. Scores rise at the start of a stage, whose field is finer.
+    scores: Floats  # (M,)
+    deviations: Floats  # (M,), posterior standard deviations, in units of the prior's
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
     surface: Denoised | None = None  # Where the chosen points go, if they are denoised
 
@@ -166,24 +157,23 @@ class Ranking(NamedTuple):
             field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
         )
         return Ranking(
-            np.concatenate([self.indices, indices[added]]), np.concatenate([self.scores, scores]),
-            np.concatenate([self.deviations, deviations]),
-        )  # fmt: skip
+            indices=np.concatenate([self.indices, indices[added]]),
+            scores=np.concatenate([self.scores, scores]),
+            deviations=np.concatenate([self.deviations, deviations]),
+        )
 
 
-def field_of(candidates: Candidates, spacing: float, thinned: bool, criterion: Criterion) -> tuple[KdTree, LocalField]:
-    """Return the tree over candidates, in units of the target spacing, and the field over them in tree order."""
-    tree, features = features_of(candidates.points, candidates.feet, spacing, thinned)
+def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
+    """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order."""
+    candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices))
+    tree, features = features_of(candidates.points, candidates.feet, stage.spacing, stage.thinned)
     candidates = candidates.take(tree.order)
-    variances = candidates.variances / spacing**2
+    variances = candidates.variances / stage.spacing**2
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
 
 def features_of(points: Floats, feet: Floats | None, spacing: float, thinned: bool) -> tuple[KdTree, Features]:
-    """Return the tree over points, (n, 3), in units of the target spacing, and their features in tree order (Eq. (2)).
-
-    The features are measured at the feet of the points, (n, 3), if there are any.
-    """
+    """Return the tree over points, (n, 3), in units of the target spacing, and features in tree order (Eq. (2))."""
     tree = KdTree.build(points / spacing)
     on_surface = tree.in_own_order()
     if feet is not None:
@@ -195,9 +185,8 @@ def features_of(points: Floats, feet: Floats | None, spacing: float, thinned: bo
 class FieldScale(NamedTuple):
     """What the field at a candidate needs to know of all candidates of the stage, where it has only some."""
 
-    # Mean and standard deviation of the surface variation.
-    mean: float
-    deviation: float
+    mean: float  # Of the surface variation
+    deviation: float  # Of the surface variation
     roundness: float  # From 1 for a cloud that is equally rough everywhere to 0 for flat faces and edges only
     density: float  # Mean of the desired density
     spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1

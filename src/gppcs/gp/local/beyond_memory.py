@@ -1,25 +1,21 @@
 """The method `gp` on points on disk: the steps of `gppcs.gp.local.algorithm`, part by part, each part with a halo.
 
 The first stages, whose candidates are no more than those of a part, are chosen in memory. In each later stage, all
-parts choose down to one score. A part chooses with its halo, as if nothing lay beyond, and keeps what it chose in
-itself: what lies beyond the halo is too far away to matter. Parts that are farther from each other than a halo choose
-at once; these are a class. The classes follow one another in a fixed order, and nothing more is chosen where parts of
-earlier classes have chosen. At the end the points with the largest scores of all stay, exactly as many as are needed.
-So the number of points in a part follows the density that the field asks for, and no seam shows.
+parts choose down to one score, as `gppcs.spatial.boxes.chosen_by_classes` says. At the end the points with the largest
+scores of all stay. So the number of points in a part follows the density that the field asks for, and no seam shows.
 """
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
+from numpy.lib.recfunctions import require_fields
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
@@ -54,7 +50,7 @@ from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.samples import is_drawn
-from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write_run
+from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write_at_once, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, projections
 from gppcs.surface.surface_variation import Features
 
@@ -125,10 +121,9 @@ def choose_stored(
     fixed: Ints,
     fixed_points: Floats,
 ) -> Ranking:
-    """Choose `n_points` of points on disk; those with the indices `fixed` are chosen from the start.
+    """Choose `n_points` of points on disk, or all if fewer are different, behind those at the indices `fixed`.
 
-    There may be fewer different points; then all of them are chosen. Shapes: fixed (m,), fixed_points (m, 3) without
-    repeats.
+    Shapes: fixed (m,), fixed_points (m, 3) without repeats.
     """
     density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
     parts = stored.parts(2 * PART)
@@ -212,10 +207,7 @@ def _residuals(stage: StoredStage, part: Part) -> Floats:
 def _with_candidates(
     stage: StoredStage, parts: list[Part], map_parts: MapParts, on_progress: Callable[[int], None], fixed: NDArray[Any]
 ) -> StoredStage:
-    """Return the last stage with its candidates in place of all points, and with an area that fits their number.
-
-    The area is doubled or quartered. If even that leaves too few candidates, all points are candidates.
-    """
+    """Return the last stage with its candidates in place of all points, and with an area that fits their number."""
     many, few = MAX_CELLS * stage.density * stage.target, MIN_CANDIDATES * stage.target
     tasks = [(part, part.near(fixed, 0.0)) for part in parts]
     kind = _kind(stage)
@@ -230,7 +222,7 @@ def _with_candidates(
             runs.append(run)
             counts += of_part
             isolated += of_isolated
-            on_progress(_count(stage.stored, part))
+            on_progress(stage.stored.count(part))
         return replace(stage.stored, counts=counts, runs=tuple(runs), kind=kind), isolated
 
     thin, isolated = counted(stage)
@@ -247,11 +239,6 @@ def _with_candidates(
         thin, isolated = counted(stage)
     largest = largest_gap(isolated, len(thin), stage.target, stage.spacing) if stage.thinned else math.inf
     return replace(stage, stored=thin, largest_gap=largest)
-
-
-def _count(stored: StoredPoints, part: Part) -> int:
-    """Return how many points a part has."""
-    return int(stored.counts[part.first : part.last].sum())
 
 
 def _kind(stage: StoredStage) -> np.dtype[Any]:
@@ -279,9 +266,7 @@ def _store_candidates(
     kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.full(len(fixed), FIXED), gaps])
     first = first_occurrences(points[kept])
     kept, gaps = kept[first], gaps[first]
-    records = np.zeros(len(kept), dtype=kind)
-    for name in stage.stored.kind.names or ():
-        records[name] = near.records[name][kept]
+    records = require_fields(near.records[kept], kind)
     records["sharpness"], records["gap"] = sharpness[kept], gaps
     if stage.detail:
         records["rough"] = rough[kept]
@@ -352,7 +337,7 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Int
     ranking = Ranking.of_fixed(len(fixed))
     for step in stages:
         with timer("features"):
-            tree, field = field_of(candidates.of_stage(step), step.spacing, step.thinned, stage.criterion)
+            tree, field = field_of(candidates, step, stage.criterion)
         with timer("greedy selection", step.target - len(ranking.indices)) as on_progress:
             ranking = ranking.extended(field, tree, step, stage.criterion, on_progress)
     return _chosen(records[ranking.indices], ranking.scores, ranking.deviations)
@@ -373,10 +358,8 @@ def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Can
 
 def _chosen(records: NDArray[Any], scores: Floats, deviations: Floats) -> NDArray[Any]:
     """Return the records of chosen points, with score and deviation, (n,) each."""
-    chosen = np.empty(len(records), dtype=CHOSEN)
-    chosen["row"], chosen["place"], chosen["score"], chosen["deviation"] = (
-        records["row"], records["place"], scores, deviations,
-    )  # fmt: skip
+    chosen = require_fields(records, CHOSEN)
+    chosen["score"], chosen["deviation"] = scores, deviations
     return chosen
 
 
@@ -387,7 +370,7 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
         variation = []
         for part, of_part in zip(parts, map_parts(partial(_measure, stage), parts), strict=True):
             variation.append(of_part)
-            on_progress(_count(stage.stored, part))
+            on_progress(stage.stored.count(part))
         stage = _scaled(stage, np.concatenate(variation, axis=1), parts, map_parts)
     with timer("greedy selection", stage.target - before) as on_progress:
         threshold = float(chosen["score"][-1]) if before else 1.0
@@ -411,14 +394,10 @@ def _measure(stage: StoredStage, part: Part) -> Floats:
     feet = _candidates(stage, near.indices, near.records).feet
     tree, features = features_of(near.points, feet, stage.spacing, stage.thinned)
     near = near.take(tree.order)
-    records = np.empty(len(near.records), stage.measured)
-    for name in near.records.dtype.names or ():
-        records[name] = near.records[name]
+    records = require_fields(near.records, stage.measured)
     records["inside"] = near.inside
     records["variation"], records["normal"] = features.surface_variation, features.normals
-    unfinished = stage.file(part).with_suffix(f".{uuid4().hex}")
-    records.tofile(unfinished)
-    os.replace(unfinished, stage.file(part))
+    write_at_once(stage.file(part), records)
     rough = records["rough"] if stage.detail else np.zeros(len(records))
     variation = np.stack([features.surface_variation, rough])[:, near.inside]
     return variation[:, :: max(1, variation.shape[1] // SAMPLES)]
@@ -482,7 +461,7 @@ def _placed(
     tasks = [(part, part.near(chosen, 0.5 * stage.halo)) for part in parts]
     for (part, _), (old, new) in zip(tasks, map_parts(partial(_exchange, stage, fixed), tasks), strict=True):
         indices[order[np.searchsorted(chosen["row"][order], old)]] = new
-        on_progress(_count(stage.stored, part))
+        on_progress(stage.stored.count(part))
     return indices
 
 

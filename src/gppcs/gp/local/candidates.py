@@ -1,8 +1,5 @@
 """A survey of the whole cloud, and from it the candidates of each stage (research/local-field.md, steps 1 and 2).
 
-A survey measures area, noise and sharp points before any point is chosen. Candidates are the sharpest point in each
-cell of a grid that gets finer from stage to stage.
-
 The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes the first point of each cell.
 """
 
@@ -35,21 +32,13 @@ from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 
-class Survey(NamedTuple):
-    """What is measured on a cloud of N points before the choice."""
-
-    area: float  # A: area of the surface, corrected by the number of occupied cells
-    noise: Noise
-    # (N,): Surface variation within the edge length of a candidate's cell, and that of the detail. It is 0 if the cloud
-    # is not clean, where it was not measured, and where it is only rounding.
-    sharpness: NDArray[np.float32]
-    detail: Detail | None  # None if there are no attributes, or only noise
-
-
 def survey(
     points: Floats, n_points: int, density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
-) -> Survey:
-    """Measure a cloud, (N, 3), with `density` candidate cells in a square whose side is the target spacing."""
+) -> tuple[float, Noise, NDArray[np.float32], Detail | None]:
+    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3), with `density` as `choose`.
+
+    The sharpness is the surface variation within the edge length of a cell, plus that of the detail; 0 if not measured.
+    """
     with timer("sample"):
         indices = sample(points, n_points)
         sampled = points if len(indices) == len(points) else points[indices]
@@ -68,7 +57,7 @@ def survey(
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
-    return Survey(area, noise, sharpness, detail)
+    return area, noise, sharpness, detail
 
 
 def sample_size(n_points: int) -> int:
@@ -77,10 +66,7 @@ def sample_size(n_points: int) -> int:
 
 
 def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
-    """Return all indices, or those of a random sample of a large cloud without the repeats among them, ascending.
-
-    A sample measures the area as well as all points do, and the noise, unless that is thicker than the target spacing.
-    """
+    """Return all indices, or those of a random sample of a large cloud without the repeats among them, ascending."""
     n, size = len(points), size or sample_size(n_points)
     if n <= 1.5 * size:  # to draw most of the points would cost more than it saves
         return np.arange(n)
@@ -90,13 +76,9 @@ def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
 
 
 def sharpness_of(tree: KdTree, edge: float) -> Floats:
-    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,).
-
-    Of the points in a cell with a crease through it, those on the crease have the most. Rounding counts as none, as it
-    changes with the position of the cloud.
-    """
+    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,)."""
     variation = features_in_radius(tree, edge, with_normals=False).surface_variation
-    return np.where(variation > ROUNDING, variation, 0.0)
+    return np.where(variation > ROUNDING, variation, 0.0)  # rounding changes with the position of the cloud
 
 
 class Stage(NamedTuple):
@@ -104,8 +86,7 @@ class Stage(NamedTuple):
 
     target: int  # Number of points that are chosen when the stage ends
     indices: Ints  # (n,), indices of the candidates, ascending
-    # Whether the candidates are one in each cell. Otherwise they are those of the next finer stage, or all points.
-    thinned: bool
+    thinned: bool  # Whether they are one in each cell; otherwise those of the next finer stage, or all points
     area: float  # Area of the surface, corrected by the number of occupied cells
 
     @property
@@ -121,12 +102,7 @@ def nested_candidates(
 
     The candidate of a grid's cell is its sharpest point, and of several the first. Outliers are excluded. If that
     leaves too few, a stage takes the candidates of the finer stage, and the last stage takes all points. The first
-    `fixed` points are candidates of each stage, which aims at more.
-
-    The number of occupied cells shows if the area is wrong. It is estimated too small for points on curves, and too
-    large for a cloud with most points in one spot. The area is then doubled until there are not too many occupied
-    cells, or halved until there are not too few, for this stage and the coarser ones. Shapes: points (N, 3), sharpness
-    (N,).
+    `fixed` points are candidates of each stage, which aims at more. Shapes: points (N, 3), sharpness (N,).
     """
     area, indices = thinned(points, sharpness, n_points, area, density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
@@ -196,7 +172,10 @@ def vanishes(area: float) -> bool:
 def thinned(
     points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float
 ) -> tuple[float, Ints]:
-    """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points."""
+    """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points.
+
+    The estimate is too small for points on curves, and too large for a cloud with most points in one spot.
+    """
     many, cells = MAX_CELLS * density * target, density * target
 
     def coarsened(area: float) -> tuple[float, Ints]:
@@ -210,10 +189,7 @@ def thinned(
 
 
 def _halved(points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float) -> float:
-    """Return the area, halved until enough cells hold points.
-
-    A sample of the points finds a number of halvings that is enough, quickly; all points then take some of them back.
-    """
+    """Return the area, halved until enough cells hold points: first by a sample, then by all points."""
     few, cells = MIN_CANDIDATES * target, density * target
     step = len(points) // int(MAX_CELLS * cells)
     sampled, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
@@ -230,14 +206,10 @@ def _halved(points: Floats, sharpness: NDArray[np.float32], target: int, area: f
 
 
 def _grids(points: Floats, sharpness: NDArray[np.float32], area: float, cells: float) -> Iterator[tuple[float, Ints]]:
-    """Yield an area and the sharpest points of its cells, then twice the area, and so on.
-
-    Four times the area is twice the edge length. Such cells consist of whole cells of the grid two steps before, so
-    their sharpest points are among the sharpest points of that grid.
-    """
+    """Yield an area and the sharpest points of its cells, then twice the area, and so on."""
     finer = last = None
     while True:
-        edge = cell_edge(area, cells)
+        edge = cell_edge(area, cells)  # twice that of two steps before, whose sharpest points hold those of this grid
         if finer is None:
             kept = greatest_in_cells(points, edge, sharpness)
         else:

@@ -1,10 +1,8 @@
 """Denoising: where the surface lies most probably, by all observed points (Eqs. (11) to (13)).
 
-Around each point, the surface is a Gaussian process over its tangent plane: the height is a quadric whose coefficients
-have a Gaussian prior, and each point nearby observes it with Gaussian noise. The point goes along its normal to the
-mean of the posterior, and the normal turns to that of the posterior. Observations are worth less with the distance and
-with the angle between the normals, so no face smooths another across an edge. As points and normals change what
-observations are worth, the step is repeated. research/local-field.md has the equations.
+Around each point, the height over its tangent plane is a quadric whose coefficients have a Gaussian prior. The point
+goes along its normal to the mean of the posterior, and the normal turns to that of the posterior. As points and normals
+change what observations are worth, the step is repeated.
 """
 
 from __future__ import annotations
@@ -41,9 +39,7 @@ class Denoised(NamedTuple):
 def denoised(points: Floats, n_points: int) -> Denoised:
     """Return where points, (n, 3), lie on the surface that they observe; they stay where there is no noise.
 
-    Where that is enough to keep `n_points`, only some points in tree order are denoised, by all observations. The
-    others keep their feet on quadrics or, where the noise is thick, on the tangent planes of these. Each kept point has
-    at least 16 denoised ones, 4 where the noise is thick.
+    If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised.
     """
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
@@ -78,7 +74,7 @@ def _first_feet(tree: KdTree, k: int, step: int) -> tuple[Floats, Floats]:
 
 
 def neighbourhood(tree: KdTree) -> tuple[int, bool]:
-    """Return to how many points a quadric is fitted, and whether there is any noise, which is not detail."""
+    """Return k, to how many points a quadric is fitted, and whether there is any noise, which is not detail."""
     n, k = len(tree.order), NEIGHBOURS
     if n < FEWEST:
         return n, False
@@ -109,10 +105,7 @@ def _round(tree: KdTree, normals: Floats, observed: Floats, k: int, selected: Fl
     """Return new points and normals of those selected, and the worth of their observations, by the last tree."""
     new, turned, worth = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
     tasks = min(tree.leaves, TASKS)
-    on_ranges(
-        _denoise_leaves, tasks, tasks, tree.points, tree.lower, tree.upper, normals, observed, k, selected, new, turned,
-        worth,
-    )  # fmt: skip
+    on_ranges(_denoise_leaves, tasks, tasks, *tree.arrays, normals, observed, k, selected, new, turned, worth)
     return new, turned, worth
 
 
@@ -174,7 +167,7 @@ def _denoise(i, near, radius, points, normals, observed, terms, equations, new, 
     fill_equations(terms, equations)
     worth[i] = equations[0, 0]
     for a in range(3, COEFFICIENTS):
-        equations[a, a] += 4.0  # 1 / Lambda: half a standard deviation of the noise at the radius
+        equations[a, a] += 4.0  # tau^2 / Lambda (Eq. (11)): half a standard deviation of the noise at the radius
     solve(equations)
     height = radius * min(max(equations[0, COEFFICIENTS], -1.0), 1.0)
     b, c = equations[1, COEFFICIENTS], equations[2, COEFFICIENTS]

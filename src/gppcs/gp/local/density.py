@@ -14,11 +14,7 @@ ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is 
 
 
 def density_of(roughness: Floats, power: float) -> Floats:
-    """Return the desired density of points, up to a factor, by the roughness, (n,) (Eq. (3)).
-
-    It is a power of the roughness, as a piecewise linear surface of given size has the smallest mean error if its
-    density goes as the square root of the curvature.
-    """
+    """Return the desired density of points, up to a factor, by the roughness, (n,) (Eq. (3))."""
     return np.maximum(roughness, MIN_ROUGHNESS) ** power
 
 
@@ -28,11 +24,10 @@ def refinement(weights: Floats) -> float:
 
 
 def roundness_of(roughness: Floats) -> float:
-    """Return from 1 for an equally rough cloud to 0 for flat faces and edges only, by roughness, (n,).
+    """Return (1 - S^2)^4: from 1 for an equally rough cloud to 0 for flat faces and edges, by roughness, (n,).
 
-    It depends on the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS`
-    with the same mean can have: the intensity of segregation of a mixture (Danckwerts 1952). That is 1 for flat faces
-    and right-angled edges only, and 0 if all are alike.
+    S is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with the
+    same mean can have: the intensity of segregation of a mixture (Danckwerts 1952).
     """
     clipped = np.minimum(roughness, EDGE_ROUGHNESS)
     mean = float(np.mean(clipped))
@@ -44,13 +39,9 @@ def roundness_of(roughness: Floats) -> float:
 def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) -> Floats:
     """Return the spacings, (N,), lowered where they grow faster than `slope` with the distance (Eq. (4)).
 
-    Normals among few points are good only where the density changes slowly.
-
     Each group of about `group_size` points that follow each other in a leaf has one limit, computed from its mean
-    density at its middle: limits for each point take eight times as long and gain 0.5 %. So spacings can differ more
-    within a group, and by the size of a group between two groups. The limit at x_i is the minimum over j of s_j + slope
-    |x_i - x_j| (Persson 2006, Mesh size functions for implicit geometries and PDE-based gradient limiting, Engineering
-    with Computers).
+    density at its middle: limits for each point take eight times as long and gain 0.5 % (Persson 2006, Mesh size
+    functions for implicit geometries and PDE-based gradient limiting, Engineering with Computers).
     """
     n, leaves = len(spacings), tree.leaves
     in_leaf = max(1, round(n / leaves / group_size))
@@ -67,18 +58,7 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
         width //= 2
         minima[width : 2 * width] = minima[2 * width : 4 * width].reshape(-1, 2).min(axis=1)
     limits = means.copy()
-    on_ranges(
-        _limit_leaves,
-        centres.leaves,
-        centres.points,
-        centres.lower,
-        centres.upper,
-        means,
-        slope,
-        minima,
-        limits,
-        minimum=16,
-    )
+    on_ranges(_limit_leaves, centres.leaves, *centres.arrays, means, slope, minima, limits, minimum=16)
     return np.minimum(spacings, np.repeat(limits, counts))
 
 

@@ -1,7 +1,6 @@
 """Detail: attributes that count beside the shape, as further outputs of the field over one metric.
 
-A jump of an attribute counts as distance, as a turn of the normal does, and its variation counts as roughness, as that
-of the surface does. What is noise of an attribute counts for nothing (research/local-field.md, "Detail").
+A jump of an attribute counts as distance (Eq. (18)), and its variation as roughness (Eq. (19)).
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class DetailNoise(NamedTuple):
         return cls(float(np.median(residual)), 1.0 - noise / variance)
 
     def variation(self, residual: Floats) -> Floats:
-        """Return residuals, (n,), as surface variation, without noise: few points measure each, so three times it."""
+        """Return what residuals, (n,), add to the surface variation (Eq. (19)), without noise."""
         return DETAIL_ROUGHNESS * self.strength * np.maximum(residual - 3.0 * self.noise, 0.0)
 
 
@@ -47,9 +46,7 @@ class Detail(NamedTuple):
     """What counts of k attributes of n points."""
 
     values: NDArray[np.float32]  # (n, k), the attributes, in ranges, and less where noise is part of them
-    # (n,), their variance about linear functions of the position, without noise, as surface variation; 0 where it was
-    # not measured.
-    variation: NDArray[np.float32]
+    variation: NDArray[np.float32]  # (n,), what they add to the surface variation; 0 where it was not measured
 
     @classmethod
     def without_noise(
@@ -87,7 +84,7 @@ def residuals(tree: KdTree, values: Floats, radius: float) -> Floats:
     Shapes: values (n, k); returns (n,); both in tree order.
     """
     variances = np.empty(len(values))
-    on_ranges(_residuals, tree.leaves, tree.points, tree.lower, tree.upper, values, radius * radius, variances)
+    on_ranges(_residuals, tree.leaves, *tree.arrays, values, radius * radius, variances)
     return variances
 
 

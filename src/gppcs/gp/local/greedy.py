@@ -1,13 +1,10 @@
-"""Greedy selection in a local field (paper, Algorithm 1; Eqs. (8) and (9)), with updates of few points for each choice.
-
-The score is the uncertainty, plus the error if that has a weight. By default it has none.
+"""Greedy choice in a local field (Eq. (9); paper, Algorithm 1), with updates of few posteriors for each chosen point.
 
 In a large cloud, parts choose at once: the subtrees below one depth of the k-d tree. A part chooses its best point,
-again and again, as long as no better point outside can be affected by it or affect it. So all parts together choose
-what one after another would, wherever scores do not rise. Parts work in rounds. In a round, a part sees the others as
-they were at its start; between rounds, parts exchange what they chose near their boundaries. What is deferred after
-some rounds is chosen one after another. The parts depend on the points only, so the result does not depend on the
-number of threads.
+again and again, as long as no better point outside can be affected by it or affect it. Parts work in rounds. In a
+round, a part sees the others as they were at its start; between rounds, parts exchange what they chose near their
+boundaries. What is deferred after some rounds is chosen one after another. The parts depend on the points only, so the
+result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -45,15 +42,13 @@ class Parts(NamedTuple):
     """The parts, what each has chosen, and the state of the others as far as it sees it."""
 
     starts: Ints  # (parts + 1,), where the neighbours of each part start
-    # (sum,), the parts that a point of the part may affect, or be affected by, without gaps.
-    neighbours: Ints
+    neighbours: Ints  # (sum,), the parts that a point of the part may affect, or be affected by
     positions: Ints  # (n,), what each part has chosen, in its order, from the first of its points on
     scores: Floats  # (n,), of these, when they were chosen
     counts: Ints  # (parts,), number of points that each part has chosen
     sent: Ints  # (parts,), how many of these its neighbours know of
-    # (nodes,) each, largest score and squared range of each node at the start of the round.
-    best: Floats
-    ranges: Floats
+    best: Floats  # (nodes,), largest score of each node at the start of the round
+    ranges: Floats  # (nodes,), its largest squared range then
     seen: Floats  # (n,), scores of the points at the start of the round
 
 
@@ -67,24 +62,15 @@ def extend(
     threshold: float = 0.0,
     on_progress: Callable[[int], None] = lambda steps: None,
 ) -> tuple[Ints, Floats, Floats]:
-    """Choose the point with the largest score, again and again: `n_added` points, or fewer, down to a threshold.
+    """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points, or down to a threshold.
 
-    Let a point have the posterior mean mu and variance Sigma, and an observation there the variance sigma_y^2. It has
-    the gain g = Sigma / (Sigma + sigma_y^2): it lowers the variance by g Sigma and moves the mean by g (y - mu). The
-    score is sqrt(g Sigma) + w g |mu - y|. Without noise and with w = 1 this is the paper's s = sqrt(diag Sigma) +
-    |mu - y|.
-
-    The scores are exact. A posterior changes only if the new point is among the nearest on which the point is
-    conditioned, and a node of the tree is skipped only if this holds for none of its points. Where parts choose at
-    once, the order is that of falling scores, and the result is not exactly that of one choice after another: a new
-    point may raise a score, since posteriors are conditioned only on the nearest points. Shapes: chosen (m,), in any
-    order; returns added, scores, deviations (n_added,).
+    Where parts choose at once, the order is that of falling scores, and the result is not exactly that of one choice
+    after another: a new point may raise a score, since posteriors are conditioned only on the nearest points. Shapes:
+    chosen (m,), in any order; returns added, scores, deviations (n_added,).
     """
     state = _begin_state(field, tree, chosen, neighbours, error_weight)
     cloud, count = _divide(state, 1), 1
-    while (
-        2 * count <= tree.leaves and len(field.y) >= 2 * count * PART_POINTS and len(chosen) >= 2 * count * neighbours
-    ):
+    while 2 * count <= min(tree.leaves, len(field.y) // PART_POINTS, len(chosen) // neighbours):
         count *= 2
     if count > 1:
         parts = _divide(state, count)
@@ -96,8 +82,7 @@ def extend(
         for begin in range(0, n_added, step):
             choose_in_parts(0, 1, threshold, min(begin + step, n_added), field, error_weight, state, cloud)
             on_progress(min(step, n_added - begin))
-        taken = slice(cloud.counts[0])
-        added, scores = cloud.positions[taken], cloud.scores[taken]
+        added, scores = _chosen_by(cloud)
     return added, scores, np.sqrt(state.variances[added])
 
 
@@ -162,11 +147,8 @@ def _choose_in_levels(
 
 
 def next_step(n_chosen: int, n_points: int) -> float:
-    """Return by what the threshold is multiplied: scores fall about as the spacing of the chosen points, or faster.
-
-    The last threshold is aimed a little too low, so that 1 % more points are chosen than are needed.
-    """
-    return math.sqrt(n_chosen / (1.01 * n_points))
+    """Return by what the threshold is multiplied: scores fall about as the spacing of the chosen points, or faster."""
+    return math.sqrt(n_chosen / (1.01 * n_points))  # a little too low, so that 1 % more are chosen than are needed
 
 
 def _divide(state: GreedyState, count: int) -> Parts:

@@ -13,7 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.gp.local.kernel import LANES, field_distance
-from gppcs.gp.local.posterior import Conditioning, Work, posteriors, workspace
+from gppcs.gp.local.posterior import Conditioning, Work, posterior_in_lanes, workspace
 from gppcs.spatial.kdtree import LEAF_SIZE, after, first_leaf, leaf_range
 
 TAKEN = -1.0  # Score and squared range of a chosen point: below those of all others.
@@ -21,25 +21,17 @@ UNSCORED = -2.0  # Score of a point that a new point has changed, until it is co
 
 
 class GreedyState(NamedTuple):
-    """The state of a choice among n points, in tree order.
-
-    The *range* of a point is the distance in the field to the last of the chosen points that it is conditioned on. Only
-    a nearer new point changes its posterior.
-    """
+    """The state of a choice among n points, in tree order."""
 
     order: Ints  # (n,), index in the tree's input of each point
     conditioning: Conditioning
-    # (n,): Posterior variance, score and squared range of each point. The variance of a chosen point is that before its
-    # choice.
-    variances: Floats
-    scores: Floats
-    ranges: Floats
-    # (nodes, 8): Lower and upper corner of each node's box, largest squared range of its points, square of their
-    # largest desired spacing. These eight numbers fill one line of memory.
+    variances: Floats  # (n,), posterior variance; of a chosen point, that before its choice
+    scores: Floats  # (n,)
+    ranges: Floats  # (n,), squared distance in the field to the last of the points that it is conditioned on
+    # (nodes, 8), one line of memory each: lower and upper corner, largest squared range, largest squared spacing.
     boxes: Floats
     best: Floats  # (nodes,), the largest score in the node
-    # (nodes,), the point with this score; of several that with the smallest index in the tree's input.
-    holder: Ints
+    holder: Ints  # (nodes,), the point with this score; of several that with the smallest index in the tree's input
 
 
 class Room(NamedTuple):
@@ -47,8 +39,7 @@ class Room(NamedTuple):
 
     visited: Ints  # (nodes,), nodes that the new point may change
     changed: Ints  # (n,), points whose posteriors it changes
-    # (LEAF_SIZE,), squared distances in the field between the new point and the points of a leaf.
-    gaps: Floats
+    gaps: Floats  # (LEAF_SIZE,), squared distances in the field between the new point and the points of a leaf
     work: Work
 
 
@@ -74,11 +65,7 @@ def observe(new, root, field, error_weight, state, room):
 
 @kernel(fastmath=False, allocates=False)
 def condition_on(new, root, field, state, room, count):
-    """Condition the points below the node `root` on a new chosen point; mark those that it changes as unscored.
-
-    Fill `visited` of the room, add to the first `count` points in `changed` those that were not unscored, and return
-    how many entries of each are valid.
-    """
+    """Condition the points below a node on a new one; return the numbers of visited nodes and of changed points."""
     boxes, ranges, last = state.boxes, state.ranges, state.conditioning.nearest.shape[1] - 1
     n, leaves = len(ranges), first_leaf(boxes)
     x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
@@ -141,7 +128,7 @@ def score_changed(count, field, error_weight, state, room):
     """Compute the posteriors of the first `count` points in `changed` of the room."""
     for begin in range(0, count, LANES):
         end = min(begin + LANES, count)
-        posteriors(field, state.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
+        posterior_in_lanes(field, state.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
         for p in range(end - begin):
             i = room.changed[begin + p]
             state.variances[i], state.scores[i] = room.work.variance[p], room.work.score[p]

@@ -22,30 +22,24 @@ class LocalField(NamedTuple):
 
     positions: Floats  # (3, n), in units of the target spacing h
     normals: Floats  # (3, n), unit vectors; their sign does not matter
-    # (n,): s: the desired spacing, in units of h. The lengthscale at a point is kappa s h.
-    spacings: Floats
+    spacings: Floats  # (n,), s: the desired spacing, in units of h
     y: Floats  # (n,), the function: surface variation, standardised to mean 0 and variance 1
     noise: Floats  # (n,), sigma_y^2: variance of each observation, in units of the prior; positive
-    # (k, n), attributes that count beside the shape, as distances in desired spacings; k is 0 if there are none.
-    detail: Floats
+    detail: Floats  # (k, n), attributes that count beside the shape, as distances in desired spacings; k may be 0
     lengthscale: float  # kappa, in desired spacings
     normal_weight: float  # beta: the distance of two normals at a right angle, in desired spacings
 
 
 @kernel(fastmath=False, allocates=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
-    """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2).
-
-    The sign of a normal has no influence: the second term is beta^2 / 2 times the squared distance between the
-    projections n n^T and n' n'^T.
-    """
+    """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2)."""
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
 @kernel(fastmath=False, allocates=False)
 def detail_distance(detail, i, j):
-    """Return the squared distance between the details, (k, n), of two points. It is added to `field_distance`."""
+    """Return what the details, (k, n), of two points add to `field_distance` (Eq. (18))."""
     squared = 0.0
     for c in range(len(detail)):
         squared += (detail[c, i] - detail[c, j]) ** 2
@@ -56,9 +50,8 @@ def detail_distance(detail, i, j):
 def correlate(sites, a, b, lengthscale, normal_weight, out):
     """Compute the kernel (Eq. (6)) between the a-th and the b-th site of each lane, in units of the prior variance.
 
-    It is (2 s s' / (s^2 + s'^2))^(3/2) (1 + t + t^2 / 3) exp(-t) with t = sqrt(5) distance / lengthscale. The first
-    factor keeps the kernel positive definite where s varies. The exponential is the 64th power of its Taylor polynomial
-    at -t / 64, with a relative error below 1e-12. Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
+    The exponential is the 64th power of its Taylor polynomial at -t / 64, with a relative error below 1e-12. Shapes:
+    sites (K + 1, SITE + k, LANES), out (LANES,).
     """
     vanished = 40.0  # from this t on, the correlation is less than rounding
     for p in range(LANES):

@@ -1,12 +1,8 @@
-"""Placement: each chosen point is exchanged for the point near it that stands best for its cell (Eq. (10)).
+"""Placement: each chosen point is exchanged for the point near it that stands best for its cell.
 
-The cell of a chosen point holds the points that are nearer to it than to the other chosen points. Of these, the step
-tries the three with the least quadric error, if it is below that of the chosen point: the summed squared distance from
-the tangent planes of all points of the cell (Garland and Heckbert 1997). The one to whose triangles the cell lies
-nearest replaces it, if the cell lies nearer than before. With attributes, up to 20 are tried, as long as their error
-alone is not too large. On convex parts, the new point is mostly a little outside the surface through its neighbours, so
-the error of the triangles falls; at ridges and corners it is on these. The order of choice stays, so
-every prefix gains as well.
+Of the points of its cell, those with the least quadric error are tried (Eq. (10); Garland and Heckbert 1997). The one
+to whose triangles the cell lies nearest replaces it; with attributes, that with the least sum of Eq. (20). The order of
+choice stays, so every prefix gains as well.
 """
 
 from __future__ import annotations
@@ -61,10 +57,9 @@ def exchanged(
 ) -> Ints:
     """Return for which point each vertex, a chosen point, is exchanged, -1 where it stays.
 
-    `area` is that for each point. `old` and `detail` are attributes of the vertices and of the points that count beside
-    the shape. No vertex goes farther than `farthest` at once. After the first pass, each point belongs to the nearest
-    of its vertex and that one's neighbours. Shapes: vertices (m, 3), stays (m,), points (n, 3), old (m, k), detail (n,
-    k); returns (m,).
+    `area` is that for each point. `old` and `detail` are attributes of the vertices and of the points. No vertex goes
+    farther than `farthest` at once. Shapes: vertices (m, 3), stays (m,), points (n, 3), old (m, k), detail (n, k);
+    returns (m,).
     """
     cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()
@@ -104,10 +99,7 @@ def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], F
     """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
     n = len(queries.order)
     positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
-    on_ranges(
-        _nearest_of_each, tasks, tasks, tree.points, tree.lower, tree.upper, queries.points, queries.lower,
-        queries.upper, positions, squared,
-    )  # fmt: skip
+    on_ranges(_nearest_of_each, tasks, tasks, *tree.arrays, *queries.arrays, positions, squared)
     return positions, squared
 
 
@@ -250,11 +242,7 @@ def _is_one_sheet(feet, normals, cell, vertex, upright):
 
 @kernel(allocates=False)
 def _errors(v, points, feet, normals, vertices, cell, first, steps, before, after, change, quadric, middle, errors):
-    """Fill `errors`, (n,), with those of the points of a cell, infinite beyond a step; return that of the vertex.
-
-    The error of a point is the root mean square of its distance from the planes of the cell, beside which its
-    attributes count by their difference from the mean of the cell; it is summed as `_off_fan` sums distances.
-    """
+    """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
     vertex, n, judged = row(vertices, v), len(cell), -(-len(cell) // _stride(cell))
     quadric[:], middle[:] = 0.0, 0.0
     x = y = z = 0.0
@@ -306,11 +294,7 @@ def _covers(points, vertex, cell, widest):
 
 @kernel(allocates=False)
 def _off_fan(feet, vertices, corners, apex, before, at_apex, after, change, cell, limit):
-    """Return the summed distance of a cell from the fan of triangles around an apex, or what is more than `limit`.
-
-    The difference of the attributes from those that are interpolated in the nearest triangle is distance, too, by
-    those of the corners, (m, k), of the apex, (k,), and of the cell, (n, k). Without triangles, it is 0.
-    """
+    """Return the first sum of Eq. (20) over a cell and the fan of triangles around an apex, or more than `limit`."""
     total = 0.0
     for slot in range(0, len(cell), _stride(cell)):
         q = cell[slot]

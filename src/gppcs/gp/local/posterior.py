@@ -1,7 +1,7 @@
 """Posterior mean and variance of the local field (Eq. (8); paper, Eqs. 3 and 4), by the nearest chosen points.
 
-These few screen off the others: this is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). All
-arithmetic runs over many points side by side, one operation at a time, so that the compiler can vectorise it.
+This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). `posterior_in_lanes` computes the
+variance of a candidate: for all of them in `posterior`, and in `greedy_state.score_changed` after each choice.
 """
 
 from __future__ import annotations
@@ -27,151 +27,31 @@ class Conditioning(NamedTuple):
     squared: Floats  # (n, K), their squared distances in the field; infinite where fewer are chosen
 
 
-def condition(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int) -> Conditioning:
-    """Find the chosen points that are nearest each point in the metric of the field. Shapes: chosen (m,)."""
+def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> tuple[Floats, Floats, Floats]:
+    """Return mean and variance of the field, and the score, at every point; (n,) each."""
     n = len(field.y)
-    conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
-    if len(chosen):
-        indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
-        of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
-        widest = float(field.spacings[chosen].max())
-        tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the radius of the last
-        on_ranges(
-            _condition_leaves, tasks, tasks, field, tree.lower, tree.upper,
-            _Chosen(indices, of_chosen.points, of_chosen.lower, of_chosen.upper, widest), conditioning,
-        )  # fmt: skip
-    return conditioning
-
-
-class _Chosen(NamedTuple):
-    """The k-d tree of the chosen points."""
-
-    indices: Ints  # (m,), their columns in the field's order
-    points: Floats  # (3, m), their positions
-    # (nodes, 3) each, corners of the nodes' boxes.
-    lower: Floats
-    upper: Floats
-    widest: float  # Their largest desired spacing
-
-
-@kernel(fastmath=False)
-def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioning):
-    """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
-    leaves = first_leaf(lower)
-    side = _side_by_side(conditioning.nearest.shape[1], len(field.detail))
-    leaves_in_ball = np.empty(first_leaf(chosen.lower), dtype=np.int64)
-    in_ball = np.empty(len(leaves_in_ball) * LEAF_SIZE, dtype=np.int64)
-    for task in range(begin, end):
-        squared_radius = 1.0
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            needed = _condition_leaf(
-                field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning
-            )
-            squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
-
-
-@kernel(fastmath=False, allocates=False)
-def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning):
-    """Condition the points of a leaf; return the squared radius of the search that the leaf needed.
-
-    At distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). So the radius is large enough
-    if the K-th nearest point in the ball is nearer in the field than any point beyond the radius can be.
-    """
-    n, leaves = len(field.y), first_leaf(lower)
-    begin, end = leaf_range(n, leaves, leaf)
-    _take_up(field, begin, end, side)
-    while True:
-        count = leaves_near(chosen.lower, chosen.upper, lower[leaf], upper[leaf], squared_radius, leaves_in_ball)
-        count = points_near(
-            chosen.points, chosen.lower, chosen.upper, leaves_in_ball[:count], lower[leaf], upper[leaf], squared_radius,
-            in_ball,
-        )  # fmt: skip
-        needed = _keep_nearest_side_by_side(field, chosen, in_ball[:count], side)
-        if needed <= squared_radius or count == len(chosen.indices):
-            break
-        squared_radius = min(needed, 4.0 * squared_radius)
-    for i in range(begin, end):
-        for slot in range(len(side.squared)):
-            conditioning.nearest[i, slot] = side.nearest[slot, i - begin]
-            conditioning.squared[i, slot] = side.squared[slot, i - begin]
-    return min(needed, squared_radius)
-
-
-class _SideBySide(NamedTuple):
-    """The points of a leaf side by side, and what each is conditioned on so far."""
-
-    points: Floats  # (7 + k, LEAF_SIZE), rows: position, normal, desired spacing, details
-    # (K, LEAF_SIZE) each, as in `Conditioning`, transposed.
-    nearest: Ints
-    squared: Floats
-    # (LEAF_SIZE,) each, a chosen point that is being inserted, and its squared distances in the field.
-    new: Ints
-    gaps: Floats
+    means, variances, scores = results = np.empty((3, n))
+    on_ranges(_posterior_everywhere, n, field, conditioning.nearest, error_weight, *results, minimum=1024)
+    return means, variances, scores
 
 
 @kernel
-def _side_by_side(neighbours, details):
-    """Return room for one leaf and K `neighbours`."""
-    return _SideBySide(
-        np.empty((7 + details, LEAF_SIZE), dtype=np.float64),
-        np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
-        np.empty((neighbours, LEAF_SIZE), dtype=np.float64),
-        np.empty(LEAF_SIZE, dtype=np.int64),
-        np.empty(LEAF_SIZE, dtype=np.float64),
-    )
-
-
-@kernel(allocates=False)
-def _take_up(field, begin, end, side):
-    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
-    for p in range(LEAF_SIZE):
-        i = min(begin + p, end - 1)
-        for axis in range(3):
-            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
-        side.points[6, p] = field.spacings[i]
-        for c in range(len(field.detail)):
-            side.points[7 + c, p] = field.detail[c, i]
-
-
-@kernel(fastmath=False, allocates=False)
-def _keep_nearest_side_by_side(field, chosen, in_ball, side):
-    """Keep, for each point of a leaf, the nearest of some chosen points, (count,)."""
-    neighbours = len(side.squared)
-    side.nearest[:] = -1
-    side.squared[:] = np.inf
-    for slot in in_ball:
-        j = chosen.indices[slot]
-        x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
-        u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
-        s = field.spacings[j]
-        for p in range(LEAF_SIZE):
-            cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
-            side.gaps[p] = field_distance(
-                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine, side.points[6, p], s,
-                field.normal_weight,
-            )  # fmt: skip
-            side.new[p] = j
-        for c in range(len(field.detail)):
-            for p in range(LEAF_SIZE):
-                side.gaps[p] += (side.points[7 + c, p] - field.detail[c, j]) ** 2
-        for rank in range(neighbours):
-            for p in range(LEAF_SIZE):
-                gap, squared, new, nearest = side.gaps[p], side.squared[rank, p], side.new[p], side.nearest[rank, p]
-                nearer = gap < squared
-                side.squared[rank, p], side.gaps[p] = gap if nearer else squared, squared if nearer else gap
-                side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
-    needed = 0.0
-    for p in range(LEAF_SIZE):
-        needed = max(needed, side.squared[neighbours - 1, p] * 0.5 * (side.points[6, p] ** 2 + chosen.widest**2))
-    return needed
+def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
+    """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
+    work = workspace(nearest.shape[1], len(field.detail))
+    indices = np.arange(begin, end)
+    for first in range(0, len(indices), LANES):
+        count = min(LANES, len(indices) - first)
+        posterior_in_lanes(field, nearest, indices, first, first + count, error_weight, work)
+        for p in range(count):
+            i = begin + first + p
+            means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
 
 
 class Work(NamedTuple):
     """Memory for the posteriors of LANES points, each conditioned on K others."""
 
-    # (K + 1, SITE + k, LANES), sites of the K points on which each point is conditioned; the last row is the point
-    # itself.
-    sites: Floats
+    sites: Floats  # (K + 1, SITE + k, LANES), of the K points on which each point is conditioned, and of itself
     # (K (K + 2), LANES): K rows of the Cholesky factor, with the inverse of its diagonal. Each row ends with two
     # solutions of the triangular system: for the covariances with the point, and for y.
     factor: Floats
@@ -201,8 +81,8 @@ def workspace(neighbours, details):
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
-def posteriors(field, nearest, indices, begin, end, error_weight, work):
-    """Compute mean, variance and score at the points `indices[begin:end]`."""
+def posterior_in_lanes(field, nearest, indices, begin, end, error_weight, work):
+    """Compute mean and variance (Eq. (8)) and score (Eq. (9)) at the points `indices[begin:end]`, side by side."""
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
     _gather(field, nearest, indices, begin, end, sites)
@@ -257,24 +137,126 @@ def _gather(field, nearest, indices, begin, end, sites):
                 sites[a, SITE + c, p] = field.detail[c, j]
 
 
-def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> tuple[Floats, Floats, Floats]:
-    """Return mean and variance of the field, and the score, at every point; (n,) each."""
+def condition(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int) -> Conditioning:
+    """Find the chosen points that are nearest each point in the metric of the field. Shapes: chosen (m,)."""
     n = len(field.y)
-    means, variances, scores = np.empty((3, n))
-    on_ranges(
-        _posterior_everywhere, n, field, conditioning.nearest, error_weight, means, variances, scores, minimum=1024
+    conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
+    if len(chosen):
+        indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
+        positions = np.ascontiguousarray(field.positions[:, indices])
+        tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the radius of the last
+        tree_of_chosen = _Chosen(*KdTree.over(positions).arrays, indices, float(field.spacings[chosen].max()))
+        on_ranges(_condition_leaves, tasks, tasks, field, tree.lower, tree.upper, tree_of_chosen, conditioning)
+    return conditioning
+
+
+class _Chosen(NamedTuple):
+    """The k-d tree of the m chosen points."""
+
+    points: Floats  # (3, m)
+    lower: Floats  # (nodes, 3)
+    upper: Floats  # (nodes, 3)
+    indices: Ints  # (m,), their columns in the field's order
+    widest: float  # Their largest desired spacing
+
+
+@kernel(fastmath=False)
+def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioning):
+    """Fill `conditioning`, (n, K), in a range of tasks: leaf by leaf of the field's tree, (nodes, 3)."""
+    leaves = first_leaf(lower)
+    neighbours = conditioning.nearest.shape[1]
+    side = _SideBySide(
+        np.empty((7 + len(field.detail), LEAF_SIZE), dtype=np.float64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.int64),
+        np.empty((neighbours, LEAF_SIZE), dtype=np.float64),
+        np.empty(LEAF_SIZE, dtype=np.int64),
+        np.empty(LEAF_SIZE, dtype=np.float64),
     )
-    return means, variances, scores
+    leaves_in_ball = np.empty(first_leaf(chosen.lower), dtype=np.int64)
+    in_ball = np.empty(len(leaves_in_ball) * LEAF_SIZE, dtype=np.int64)
+    for task in range(begin, end):
+        squared_radius = 1.0
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            needed = _condition_leaf(
+                field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning
+            )
+            squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
-@kernel
-def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
-    """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
-    work = workspace(nearest.shape[1], len(field.detail))
-    indices = np.arange(begin, end)
-    for first in range(0, len(indices), LANES):
-        count = min(LANES, len(indices) - first)
-        posteriors(field, nearest, indices, first, first + count, error_weight, work)
-        for p in range(count):
-            i = begin + first + p
-            means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
+@kernel(fastmath=False, allocates=False)
+def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning):
+    """Condition the points of a leaf; return the squared radius of the search that the leaf needed."""
+    n, leaves = len(field.y), first_leaf(lower)
+    begin, end = leaf_range(n, leaves, leaf)
+    _take_up(field, begin, end, side)
+    while True:
+        count = leaves_near(chosen.lower, chosen.upper, lower[leaf], upper[leaf], squared_radius, leaves_in_ball)
+        count = points_near(
+            chosen.points, chosen.lower, chosen.upper, leaves_in_ball[:count], lower[leaf], upper[leaf], squared_radius,
+            in_ball,
+        )  # fmt: skip
+        # At a distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2).
+        needed = _keep_nearest_side_by_side(field, chosen, in_ball[:count], side)
+        if needed <= squared_radius or count == len(chosen.indices):
+            break
+        squared_radius = min(needed, 4.0 * squared_radius)
+    for i in range(begin, end):
+        for slot in range(len(side.squared)):
+            conditioning.nearest[i, slot] = side.nearest[slot, i - begin]
+            conditioning.squared[i, slot] = side.squared[slot, i - begin]
+    return min(needed, squared_radius)
+
+
+class _SideBySide(NamedTuple):
+    """The points of a leaf side by side, and what each is conditioned on so far."""
+
+    points: Floats  # (7 + k, LEAF_SIZE), rows: position, normal, desired spacing, details
+    nearest: Ints  # (K, LEAF_SIZE), as in `Conditioning`, transposed
+    squared: Floats  # (K, LEAF_SIZE)
+    new: Ints  # (LEAF_SIZE,), a chosen point that is being inserted
+    gaps: Floats  # (LEAF_SIZE,), its squared distances in the field
+
+
+@kernel(allocates=False)
+def _take_up(field, begin, end, side):
+    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
+    for p in range(LEAF_SIZE):
+        i = min(begin + p, end - 1)
+        for axis in range(3):
+            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        side.points[6, p] = field.spacings[i]
+        for c in range(len(field.detail)):
+            side.points[7 + c, p] = field.detail[c, i]
+
+
+@kernel(fastmath=False, allocates=False)
+def _keep_nearest_side_by_side(field, chosen, in_ball, side):
+    """Keep, for each point of a leaf, the nearest of some chosen points, (count,)."""
+    neighbours = len(side.squared)
+    side.nearest[:] = -1
+    side.squared[:] = np.inf
+    for slot in in_ball:
+        j = chosen.indices[slot]
+        x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
+        u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
+        s = field.spacings[j]
+        for p in range(LEAF_SIZE):
+            cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
+            side.gaps[p] = field_distance(
+                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine, side.points[6, p], s,
+                field.normal_weight,
+            )  # fmt: skip
+            side.new[p] = j
+        for c in range(len(field.detail)):
+            for p in range(LEAF_SIZE):
+                side.gaps[p] += (side.points[7 + c, p] - field.detail[c, j]) ** 2
+        for rank in range(neighbours):
+            for p in range(LEAF_SIZE):
+                gap, squared, new, nearest = side.gaps[p], side.squared[rank, p], side.new[p], side.nearest[rank, p]
+                nearer = gap < squared
+                side.squared[rank, p], side.gaps[p] = gap if nearer else squared, squared if nearer else gap
+                side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
+    needed = 0.0
+    for p in range(LEAF_SIZE):
+        needed = max(needed, side.squared[neighbours - 1, p] * 0.5 * (side.points[6, p] ** 2 + chosen.widest**2))
+    return needed

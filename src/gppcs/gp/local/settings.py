@@ -34,7 +34,7 @@ ISOLATION = (0.45, 0.9, 1.8, 3.6)  # In target spacings: a candidate is isolated
 # distance, too: mostly 28 % at most in scans with sparse parts, 40 % or more of outliers (research/experiments.md).
 OUTLIERS = 0.4
 
-# Placement, Eq. (10). Ablation: "placement off".
+# Placement, Eqs. (10) and (20). Ablation: "placement off".
 CELL_POINTS, NOISY_CELL_POINTS = 36, 16  # Mean points of a cell, without noise and with it; of more, a sample is drawn.
 PLANE_POINTS = 12  # Mean number of points to which a tangent plane is fitted.
 PULL = 0.01  # eta: weight of the squared distance from the middle of the cell, beside that from the planes.

@@ -12,9 +12,8 @@ from gppcs.engine.kernels import kernel
 from gppcs.gp.spectral.posterior import posterior
 
 BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
-# The posterior is computed anew whenever there are this many times as many observations. Each update leaves an error in
-# proportion to the variance before it, which stays while the variance shrinks: from one observation on 13,000 updates
-# could lose all digits. By default the observations grow three times, so that one computation will do.
+# The posterior is computed anew whenever there are this many times as many observations, as the errors of updates stay
+# while the variance shrinks: from one observation on 13,000 updates could lose all digits.
 REFRESHED = 4
 
 
@@ -30,12 +29,10 @@ def select(
 ) -> Ints:
     """Add points to the active set, each time the `k_add` of largest score s = sqrt(diag Sigma) + |mu - y|.
 
-    The result is exactly that of the paper's Algorithm 1, but each step evaluates few points. The points are divided
-    into buckets. Each bucket stores the bounding box of its features phi and its largest score when it was last
-    scanned. Since then, variances can only have decreased. If the weights' mean has moved by dw, the mean at a point
-    has moved by phi dw, which the box bounds. So each bucket has an upper bound of its scores, and a step scans only
-    the buckets whose bound is not below the best score so far. Shapes: phi (N, L), y (N,), initial (k_init,), order
-    (N,); returns (M,).
+    The result is exactly that of the paper's Algorithm 1, but a step scans only the buckets of points whose bound is
+    not below the best score so far. Since a bucket was last scanned, variances can only have decreased. If the weights'
+    mean has moved by dw, the mean at a point has moved by phi dw, which the bounding box of phi bounds. Shapes: phi (N,
+    L), y (N,), initial (k_init,), order (N,); returns (M,).
     """
     order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)
@@ -60,36 +57,26 @@ def select(
 
 
 class _Points(NamedTuple):
-    """The points in an order that puts neighbours near each other.
+    """The points in an order that puts neighbours near each other."""
 
-    `phi` is (L, N), all others are (N,). `order` holds the indices in the input, `free` is false for chosen points,
-    and `score` is s when the point's bucket was last scanned.
-    """
-
-    phi: Floats  # transposed, so that loops over points read contiguous memory
-    y: Floats
-    order: Ints
-    free: Flags
-    score: Floats
+    phi: Floats  # (L, N): transposed, so that loops over points read contiguous memory
+    y: Floats  # (N,)
+    order: Ints  # (N,): indices in the input
+    free: Flags  # (N,): false for chosen points
+    score: Floats  # (N,): s when the point's bucket was last scanned
 
 
 class _Buckets(NamedTuple):
-    """G runs of consecutive points of equal length: the g-th holds the points from N g // G to N (g + 1) // G.
+    """G runs of consecutive points of equal length: the g-th holds the points from N g // G to N (g + 1) // G."""
 
-    `lower` and `upper`, (G, L), are the bounding boxes of the features. `scanned`, (G,), is the number of chosen points
-    when the bucket was last scanned. At that time, `mean`, (G, L), was the mean of the weights; `above` and `below`,
-    (G,), were the largest sd + y - mu and sd + mu - y of its free points. `bound`, (G,), is an upper bound of the
-    scores of its free points now. Right after a scan, it is the score of the point `best`, (G,).
-    """
-
-    lower: Floats
+    lower: Floats  # (G, L): the bounding boxes of the features
     upper: Floats
-    scanned: Ints
-    mean: Floats
-    above: Floats
-    below: Floats
-    bound: Floats
-    best: Ints
+    scanned: Ints  # (G,): number of chosen points when the bucket was last scanned
+    mean: Floats  # (G, L): mean of the weights at that time
+    above: Floats  # (G,): largest sd + y - mu of its free points then
+    below: Floats  # (G,): largest sd + mu - y
+    bound: Floats  # (G,): upper bound of the scores of its free points now
+    best: Ints  # (G,): the point whose score this is, right after a scan
 
 
 def _buckets(count: int, phi: Floats) -> _Buckets:
@@ -126,10 +113,8 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, begin):
 
 @kernel(fastmath={"contract", "reassoc", "nsz"})
 def _observe(phi, y, noise, mean, covariance):
-    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,).
-
-    Its loops stand in place of BLAS, whose rounding depends on the number of threads.
-    """
+    """Update `mean`, (L,), and `covariance`, (L, L), with one observation at a point of features `phi`, (L,)."""
+    # Loops in place of BLAS, whose rounding depends on the number of threads.
     along = np.empty(len(phi), dtype=np.float64)
     spread, error = noise, y
     for row in range(len(phi)):

@@ -26,8 +26,7 @@ def log_spectrum(eigenvalues: Floats, lengthscale: float, nu: float) -> tuple[Fl
     """Return the log of (2 nu / kappa^2 + lambda_n)^(-nu - d/2) in Eq. 6, and its slopes by log kappa and log nu.
 
     The value at lambda = 0, which would cancel with C_nu in Eq. 6, is subtracted: the power underflows for nu above
-    about 40. As nu grows, the result tends to -kappa^2 lambda / 2, the spectrum of the heat kernel. Shapes: eigenvalues
-    (L,); returns (L,) each.
+    about 40. Shapes: eigenvalues (L,); returns (L,) each.
     """
     if np.isinf(nu):
         heat = -0.5 * lengthscale**2 * eigenvalues

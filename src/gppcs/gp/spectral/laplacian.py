@@ -19,12 +19,9 @@ def eigenpairs(points: Floats, count: int, landmarks: int = 4000, tree: KdTree |
     """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6), with the surface of area 1.
 
     Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions, (N, L),
-    are at all points, and have a mean square of one over the surface.
-
-    A cloud of more than `landmarks` points is represented by that many farthest points. The functions found there are
-    interpolated at all points by a smooth partition of unity (Nasikun et al. 2018). The tufted Laplacian (Sharp and
-    Crane 2020) loses area where points are too irregular for their density. Its lumped area is therefore compared with
-    an estimate from the spacing of the points, and the landmarks are halved until the two agree. Shapes: points (N, 3).
+    have a mean square of one over the surface. A cloud of more than `landmarks` points is represented by that many
+    farthest points. The tufted Laplacian loses area where these are too irregular for their density; their number is
+    then halved. Shapes: points (N, 3).
     """
     number = min(landmarks, len(points))
     while True:
@@ -89,11 +86,7 @@ def _lowest(operator: scipy.sparse.csr_matrix, mass: Floats, count: int) -> tupl
 
 
 def _lift(landmarks: Floats, functions: Floats, points: Floats) -> Floats:
-    """Interpolate functions, (landmarks, L), from landmarks at points, (N, 3); return (N, L).
-
-    The weight of a landmark at distance x is 1 - 3 x^2 + 2 x^3, and weights are divided by their sum. Distances are
-    relative to slightly more than that of the farthest landmark used.
-    """
+    """Interpolate functions, (landmarks, L), at points, (N, 3), by a partition of unity (Nasikun et al. 2018)."""
     nearest, squared = KdTree.build(landmarks).nearest_of(points, min(8, len(landmarks)))
     # The radius is slightly larger, since landmarks that are all equally far would all have the weight zero.
     x = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))

@@ -79,7 +79,7 @@ def _stage(
     limit = radius * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
     tree = KdTree.build(points)
     weights = np.empty(len(points), dtype=np.float64)
-    on_ranges(_weigh, tree.leaves, tree.points, tree.lower, tree.upper, radius, limit, weights, minimum=4)
+    on_ranges(_weigh, tree.leaves, *tree.arrays, radius, limit, weights, minimum=4)
     heaviest = np.empty(len(tree.lower), dtype=np.float64)
     candidate = np.empty(len(tree.lower), dtype=np.int64)
     greatest_of_all(tree.order, weights, heaviest, candidate)

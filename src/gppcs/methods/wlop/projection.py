@@ -51,16 +51,15 @@ def project(
     tree = tree or KdTree.build(points)
     weights = np.ones(len(points), dtype=np.float64)
     if require_uniform:
-        weights /= _crowding(tree.points, tree.lower, tree.upper, radius)
-    attracting = (tree.points, tree.lower, tree.upper, weights)
+        weights /= _crowding(*tree.arrays, radius)
     # Samples move little, so their tree stays good if only its boxes are updated.
     now = KdTree.build(samples)
-    positions, lower, upper = now.points, now.lower, now.upper
+    positions, lower, upper = now.arrays
     for _ in range(iterations):
         # Like CGAL, the density of a sample counts the sample itself twice.
         omega = 1 + _crowding(positions, lower, upper, radius)
         moved = np.empty_like(positions)
-        on_ranges(_move, now.leaves, *attracting, positions, lower, upper, omega, radius, mu, moved)
+        on_ranges(_move, now.leaves, *tree.arrays, weights, positions, lower, upper, omega, radius, mu, moved)
         positions = moved
         measure_boxes(positions, lower, upper)
         if on_progress:
