@@ -55,25 +55,6 @@ def test_a_step_is_that_of_a_dense_solver(left_out):
     assert stepped(mesh, points, dense, assigned) == pytest.approx(points + step.reshape(-1, 3), abs=1e-4)
 
 
-def test_three_steps_bring_vertices_off_a_plane_to_it():
-    """The vertices of a flat grid are first moved off it by noise."""
-    rng = np.random.default_rng(0)
-    x, y = np.meshgrid(np.arange(6.0), np.arange(6.0))
-    flat = np.column_stack([x.ravel(), y.ravel(), np.zeros(36)]) / 5
-    i = np.array([6 * r + c for r in range(5) for c in range(5)])
-    faces = np.concatenate([np.column_stack([i, i + 1, i + 7]), np.column_stack([i, i + 7, i + 6])])
-    dense = np.column_stack([rng.uniform(0.02, 0.98, (2000, 2)), np.zeros(2000)])
-    up = np.broadcast_to([0.0, 0.0, 1.0], dense.shape).copy()
-    start = np.argmin(((dense[:, None] - flat) ** 2).sum(axis=2), axis=1)
-    vertices = flat + np.column_stack([np.zeros((36, 2)), rng.normal(0, 0.03, 36)])
-    mesh, errors = HalfEdges.from_faces(faces, 36), []
-    for _ in range(4):
-        assigned = Assignment.on_same_sheet(mesh, vertices, dense, up, start)
-        errors.append(assigned.mean_square())
-        vertices = stepped(mesh, vertices, dense, assigned)
-    assert errors[3] < 0.01 * errors[0]
-
-
 def test_vertices_whose_triangles_would_turn_over_move_less(coarse):
     mesh, points, normals, dense, assigned = coarse
     faces = mesh.faces()

@@ -43,15 +43,11 @@ def test_projections_lie_on_the_surface_and_their_normals_across_it():
     assert np.quantile(np.abs(normals[inner, 2]), 0.1) > 0.98
 
 
-def test_noise_of_the_same_thickness_everywhere_is_not_uneven():
+def test_no_noise_and_noise_of_the_same_thickness_everywhere_are_not_uneven():
     rng = np.random.default_rng(0)
-    points = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
-    assert uneven_noise(KdTree.build(points)) is None
-
-
-@pytest.mark.parametrize("name", ["bracket", "statue"])
-def test_clean_clouds_have_no_noise(name):
-    assert uneven_noise(KdTree.build(gppcs.sample(name, n_points=50_000).points)) is None
+    even = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
+    for points in (even, *(gppcs.sample(name, n_points=50_000).points for name in ("bracket", "statue"))):
+        assert uneven_noise(KdTree.build(points)) is None
 
 
 @pytest.mark.parametrize("n", [40_000, pytest.param(80_000, marks=pytest.mark.slow)])

@@ -24,8 +24,6 @@ from gppcs.meshing.halfedges import (
 from gppcs.spatial.triangles import agreement, area_vector, dot, has_area, minus, quality, row
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 
-THIN_IN_COLLAPSE = 0.3  # triangles below this quality cost extra
-
 
 def collapse(
     draft: Draft, target: int, counts_faces: bool = False, on_progress: Callable[[int], None] | None = None
@@ -206,7 +204,7 @@ def _thinness_after(mesh, vertices, normals, min_cosine, v, u, edges, halves):
             lengths = np.sqrt(dot(before, before)) * np.sqrt(dot(after, after))
             if dot(before, after) < min_cosine * lengths or agreement(after, normals, u, a, b) < 0.0:
                 return np.inf
-        thin = THIN_IN_COLLAPSE - quality(pu, pa, pb)
+        thin = 0.3 - quality(pu, pa, pb)  # triangles of a lower quality cost extra
         if thin > 0.0:
             au, bu, ab = minus(pa, pu), minus(pb, pu), minus(pb, pa)
             total += thin * (dot(au, au) + dot(bu, bu) + dot(ab, ab))

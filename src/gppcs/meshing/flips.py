@@ -21,8 +21,6 @@ from gppcs.spatial.triangles import (
     squared_distance,
 )
 
-THIN = 0.2  # triangles below this quality are thin
-
 
 def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
     """Flip edges while the energy falls; return the triangles of the dense points; many thin ones raise their cost."""
@@ -31,14 +29,9 @@ def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
         draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
     fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.positions, assigned)
     flip_all(fitted, TriangleTree.empty(), draft.normals, draft.thin_cost, 8)
-    if fraction_of_thin(draft) > 0.012:
+    if (qualities(draft.vertices, draft.mesh.faces()) < 0.2).mean() > 0.012:  # too many are thin
         draft.thin_cost *= 2.0
     return assigned
-
-
-def fraction_of_thin(draft: Draft) -> float:
-    """Return the fraction of triangles that are thin."""
-    return float((qualities(draft.vertices, draft.mesh.faces()) < THIN).mean())
 
 
 @kernel

@@ -24,9 +24,6 @@ from gppcs.meshing.halfedges import (
 from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
 from gppcs.spatial.triangles import dot, minus, row
 
-PATCHES = 11  # patches around a triangle that are tried
-RELAXED = 0.25  # fraction of the way to the mean of its neighbours by which a vertex moves
-
 
 def mend_draft(draft: Draft, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
     """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes."""
@@ -92,7 +89,7 @@ def relax(mesh, vertices, corners):
         count, _, closed = neighbours(mesh, v, halves, ring)
         beside = ring[:count] if closed else ring[: count : count - 1]
         for axis in range(3):
-            vertices[v, axis] += RELAXED * (vertices[beside, axis].mean() - vertices[v, axis])
+            vertices[v, axis] += 0.25 * (vertices[beside, axis].mean() - vertices[v, axis])
 
 
 @kernel
@@ -105,7 +102,7 @@ def _mend_all(mesh, vertices, normals, fixed, tree, faces, into):
     for f in faces:
         if mesh.origin[3 * f] < 0 or not is_cut(mesh, vertices, tree, inside, f):
             continue
-        for which in range(PATCHES):
+        for which in range(11):
             size = _patch(mesh, f, which, halves, patch)
             inside[patch[:size]] = True
             length = _boundary(mesh, patch[:size], inside, fixed, loop) if size else 0

@@ -35,9 +35,6 @@ from gppcs.spatial.scaling import Frame, normalised
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.outliers import outliers_among
 
-EXCHANGES = 0, 2, 8  # maximum rounds of exchanges, at each effort
-BOUNDED = 2, 6, 32  # maximum rounds of fits and further collapses within a tolerance, at each effort
-
 
 def mesh(
     cloud: CloudLike,
@@ -226,7 +223,7 @@ def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -
 
 def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
     """Return a draft with as many vertices, of which some have gone to where they help more, while that gains 1 %."""
-    rounds = EXCHANGES[request.effort]
+    rounds = (0, 2, 8)[request.effort]
     if not rounds:
         return draft
     with request.timer("exchange", rounds) as on_progress:
@@ -337,7 +334,7 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
     with timer("collapse"):
         draft = thinned_by_quadrics(first.copy(), counted, limit)
     with timer("bounded collapse"):
-        bound(draft, counted, limit, BOUNDED[request.effort])
+        bound(draft, counted, limit, (2, 6, 32)[request.effort])
     with timer("distances"):
         distances = np.sqrt(Assignment.on_any_sheet(draft.mesh, draft.vertices, dense.raw).squared)
         within = usual & (distances <= tolerance)
