@@ -117,10 +117,14 @@ def test_invalid_points_are_left_out_with_a_word(by_pye57):
     assert load(path)[-1] == ["points without a valid position (2)"]
 
 
-def test_spherical_coordinates_are_converted(by_libe57):
+@pytest.mark.parametrize("single", [False, True])
+def test_spherical_coordinates_are_converted(by_libe57, single):
     distance, azimuth, elevation = np.array([2.0, 1]), np.array([0.5, -1]), np.array([0.25, 1])
     values = {"Range": distance, "Azimuth": azimuth, "Elevation": elevation}
-    points = read(by_libe57({f"spherical{name}": ("FloatNode", (), each) for name, each in values.items()})).points
+    kind = ("FloatNode", (0.0, libe57.E57_SINGLE) if single else ())
+    cloud = read(by_libe57({f"spherical{name}": (*kind, column) for name, column in values.items()}))
+    points = cloud.points
+    assert cloud.coordinate_dtype == np.float64
     assert np.allclose(np.linalg.norm(points, axis=1), distance, rtol=1e-15)
     assert np.allclose(np.arctan2(points[:, 1], points[:, 0]), azimuth, rtol=1e-15)
     assert np.allclose(np.arcsin(points[:, 2] / distance), elevation, rtol=1e-15)

@@ -200,12 +200,12 @@ def _buffers(image: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> tuple[d
 
 
 def _coordinates(scan: Any, block: Mapping[str, Column], dtypes: Mapping[str, np.dtype[Any]]) -> dict[str, Column]:
-    """Return the coordinates of a block, moved by the pose of its scan; of unmoved ones the type is kept."""
+    """Return the coordinates of a block, moved by the pose of its scan; only unmoved Cartesian ones keep their type."""
     pye57 = require_pye57()
     axes = _axes(dtypes)
     columns = [block[axis].astype(dtypes[axis]) for axis in axes]
     if axes == _SPHERICAL:
-        columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1)).T)
+        columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1, dtype=np.float64)).T)
     # pye57's own properties take the numbers in the order of the file.
     names = [*(f"pose/rotation/{axis}" for axis in "wxyz"), *(f"pose/translation/{axis}" for axis in "xyz")]
     pose = [scan[name].value() if scan.node.isDefined(name) else float(name.endswith("w")) for name in names]
