@@ -221,6 +221,14 @@ def test_repeats_change_nothing(ball):
     assert np.array_equal(once.mesh.faces, twice.mesh.faces)
 
 
+@pytest.mark.parametrize("keywords", [{"n_points": 200}, {"tolerance": 0.02}])
+def test_repeats_up_to_rounding_leave_no_holes(keywords):
+    polar, azimuth = np.meshgrid(np.linspace(0, np.pi, 27), np.linspace(0, 2 * np.pi, 54))
+    points = [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)]
+    result = gppcs.mesh(3 * np.stack(points, axis=-1).reshape(-1, 3), **keywords)
+    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
+
+
 def test_points_that_are_not_finite_are_an_error_or_dropped(ball):
     points = ball.points.copy()
     points[7, 1] = np.nan

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.spatial.cells import POINTS_PER_PART, first_occurrences, greatest_in_cells
+from gppcs.spatial.cells import POINTS_PER_PART, distinct_in_single, first_occurrences, greatest_in_cells
 
 
 @given(st.integers(0, 400), st.integers(1, 6), st.integers(0, 99))
@@ -12,6 +12,19 @@ def test_first_occurrences(n, values, seed):
     points[points == 0] *= -1.0  # minus zero is zero
     _, expected = np.unique(points, axis=0, return_index=True)
     np.testing.assert_array_equal(np.flatnonzero(first_occurrences(points)), np.sort(expected))
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e-15, 1e-12, 2e-9])
+def test_points_that_float32_does_not_tell_apart_are_one(distance):
+    rng = np.random.default_rng(0)
+    points = rng.random((5_000, 3))
+    near = points + distance * rng.uniform(-1, 1, points.shape)
+    distinct = distinct_in_single(np.concatenate([points, near, points + 1e-4]))
+    assert np.array_equal(distinct[:5_000], np.arange(5_000))
+    assert np.array_equal(distinct[-5_000:], np.arange(10_000, 15_000))
+    assert len(distinct) <= 10_000 + 5_000 * (distance * 2**25) ** 2
+    strays = np.concatenate([np.zeros((1, 3)), 1e7 + points])
+    assert len(distinct_in_single(strays)) == 5_001
 
 
 def cells(points, edge, values):

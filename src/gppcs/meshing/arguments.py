@@ -12,7 +12,7 @@ from gppcs.clouds.quantities import Length, Tolerance, count_of, metres_of, rati
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
 from gppcs.errors import NoSurfaceError, ParameterError, shown, whole_number
-from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.kdtree import KdTree
 
 MIN_VERTICES = 4  # those of a tetrahedron
@@ -104,7 +104,7 @@ def indices_to_keep(keep: ArrayLike | None, finite: Ints, points: Floats, n: int
         raise ParameterError(
             f"expected keep to be rows of the cloud from 0 to {n - 1} with finite coordinates, found {unusable[0]}"
         )
-    distinct = np.flatnonzero(first_occurrences(points))
+    distinct = distinct_in_single(points)
     nearest, _ = KdTree.build(points[distinct]).nearest_of(points[np.searchsorted(finite, indices)], 1)
     return np.unique(distinct[nearest[:, 0]])
 

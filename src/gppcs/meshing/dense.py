@@ -9,7 +9,7 @@ import numpy as np
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
-from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.samples import even_sample
 from gppcs.surface.noise import THICK, layer_of, projections
@@ -90,11 +90,13 @@ def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) ->
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
     """Return indices of points without repeats, ascending: all, or about 32 for each vertex, as more hardly help."""
-    distinct = first_occurrences(points)
-    step = int(np.count_nonzero(distinct)) // (32 * n_vertices)
+    distinct = distinct_in_single(points)
+    step = len(distinct) // (32 * n_vertices)
     if step <= 1:
-        return np.flatnonzero(distinct)
-    return np.union1d(even_sample(points, distinct, step), chosen)
+        return distinct
+    usable = np.zeros(len(points), dtype=np.bool_)
+    usable[distinct] = True
+    return np.union1d(even_sample(points, usable, step), chosen)
 
 
 def _covered(near: Ints, squared: Floats) -> Floats:
