@@ -70,38 +70,12 @@ class Simplifier(_Transformer):
         self.n_points, self.ratio, self.method = n_points, ratio, method
 
     def fit(self, X: ArrayLike, y: None = None) -> Self:
-        """Choose the rows of a table.
-
-        Parameters
-        ----------
-        X : (N, k) array-like
-            The table.
-        y : None
-            Not used.
-
-        Returns
-        -------
-        Simplifier
-            Itself.
-        """
+        """Choose the rows of a table, (N, k)."""
         self.fit_transform(X)
         return self
 
     def fit_transform(self, X: ArrayLike, y: None = None) -> NDArray[np.floating]:
-        """Simplify a table, once, and keep its `indices_`.
-
-        Parameters
-        ----------
-        X : (N, k) array-like
-            The table.
-        y : None
-            Not used.
-
-        Returns
-        -------
-        (M, k) array, float64 or float32
-            As `transform` returns it.
-        """
+        """Simplify a table, (N, k), once, and keep its `indices_`; return what `transform` does."""
         self.indices_, kept = self._simplified(X, first=True)
         return kept
 

@@ -203,38 +203,10 @@ class PointCloud(ComparedByValue):
         """Return the cloud with other coordinates, (N, 3); a `coordinate_dtype` of integers becomes float64."""
         return replace(self, points=points, coordinate_dtype=_floating(self.coordinate_dtype))
 
-    def to_open3d(self) -> Any:
-        """Return the cloud as a new `open3d.t.geometry.PointCloud`, with all attributes.
-
-        `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates are float32 if
-        `coordinate_dtype` is, otherwise float64. An InputError names attributes of types that Open3D lacks.
-        """
-        return objects.open3d_of(self)
-
-    def to_pyvista(self) -> Any:
-        """Return the cloud as a new `pyvista.PolyData`, with all attributes as `point_data`.
-
-        `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of `red`, `green`, `blue` and `alpha`. An attribute of
-        three or more axes becomes one of two. An InputError names attributes of types that PyVista lacks.
-        """
-        return objects.pyvista_of(self)
-
-    def to_trimesh(self) -> Any:
-        """Return the cloud as a new `trimesh.PointCloud`, with all attributes.
-
-        `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8; without `alpha`, trimesh sets it to
-        255. All other attributes are in `metadata["vertex_attributes"]`.
-        """
-        return objects.trimesh_of(self)
-
-    def to_pandas(self) -> Any:
-        """Return the cloud as a new `pandas.DataFrame` with the columns x, y, z and one for each attribute.
-
-        An attribute with k numbers for each point becomes k columns, called name_0, name_1 and so on; an InputError
-        names columns that would be twice. The coordinates are of type `coordinate_dtype`; but if that is a type of
-        integers and some coordinates are none, they are float64.
-        """
-        return objects.pandas_of(self)
+    to_open3d = objects.to_open3d
+    to_pyvista = objects.to_pyvista
+    to_trimesh = objects.to_trimesh
+    to_pandas = objects.to_pandas
 
     def is_finite(self) -> NDArray[np.bool_]:
         """Return for which points, (N,), all coordinates are finite."""

@@ -137,8 +137,12 @@ def _parts(points: Any, arrays: Mapping[str, Any], vectors: Vectors | None = Non
     return points, attributes, points.dtype if points.dtype.kind == "f" else np.dtype(np.float64)
 
 
-def open3d_of(cloud: PointCloud) -> Any:
-    """Make a point cloud of Open3D, as `PointCloud.to_open3d` describes it."""
+def to_open3d(cloud: PointCloud) -> Any:
+    """Return the cloud as a new `open3d.t.geometry.PointCloud`, with all attributes.
+
+    `normals` are made of `nx`, `ny` and `nz`, `colors` of `red`, `green` and `blue`. The coordinates are float32 if
+    `coordinate_dtype` is, otherwise float64. An InputError names attributes of types that Open3D lacks.
+    """
     open3d = require("open3d", "an object of Open3D needs Open3D")
     if "positions" in cloud.attributes:
         raise InputError("expected other names than 'positions', which Open3D calls the points; rename the attribute")
@@ -149,8 +153,12 @@ def open3d_of(cloud: PointCloud) -> Any:
     return made
 
 
-def pyvista_of(cloud: PointCloud) -> Any:
-    """Make a mesh of PyVista without faces, as `PointCloud.to_pyvista` describes it."""
+def to_pyvista(cloud: PointCloud) -> Any:
+    """Return the cloud as a new `pyvista.PolyData`, with all attributes as `point_data`.
+
+    `Normals` is made of `nx`, `ny` and `nz`, `RGB` or `RGBA` of `red`, `green`, `blue` and `alpha`. An attribute of
+    three or more axes becomes one of two. An InputError names attributes of types that PyVista lacks.
+    """
     pyvista = require("pyvista", "an object of PyVista needs PyVista")
     arrays = _joined(_native(cloud, "PyVista", "biufc"), PYVISTA)
     made = pyvista.PolyData(_single_or_double(cloud))
@@ -161,8 +169,12 @@ def pyvista_of(cloud: PointCloud) -> Any:
     return made
 
 
-def trimesh_of(cloud: PointCloud) -> Any:
-    """Make a point cloud of trimesh, as `PointCloud.to_trimesh` describes it."""
+def to_trimesh(cloud: PointCloud) -> Any:
+    """Return the cloud as a new `trimesh.PointCloud`, with all attributes.
+
+    `colors` are made of `red`, `green`, `blue` and `alpha` if these are uint8; without `alpha`, trimesh sets it to
+    255. All other attributes are in `metadata["vertex_attributes"]`.
+    """
     import trimesh
 
     arrays = {name: values.copy() for name, values in cloud.attributes.items()}
@@ -174,8 +186,13 @@ def trimesh_of(cloud: PointCloud) -> Any:
     return trimesh.PointCloud(cloud.points.copy(), colours, metadata)  # type: ignore[no-untyped-call]
 
 
-def pandas_of(cloud: PointCloud) -> Any:
-    """Make a table of pandas, as `PointCloud.to_pandas` describes it."""
+def to_pandas(cloud: PointCloud) -> Any:
+    """Return the cloud as a new `pandas.DataFrame` with the columns x, y, z and one for each attribute.
+
+    An attribute with k numbers for each point becomes k columns, called name_0, name_1 and so on; an InputError
+    names columns that would be twice. The coordinates are of type `coordinate_dtype`; but if that is a type of
+    integers and some coordinates are none, they are float64.
+    """
     import pandas
 
     with np.errstate(invalid="ignore"):

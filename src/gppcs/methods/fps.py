@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
@@ -20,7 +18,7 @@ class FarthestPoint(Method):
         "it; this is exact. A smaller selection is the start of a larger one."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
-    supports: ClassVar[Mapping[Feature, str]] = {
+    supports = {
         Feature.RANKING: RANKING,
         Feature.SPACING: "No two kept points are nearer to each other. Every original point has a kept one within it.",
         Feature.FILES: "Other points than in memory, as far from each other.",
@@ -28,7 +26,6 @@ class FarthestPoint(Method):
     _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.spatial.farthest_in_parts import farthest_in_parts
         from gppcs.spatial.farthest_points import farthest_points
 

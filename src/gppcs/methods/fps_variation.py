@@ -33,7 +33,6 @@ class FarthestPointVariation(Method):
     seed: int = parameter(0, "Seed of the random candidates.", minimum=0)
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.farthest_points import farthest_points

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
@@ -41,7 +40,7 @@ class LocalGP(Method):
         "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see research/local-field.md"
-    supports: ClassVar[Mapping[Feature, str]] = {
+    supports = {
         Feature.RANKING: RANKING,
         Feature.SPACING: "The mean spacing: the number of points is the area of the surface, divided by its square.",
         Feature.KEEP: "The others are chosen where the points to keep are not.",
@@ -84,7 +83,6 @@ class LocalGP(Method):
         return self.denoise
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.gp.local.algorithm import choose, choose_denoised

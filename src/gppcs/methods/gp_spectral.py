@@ -72,7 +72,7 @@ class SpectralGP(Method):
         require(self, self.landmarks >= self.eigenfunctions, "landmarks", "at least the number of eigenfunctions")
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points in the order of the paper's Algorithm 1; see `Method.__call__`."""
+        """Choose the points in the order of the paper's Algorithm 1."""
         import numpy as np
 
         from gppcs.gp.spectral import greedy, hyperparameters, kernel

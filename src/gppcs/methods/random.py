@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
@@ -27,7 +26,7 @@ class Random(Method):
         "density comes from exponential random numbers divided by areas (Efraimidis and Spirakis 2006)."
     )
     source = "baseline"
-    supports: ClassVar[Mapping[Feature, str]] = {
+    supports = {
         Feature.RANKING: RANKING,
         Feature.FILES: "Other points than in memory, as random.",
     }
@@ -41,7 +40,6 @@ class Random(Method):
     )
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.spatial.kdtree import KdTree

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task, largest
 from gppcs.methods.parameters import parameter
@@ -18,13 +16,12 @@ class TopVariation(Method):
     summary = "the points of largest surface variation, and no others"
     description = "Chooses the points of largest surface variation. Flat parts of the surface keep no points."
     source = "baseline; surface variation: Pauly, Gross and Kobbelt 2002"
-    supports: ClassVar[Mapping[Feature, str]] = {Feature.RANKING: RANKING}
+    supports = {Feature.RANKING: RANKING}
     _bytes_per_point = 150
 
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", minimum=3)
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.surface.surface_variation import estimate_features
 
         with task.timer("surface variation"):

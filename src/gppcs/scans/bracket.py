@@ -32,10 +32,6 @@ def _in_hole(x: Floats, y: Floats, radius: float) -> Flags:
     return np.logical_or.reduce([np.hypot(x - hx, y - hy) < radius for hx, hy in HOLES])
 
 
-def _plate_bottom(x: Floats, y: Floats) -> Flags:
-    return ~_in_corner_cut(x, y) & ~_in_hole(x, y, HOLE)
-
-
 def _plate_top(x: Floats, y: Floats) -> Flags:
     under_wall = (np.abs(x) < WALL_X) & (y > WALL_FRONT - FILLET)
     return ~_in_corner_cut(x, y) & ~_in_hole(x, y, SINK) & ~under_wall
@@ -43,10 +39,6 @@ def _plate_top(x: Floats, y: Floats) -> Flags:
 
 def _arched(z: Floats, x: Floats) -> Flags:
     return (z < EYE) | (np.hypot(x, z - EYE) < WALL_X)
-
-
-def _wall_front(z: Floats, x: Floats) -> Flags:
-    return _arched(z, x) & (np.hypot(x, z - EYE) > BOSS)
 
 
 def _wall_back(z: Floats, x: Floats) -> Flags:
@@ -73,7 +65,7 @@ def _plate() -> list[Patch]:
     corner_y = CORNER - PLATE_Y
     top_down = (CORNER, PLATE_Z), (CORNER, 0.0)
     return [
-        flat(2, 0.0, x, y, -1, STEEL, _plate_bottom),
+        flat(2, 0.0, x, y, -1, STEEL, lambda x, y: ~_in_corner_cut(x, y) & ~_in_hole(x, y, HOLE)),
         flat(2, PLATE_Z, x, y, 1, STEEL, _plate_top),
         flat(0, -PLATE_X, (corner_y, PLATE_Y), z, -1, STEEL),
         flat(0, PLATE_X, (corner_y, PLATE_Y), z, 1, STEEL),
@@ -90,8 +82,12 @@ def _wall() -> list[Patch]:
     top = EYE + WALL_X
     eye = (EYE, 0.0)  # (z, x): the axes across y, in cyclic order
     hollow = (WALL_FRONT - FILLET, PLATE_Z + FILLET)
+
+    def wall_front(z: Floats, x: Floats) -> Flags:
+        return _arched(z, x) & (np.hypot(x, z - EYE) > BOSS)
+
     return [
-        flat(1, WALL_FRONT, (PLATE_Z + FILLET, top), x, -1, STEEL, _wall_front),
+        flat(1, WALL_FRONT, (PLATE_Z + FILLET, top), x, -1, STEEL, wall_front),
         flat(1, WALL_BACK, (0.0, top), (-PLATE_X, PLATE_X), 1, STEEL, _wall_back),
         flat(0, -WALL_X, *side, -1, STEEL, _wall_side),
         flat(0, WALL_X, *side, 1, STEEL, _wall_side),

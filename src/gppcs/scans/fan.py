@@ -26,17 +26,13 @@ def _sweep(r: Jet) -> Jet:
     return ((r - HUB) * (1.0 / (DUCT_INNER - HUB))).squared() * SWEEP
 
 
-def _camber(phi: Jet) -> Jet:
-    return phi * PITCH + phi.squared() * CAMBER
-
-
 def _blade(number: int) -> list[Patch]:
     turn = number * BLADE_STEP
 
     def sheet(offset: float, side: int) -> Patch:
         def surface(r: Jet, phi: Jet) -> tuple[Jet, Jet, Jet]:
             angle = _sweep(r) + phi + turn
-            return r * angle.cos(), r * angle.sin(), _camber(phi) + offset
+            return r * angle.cos(), r * angle.sin(), phi * PITCH + phi.squared() * CAMBER + offset
 
         return Patch(surface, (HUB, DUCT_INNER), (-HALF_CHORD, HALF_CHORD), sheet_stretch, TEAL, side)
 
@@ -58,21 +54,8 @@ def _blade(number: int) -> list[Patch]:
     return [sheet(HALF_THICKNESS, 1), sheet(-HALF_THICKNESS, -1), edge(-HALF_CHORD, 1), edge(HALF_CHORD, -1)]
 
 
-def _nearest_blade(angle: Floats) -> Floats:
-    """Convert angles around the axis, (n,), to angles from the middle of the nearest blade."""
-    return angle - np.round(angle / BLADE_STEP) * BLADE_STEP
-
-
-def _hub_free(fraction: Floats, angle: Floats) -> Flags:
-    return _between_blades(HUB_HALF - 2.0 * HUB_HALF * fraction, angle)
-
-
-def _duct_free(fraction: Floats, angle: Floats) -> Flags:
-    return _between_blades(2.0 * DUCT_HALF * fraction - DUCT_HALF, angle - SWEEP)
-
-
 def _between_blades(z: Floats, swept_back: Floats) -> Flags:
-    phi = _nearest_blade(swept_back)
+    phi = swept_back - np.round(swept_back / BLADE_STEP) * BLADE_STEP  # from the middle of the nearest blade
     return (np.abs(phi) > HALF_CHORD) | (np.abs(z - PITCH * phi - CAMBER * phi**2) > HALF_THICKNESS)
 
 
@@ -83,13 +66,20 @@ def _nose(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
 
 def _hub_and_duct() -> list[Patch]:
     axis = (0.0, 0.0)
+
+    def hub_free(fraction: Floats, angle: Floats) -> Flags:
+        return _between_blades(HUB_HALF - 2.0 * HUB_HALF * fraction, angle)
+
+    def duct_free(fraction: Floats, angle: Floats) -> Flags:
+        return _between_blades(2.0 * DUCT_HALF * fraction - DUCT_HALF, angle - SWEEP)
+
     return [
         Patch(_nose, (0.0, 1.0), (0.0, 2.0 * np.pi), HUB**2 * (1.0 + 1e-9), BRASS, -1),
-        turned(2, axis, (HUB, HUB_HALF), (HUB, -HUB_HALF), GRAPHITE, trim=_hub_free),
+        turned(2, axis, (HUB, HUB_HALF), (HUB, -HUB_HALF), GRAPHITE, trim=hub_free),
         turned(2, axis, (HUB, -HUB_HALF), (BORE, -HUB_HALF), GRAPHITE),
         turned(2, axis, (BORE, -HUB_HALF), (BORE, BORE_TOP), BRASS),
         turned(2, axis, (BORE, BORE_TOP), (0.0, BORE_TOP), BRASS),
-        turned(2, axis, (DUCT_INNER, -DUCT_HALF), (DUCT_INNER, DUCT_HALF), GRAPHITE, trim=_duct_free),
+        turned(2, axis, (DUCT_INNER, -DUCT_HALF), (DUCT_INNER, DUCT_HALF), GRAPHITE, trim=duct_free),
         turned(2, axis, (DUCT_INNER, DUCT_HALF), (DUCT_OUTER, DUCT_HALF), GRAPHITE),
         turned(2, axis, (DUCT_OUTER, DUCT_HALF), (DUCT_OUTER, -DUCT_HALF), GRAPHITE),
         turned(2, axis, (DUCT_OUTER, -DUCT_HALF), (DUCT_INNER, -DUCT_HALF), GRAPHITE),

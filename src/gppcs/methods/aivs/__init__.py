@@ -22,7 +22,6 @@ class AIVS(Method):
     _bytes_per_point = 170
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.aivs.voxels import points_of_voxels
 
         with task.timer("voxels", 8) as on_progress:

@@ -24,7 +24,6 @@ class HierarchicalClustering(Method):
     _bytes_per_point = 110
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.hc.clustering import clusters_by_variation
 
         with task.timer("clusters"):

@@ -41,7 +41,6 @@ class PCSimp(Method):
     iterations: int = parameter(1000, "Most iterations.", minimum=1)
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, high_pass_strength, solve

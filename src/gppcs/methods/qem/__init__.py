@@ -27,7 +27,6 @@ class QEM(Method):
     )
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.qem.contraction import contraction_order
 
         with task.timer("contraction", len(task.points) - 1) as on_progress:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
@@ -24,14 +23,13 @@ class SampleElimination(Method):
         "progressive: the first half of the kept points is evenly spread too, so is the first quarter, and so on."
     )
     source = "Yuksel 2015"
-    supports: ClassVar[Mapping[Feature, str]] = {
+    supports = {
         Feature.RANKING: RANKING,
         Feature.SPACING: "No two kept points are nearer than it: the longest start of the progressive order with that.",
     }
     _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         from gppcs.methods.sample_elimination.elimination import eliminate, first_at_spacing
 
         points = task.points

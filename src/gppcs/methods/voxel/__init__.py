@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar, Literal
+from typing import Literal
 
 from gppcs.methods.method import Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter, require
@@ -23,7 +22,7 @@ class Voxel(Method):
         "the surplus points. The kept points are in the order of the input."
     )
     source = "baseline; the edge length of the cells is found by bisection"
-    supports: ClassVar[Mapping[Feature, str]] = {
+    supports = {
         Feature.SPACING: "The edge length of the cells; each occupied cell keeps one point.",
         Feature.FILES: "The same points as in memory, but for the size of the cells.",
     }
@@ -39,7 +38,6 @@ class Voxel(Method):
     attribute: str | None = parameter(None, 'The attribute that counts if keep is "most" or "least".')
 
     def __post_init__(self) -> None:
-        """Check the parameters."""
         super().__post_init__()
         named = (
             "the name of an attribute" if self.keep in ("most", "least") else 'None unless keep is "most" or "least"'
@@ -57,7 +55,6 @@ class Voxel(Method):
         return self.attribute
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.sample_elimination.elimination import thin

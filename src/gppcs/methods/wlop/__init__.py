@@ -47,7 +47,6 @@ class WLOP(Method):
         return not self.snap
 
     def __call__(self, task: Task) -> Selection:
-        """Choose the points; see `Method.__call__`."""
         import numpy as np
 
         from gppcs.methods.wlop import projection
