@@ -21,9 +21,6 @@ AMOUNT, METHOD, WEIGHT = "Points, or share such as 5%", "Method", "Feature weigh
 class Plugin(pycc.PythonPluginInterface):  # type: ignore[misc]
     """The plugin: one action, which simplifies the selected clouds."""
 
-    def __init__(self) -> None:
-        pycc.PythonPluginInterface.__init__(self)
-
     def getActions(self) -> list[Any]:  # noqa: N802  # CloudCompare's name
         """Return what the menu offers."""
         return [pycc.Action(name="Simplify", target=simplify_selected)]

@@ -17,8 +17,7 @@ AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines
 def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], KdTree]:
     """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and a tree over them.
 
-    The variation is NaN where fewer than four points are near. The tree is over the distinct points, shifted and scaled
-    by `normalised`.
+    The variation is NaN where fewer than four points are near; the tree is over distinct points, `normalised`.
     """
     local, _ = normalised(points)
     distinct = local[first_occurrences(local)]

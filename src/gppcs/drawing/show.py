@@ -28,19 +28,12 @@ def show(
     Parameters
     ----------
     cloud : Result, PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes, optional
+    original : PointCloud and so on, optional
         The cloud that was simplified. It is shown beside the other, with figures, as `gppcs report` does.
     up : str, optional
         The axis that points up: x, y, z, -x, -y or -z. Guessed by default.
     view : (azimuth, elevation), optional
         Direction of the first view, in degrees. Guessed by default.
-
-    Raises
-    ------
-    InputError
-        If an argument is no cloud, or a cloud has no point with finite coordinates.
-    ParameterError
-        If `up` is no axis, or `view` is out of range.
 
     Examples
     --------

@@ -88,8 +88,7 @@ def set_threads(count: int | None) -> None:
     Parameters
     ----------
     count : int or None
-        At least 1; it may exceed the number of cores. None stands for the default: the cores that this process may
-        use.
+        At least 1. None, the default, stands for the cores that this process may use.
 
     Examples
     --------

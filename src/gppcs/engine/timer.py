@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -98,13 +99,11 @@ class CompileTimer:
         self.seconds = 0.0  # of all compilations in this process, in any of its threads, that have ended
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._start = 0.0
-        self._collects = self._is_announced = False
+        self._collects = False
 
     def start(self) -> None:
         """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
-        if not self._is_announced:
-            self._is_announced = True
-            _announce()
+        _announce()
         if self._depth == 0:
             self._start = perf_counter()
             self._collects = gc.isenabled()
@@ -123,8 +122,9 @@ class CompileTimer:
 compile_timer = CompileTimer()
 
 
+@functools.cache
 def _announce() -> None:
-    """Log that kernels are compiled; in an interactive session or notebook, print it on stderr as well."""
+    """Log once that kernels are compiled; in an interactive session or notebook, print it on stderr as well."""
     import logging
 
     from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start

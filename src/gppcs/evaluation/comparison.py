@@ -73,12 +73,8 @@ def compare(
 
     Raises
     ------
-    InputError
-        If the cloud is empty, malformed or not finite, or `mesh` does not lie on it.
-    ParameterError
-        If a parameter is out of its range, or a method does not exist. Parameters are checked before any work.
-    MissingExtraError
-        If `mesh` is given and PyMeshLab is not installed.
+    InputError, ParameterError, MissingExtraError
+        As by `gppcs.simplify` and `gppcs.evaluate`. Parameters are checked before any work.
 
     Examples
     --------

@@ -53,10 +53,8 @@ def evaluate(
 
     Parameters
     ----------
-    original : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
-        Finite coordinates.
-    simplified : PointCloud, (M, 3) array-like, path or object that `PointCloud.from_object` takes
-        Finite coordinates, in the unit and frame of the original.
+    original, simplified : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
+        Finite coordinates, in the same unit and frame. A warning tells if the second has more points.
     mesh : Mesh, optional
         The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
         compared with `mesh`, which needs PyMeshLab.
@@ -73,18 +71,12 @@ def evaluate(
     Raises
     ------
     InputError
-        If a cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If the simplified cloud or
-        the mesh does not lie on the original, or the mesh has no area. If some, but not all, normals of the simplified
-        cloud are zero or not finite. If a cloud lacks an attribute of `detail`.
+        If a cloud is empty, malformed or not finite, or lacks an attribute of `detail`, if some, but not all, normals
+        of the simplified cloud are zero or not finite, or if the clouds and the mesh do not lie on each other.
     NoSurfaceError
         If no surface can be rebuilt with estimated normals.
     MissingExtraError
         If `mesh` is given and PyMeshLab is not installed.
-
-    Warns
-    -----
-    UserWarning
-        If the simplified cloud has more points than the original.
 
     Examples
     --------
@@ -93,8 +85,6 @@ def evaluate(
     >>> report = gppcs.evaluate(cloud, kept)
     >>> report.points_in, report.points_out
     (2000, 200)
-    >>> gppcs.evaluate(cloud, cloud).covering_radius
-    0.0
     """
     report, failure = judged(original, simplified, mesh, timer_of(timer), names_of_detail(detail))
     if failure:
@@ -128,8 +118,7 @@ def evaluate_mesh(
     Raises
     ------
     InputError
-        If the cloud is empty, malformed or not finite, or its size is outside 1e-70 to 1e70. If a mesh does not lie
-        on the original, or has no area.
+        If the cloud is empty, malformed or not finite, or a mesh does not lie on it, or has no area.
     MissingExtraError
         If PyMeshLab is not installed.
 
@@ -229,15 +218,10 @@ def judged(
 
 def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, DetailErrors]:
     """Return the figures of some attributes."""
-    return {
-        name: DetailErrors(
-            error_mean=float(interpolated.mean()),
-            error_p95=float(np.quantile(interpolated, 0.95)),
-            nearest_error_mean=float(nearest.mean()),
-            nearest_error_p95=float(np.quantile(nearest, 0.95)),
-        )
-        for name, (interpolated, nearest) in attribute_errors(original, simplified, names).items()
-    }
+    figures = {}
+    for name, pair in attribute_errors(original, simplified, names).items():
+        figures[name] = DetailErrors(*(float(f) for errors in pair for f in (errors.mean(), np.quantile(errors, 0.95))))
+    return figures
 
 
 def require_mesh(mesh: Any) -> Mesh:
@@ -353,8 +337,7 @@ def _rough(variation: Points) -> NDArray[np.bool_]:
 def _angles(first: Points, second: Points) -> Points:
     """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
     sine = np.linalg.norm(np.cross(first, second), axis=1)
-    angles: Points = np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", first, second))))
-    return angles
+    return np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", first, second))))
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:

@@ -59,23 +59,19 @@ def compare_meshes(
     ----------
     cloud : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Points on a surface.
-    ratio : float
-        The size M as a share of the N points, above 0 and at most 1. Give exactly one of `ratio` and `n_points`.
-    n_points : int
-        The size M itself, at least 4: the number of vertices, or of points to keep.
+    ratio, n_points
+        The number M of vertices, or of points to keep, at least 4; as for `gppcs.simplify`.
     pipelines : iterable of str, optional
         Names of pipelines. By default all whose packages are installed.
 
         - "mesh": `gppcs.mesh` with M vertices, which are points of the cloud.
         - "mesh-moved": the same with `moved=True`.
         - "mesh-effort": the same with `effort=2`.
-        - "poisson-kept": `gp` keeps M points, with normals estimated from all N points. Screened Poisson
-          reconstruction makes a mesh of them, which has more than M vertices. Its parts that lie far from all points
-          are cut off.
-        - "poisson-decimated": screened Poisson reconstruction of all N points, cut in the same way, then quadric
-          decimation to 2 M triangles.
-        - "ball-pivoting": `gp` keeps M points. Ball pivoting joins them.
-        - "advancing-front": `gp` keeps M points. CGAL's advancing front joins them. It needs the extra `cgal`.
+        - "poisson-kept": screened Poisson reconstruction of the M points that `gp` keeps, with normals estimated from
+          all points; it has more than M vertices. What lies far from all points is cut off.
+        - "poisson-decimated": the same of all points, then quadric decimation to 2 M triangles.
+        - "ball-pivoting", "advancing-front": these join the M points that `gp` keeps. The second, CGAL's, needs the
+          extra `cgal`.
     mesh : Mesh, optional
         The true surface of the cloud. Distances are then measured from its vertices, and to it.
     invalid, timer
@@ -88,12 +84,8 @@ def compare_meshes(
 
     Raises
     ------
-    InputError
-        If the cloud is empty, malformed or not finite, or `mesh` does not lie on it.
-    ParameterError
-        If a parameter is out of its range, or a pipeline does not exist. Parameters are checked before any work.
-    MissingExtraError
-        If PyMeshLab is not installed, or CGAL is not and its pipeline is to be run.
+    InputError, ParameterError, MissingExtraError
+        As by `gppcs.simplify` and `gppcs.evaluate_mesh`. Parameters are checked before any work.
 
     Examples
     --------

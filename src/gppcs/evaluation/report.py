@@ -55,10 +55,9 @@ class Figures:
 
 @dataclass(frozen=True)
 class DetailErrors(Figures):
-    """How far an attribute of the original is from that of a simplified cloud.
+    """How far an attribute of the original is from that of a simplified cloud, in ranges of the attribute.
 
-    The unit is the range of the attribute: of numbers from the 2nd to the 98th percentile, of colours the distance of
-    black and white in the space OKLab, of classes the distance of two classes.
+    These are of numbers from the 2nd to the 98th percentile, of colours from black to white in OKLab, of classes 1.
     """
 
     error_mean: float = figure(
@@ -73,10 +72,7 @@ class DetailErrors(Figures):
 
 @dataclass(frozen=True)
 class Rebuilt(Figures):
-    """The mesh rebuilt from a simplified cloud by screened Poisson reconstruction, compared with the original mesh.
-
-    Lengths are in the unit of the cloud.
-    """
+    """The mesh rebuilt from a simplified cloud by screened Poisson reconstruction, compared with the original mesh."""
 
     mesh: Mesh = dataclasses.field(repr=False, compare=False)  # in the unit and frame of the simplified cloud
     hausdorff_mean: float = figure(
@@ -150,8 +146,6 @@ class Report(Figures):
     --------
     >>> cloud = gppcs.sample("bracket", n_points=2000)
     >>> report = gppcs.evaluate(cloud, gppcs.simplify(cloud, ratio=0.1, method="fps").cloud)
-    >>> isinstance(report, gppcs.Report)
-    True
     >>> relative = report.figures(relative=True)
     >>> relative["surface_mean"] == report.surface_mean / report.diagonal
     True
@@ -209,18 +203,9 @@ class Report(Figures):
     rebuilt_carried: Rebuilt | None = None
 
     def figures(self, relative: bool = False) -> dict[str, float]:
-        """Return all figures by name.
+        """Return all figures by name, with lengths divided by the diagonal if `relative`.
 
-        Parameters
-        ----------
-        relative : bool
-            Whether to divide lengths by the diagonal, and squared lengths by its square. The diagonal itself stays.
-
-        Returns
-        -------
-        dict of str to float
-            The figures of this report and of `rebuilt`, those of `rebuilt_carried` with the prefix "carried_", and
-            those of `detail` with the names of the attributes as prefixes.
+        Figures of `rebuilt_carried` have the prefix "carried_", those of `detail` the names of the attributes.
         """
         unit = self.diagonal if relative else 1.0
         values = self.values_in(unit) | {"diagonal": self.diagonal}

@@ -66,11 +66,7 @@ class Levels:
         }
 
     def node(self, number: int) -> bytes:
-        """Return the points of a node, in the order of the file, for `readNode` in viewer/src/octree.ts.
-
-        The lowest coordinates, as whole numbers in the file's scale, and the usual spacing; then for all points what is
-        added to these coordinates, each quantity in 16 bits, normals, spreads and colours.
-        """
+        """Return the points of a node, in the order of the file, for `readNode` in viewer/src/octree.ts."""
         with self._lock:  # to read and to estimate takes all cores
             integers, cloud = self._nodes.read([number])
             surface = Surface.from_cloud(Named(self._name, cloud))
