@@ -146,10 +146,7 @@ def _groups(constraints: Constraints) -> tuple[Ints, int]:
 
 
 def _distinct(points: Floats, constraints: Constraints) -> tuple[Ints, Ints]:
-    """Return the indices of the distinct positions among which is chosen, those to keep first, and of repeats to keep.
-
-    Of several points at a position, it is the first one, or the first one to keep.
-    """
+    """Return the indices of the distinct positions to choose among, those to keep first, and of repeats to keep."""
     keep = constraints.keep
     if constraints.weights is None and not len(keep):
         return np.flatnonzero(first_occurrences(points)), keep

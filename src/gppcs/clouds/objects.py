@@ -74,16 +74,13 @@ def _require_numbers(values: Column, name: str) -> None:
 
 def _from_open3d(cloud: Any) -> CloudParts:
     if hasattr(cloud, "point"):  # a point cloud of `open3d.t`, which holds tensors
-        arrays = {name: _flat(tensor.cpu().numpy()) for name, tensor in cloud.point.items()}
+        arrays = {name: tensor.cpu().numpy() for name, tensor in cloud.point.items()}
+        # Open3D holds one number for each point with a second axis.
+        arrays |= {name: values[:, 0] for name, values in arrays.items() if values.shape[1:] == (1,)}
         return _parts(arrays.pop("positions", np.empty((0, 3))), arrays, OPEN3D)
     # Copies, since Open3D may move what its vectors hold.
     arrays = {name: np.array(getattr(cloud, name)) for name in ("colors", "normals", "covariances")}
     return _parts(np.array(cloud.points), {name: values for name, values in arrays.items() if len(values)}, OPEN3D)
-
-
-def _flat(values: Column) -> Column:
-    """Return a single column, as Open3D holds one number for each point, without its second axis."""
-    return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
 
 def _from_pyvista(data: Any) -> CloudParts:

@@ -79,7 +79,6 @@ class LocalGP(Method):
 
     @property
     def moves_points(self) -> bool:
-        """Whether points are moved onto the surface."""
         return self.denoise
 
     def __call__(self, task: Task) -> Selection:
@@ -103,9 +102,8 @@ class LocalGP(Method):
             )
         elif count < len(task.points):
             ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights,
-                task.detail,
-            )  # fmt: skip
+                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail
+            )
         else:
             return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
@@ -115,7 +113,6 @@ class LocalGP(Method):
         )
 
     def memory(self, n: int, n_points: int) -> int:
-        """Return the bytes that a call takes at most; see `Method.memory`."""
         from gppcs.gp.local.candidates import sample_size
         from gppcs.gp.local.settings import CELL_POINTS
 

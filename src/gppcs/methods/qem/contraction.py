@@ -75,13 +75,10 @@ def _add_planes(points, neighbours, normals, quadrics):
 
 
 class _Graph(NamedTuple):
-    """The neighbours of each point, in the k slots from k i on, -1 for none, and its cheapest contraction.
+    """The neighbours of each point, and its cheapest contraction."""
 
-    All slots that hold point i form a ring by `following` and `previous`, with the position k N + i, in no slot.
-    """
-
-    slots: Ints
-    following: Ints
+    slots: Ints  # the k neighbours of point i from k i on, -1 for none
+    following: Ints  # the slots that hold point i form a ring, with the position k N + i, which is no slot
     previous: Ints
     cost: Floats
     squared: Floats

@@ -46,12 +46,10 @@ class Voxel(Method):
 
     @property
     def moves_points(self) -> bool:
-        """Whether the means of the cells are kept."""
         return self.keep == "mean"
 
     @property
     def reads_attribute(self) -> str | None:
-        """The attribute of which each cell keeps the largest or smallest value, if any."""
         return self.attribute
 
     def __call__(self, task: Task) -> Selection:

@@ -43,7 +43,6 @@ class WLOP(Method):
 
     @property
     def moves_points(self) -> bool:
-        """Whether the samples themselves are kept."""
         return not self.snap
 
     def __call__(self, task: Task) -> Selection:
@@ -61,7 +60,7 @@ class WLOP(Method):
         with timer("projection", self.iterations) as on_progress:
             samples = projection.project(
                 points, start, radius, self.iterations, self.mu, self.require_uniform, tree, on_progress
-            )  # fmt: skip
+            )
         with timer("nearest points"):
             indices = nearest_unused(samples, tree)
         return Selection(indices, {}, None if self.snap else samples)
