@@ -80,18 +80,7 @@ class Simplifier(_Transformer):
         return kept
 
     def transform(self, X: ArrayLike) -> NDArray[np.floating]:
-        """Simplify a table.
-
-        Parameters
-        ----------
-        X : (N, k) array-like
-            A table with as many columns as that given to `fit`.
-
-        Returns
-        -------
-        (M, k) array, float64 or float32
-            The rows that are kept. If the method moves points, they have new coordinates.
-        """
+        """Return the rows, (M, k), that are kept of a table (N, k), with new coordinates if the method moves points."""
         check_is_fitted(self)
         return self._simplified(X, first=False)[1]
 

@@ -6,12 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import ParameterError, number, shown
-
-Array = NDArray[np.float64]
 
 SUPERSAMPLING = 2  # pictures are drawn larger by this factor and averaged down, so that edges are smooth
 
@@ -33,7 +31,7 @@ class Viewpoint:
             expected = "a finite azimuth and an elevation from -90 to 90, in degrees"
             raise ParameterError(f"expected {expected}, found {shown(self.direction)}")
 
-    def guessed(self, points: Array) -> tuple[str, tuple[float, float]]:
+    def guessed(self, points: Floats) -> tuple[str, tuple[float, float]]:
         """Return the axis and the direction; those that are None are guessed from points (N, 3)."""
         lower, upper = np.percentile(points, (1, 99), axis=0)
         extent = upper - lower
@@ -56,8 +54,8 @@ GUESSED = Viewpoint()  # up and direction are guessed
 class Camera:
     """An orthographic camera for one panel of a picture."""
 
-    axes: Array  # (3, 3), unit vectors as rows: right, up, and towards the viewer
-    centre: Array  # (2,), coordinates along right and up of the middle of the panel, in the unit of the cloud
+    axes: Floats  # (3, 3), unit vectors as rows: right, up, and towards the viewer
+    centre: Floats  # (2,), coordinates along right and up of the middle of the panel, in the unit of the cloud
     scale: float  # supersampled pixels per unit of length
     shape: tuple[int, int]  # width and height of the panel in supersampled pixels
     enlargement: float = 1.0  # scale of a close-up, divided by the scale of the view of the whole cloud
@@ -69,7 +67,7 @@ class Camera:
 
     @classmethod
     def towards(
-        cls, points: Array, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED, margin: float = 0.0
+        cls, points: Floats, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED, margin: float = 0.0
     ) -> Camera:
         """Return a camera that sees the whole of a cloud (N, 3), without distant outliers."""
         axes = _axes(points, viewpoint)
@@ -90,27 +88,27 @@ class Camera:
         pixels = size * SUPERSAMPLING
         return Camera(self.axes, centre, self.scale * pixels / side, (pixels, pixels), pixels / side)
 
-    def pixels(self, points: Array) -> tuple[NDArray[np.int64], Array]:
+    def pixels(self, points: Floats) -> tuple[Ints, Floats]:
         """Return the pixels (N, 2) of points (N, 3) in the picture, and their depths (N,)."""
         seen = points @ self.axes.T
         pixels = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
         # Distant outliers must not exceed the range of integers.
         return np.clip(pixels, -1e6, 1e6).astype(np.int64), -seen[:, 2] * self.scale
 
-    def clipped(self, pixels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def clipped(self, pixels: Ints) -> tuple[Ints, Ints]:
         """Return the rows and columns (N,) of the pixels of the panel that are nearest to some pixels (N, 2)."""
         width, height = self.shape
         return np.clip(pixels[:, 1], 0, height - 1), np.clip(pixels[:, 0], 0, width - 1)
 
 
-def averaged(image: Array) -> Array:
+def averaged(image: Floats) -> Floats:
     """Reduce a supersampled picture to its final size (height, width, 3)."""
     height, width = image.shape[:2]
     blocks = (height // SUPERSAMPLING, SUPERSAMPLING, width // SUPERSAMPLING, SUPERSAMPLING, 3)
     return image.reshape(blocks).mean(axis=(1, 3))
 
 
-def spread_over(mesh: Mesh) -> Array:
+def spread_over(mesh: Mesh) -> Floats:
     """Return points (N, 3) spread evenly over a mesh, as a scan has them: its vertices can be few where it is flat."""
     with np.errstate(over="ignore", invalid="ignore"):
         sums = np.cumsum(mesh.face_areas())
@@ -123,7 +121,7 @@ def spread_over(mesh: Mesh) -> Array:
     return np.einsum("nc,ncx->nx", weights, mesh.vertices[mesh.faces[faces]])
 
 
-def _axes(points: Array, viewpoint: Viewpoint) -> Array:
+def _axes(points: Floats, viewpoint: Viewpoint) -> Floats:
     """Return the axes (3, 3) of a camera at a viewpoint, as `Camera` has them."""
     up, direction = viewpoint.guessed(points)
     along = "xyz".index(up[-1])
@@ -136,7 +134,7 @@ def _axes(points: Array, viewpoint: Viewpoint) -> Array:
     return np.stack([sideways, np.cross(to_viewer, sideways), to_viewer])
 
 
-def _frame(flat: Array) -> tuple[Array, Array]:
+def _frame(flat: Floats) -> tuple[Floats, Floats]:
     """Return the lower left and upper right corner (2,) of the points (N, 2), without distant outliers."""
     lower, inner_lower, inner_upper, upper = np.percentile(flat, (0, 0.5, 99.5, 100), axis=0)
     inner = inner_upper - inner_lower
@@ -144,11 +142,8 @@ def _frame(flat: Array) -> tuple[Array, Array]:
     return np.maximum(lower, inner_lower - margin), np.minimum(upper, inner_upper + margin)
 
 
-def _is_depth_image(points: Array, extent: Array) -> bool:
-    """Return whether points, (N, 3), are probably one image of a depth camera at the origin, with z ahead and y down.
-
-    It sees one point in each direction of a rectangular field of view, here of 0.3 to 3 at a distance of 1.
-    """
+def _is_depth_image(points: Floats, extent: Floats) -> bool:
+    """Return whether points, (N, 3), probably fill the field of view of a depth camera at 0, with z ahead, y down."""
     x, y, z = points.T
     if z.min() <= 0.0 or extent[2] < 0.5 * extent.max():
         return False
@@ -160,12 +155,12 @@ def _is_depth_image(points: Array, extent: Array) -> bool:
     return bool(np.mean(cells > 0) >= 0.9)
 
 
-def _lies(extent: Array, along: int) -> bool:
+def _lies(extent: Floats, along: int) -> bool:
     """Return whether an object of an extent (3,) lies: its height is below half of its smaller width."""
     return bool(extent[along] < 0.5 * np.delete(extent, along).min())
 
 
-def _up(points: Array, lower: Array, extent: Array) -> str:
+def _up(points: Floats, lower: Floats, extent: Floats) -> str:
     """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points."""
     if _lies(extent, 2):
         return "z"

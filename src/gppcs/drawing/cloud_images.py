@@ -6,17 +6,15 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
 from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
-
-Array = NDArray[np.float64]
 
 MAX_SURFACE_RADIUS = 28  # of discs in supersampled pixels; more in close-ups
 
@@ -25,24 +23,24 @@ MAX_SURFACE_RADIUS = 28  # of discs in supersampled pixels; more in close-ups
 class ColouredCloud:
     """A cloud to draw."""
 
-    points: Array
-    values: Array
-    normals: Array | None = None
-    colours: Array | None = None
+    points: Floats
+    values: Floats
+    normals: Floats | None = None
+    colours: Floats | None = None
 
     @classmethod
-    def by_surface_variation(cls, points: Array) -> ColouredCloud:
+    def by_surface_variation(cls, points: Floats) -> ColouredCloud:
         """Return points (N, 3) coloured by their own surface variation."""
         variation, normals, _ = estimates(points)
         return cls(points, variation, normals)
 
-    def at(self, points: Array) -> ColouredCloud:
+    def at(self, points: Floats) -> ColouredCloud:
         """Return a simplified cloud: points (M, 3) with the values and colours of the nearest ones."""
         nearest = KdTree.build(self.points).nearest_of(points, 1)[0][:, 0]
         colours = None if self.colours is None else self.colours[nearest]
         return ColouredCloud(points, self.values[nearest], colours=colours)
 
-    def colours_by(self, legend: Legend) -> Array:
+    def colours_by(self, legend: Legend) -> Floats:
         """Return the colours (N, 3): its own if it has some, otherwise those of its values."""
         return legend.colours_of(self.values) if self.colours is None else self.colours
 
@@ -72,7 +70,7 @@ class Original:
         self.tree = KdTree.build(points[first_occurrences(points)])
         self.spacing = self.frame.lengths(disc_radii(self.tree, points))
 
-    def normals(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
+    def normals(self, cloud: ColouredCloud, indices: Ints) -> Floats:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
         if cloud.normals is not None:
             return cloud.normals[indices]
@@ -109,16 +107,16 @@ class View:
         covered = self.nearest >= 0
         self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
 
-    def surface(self, colours: Array) -> Array:
+    def surface(self, colours: Floats) -> Floats:
         """Return the picture (height, width, 3) of the original as a closed surface, by its colours (N, 3)."""
         return averaged(_lit(self.nearest, colours[self.shown], self.normals, np.ones(3)))
 
-    def values(self) -> Array:
+    def values(self) -> Floats:
         """Return the value of the original in each pixel (height, width)."""
         values = np.append(np.nan_to_num(self.original.cloud.values[self.shown]), 0.0)
         return values[self.nearest]  # the last one, where nothing is seen
 
-    def points(self, cloud: ColouredCloud, colours: Array, max_radius: float) -> Array:
+    def points(self, cloud: ColouredCloud, colours: Floats, max_radius: float) -> Floats:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         pixels, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
@@ -129,13 +127,13 @@ class View:
         ghost = 1.0 - opacity * (1.0 - _lit(self.nearest, grey, self.normals, np.ones(3)))
         return averaged(_lit(nearest, colours[front], self._facing(cloud, front), ghost))
 
-    def _facing(self, cloud: ColouredCloud, indices: NDArray[np.int64]) -> Array:
+    def _facing(self, cloud: ColouredCloud, indices: Ints) -> Floats:
         """Return normals (K, 3) in the axes of the camera, with the sign that points to the viewer."""
         seen = self.original.normals(cloud, indices) @ self.camera.axes.T
         return seen * np.where(seen[:, 2:] < 0.0, -1.0, 1.0)
 
 
-def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background: Array) -> Array:
+def _lit(nearest: Ints, colours: Floats, normals: Floats, background: Floats) -> Floats:
     """Return the shaded picture (height, width, 3) of the points with the indices `nearest` (height, width)."""
     light = np.array([-0.35, 0.45, 0.82])  # right, up, to the viewer: from the upper left
     facing = np.clip(normals @ (light / np.linalg.norm(light)), 0.0, 1.0)
@@ -144,8 +142,8 @@ def _lit(nearest: NDArray[np.int64], colours: Array, normals: Array, background:
 
 
 def _splat(
-    pixels: NDArray[np.int64], depth: Array, radii: Array, normals: Array | None, shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], Array]:
+    pixels: Ints, depth: Floats, radii: Floats, normals: Floats | None, shape: tuple[int, int]
+) -> tuple[Ints, Floats]:
     """Return the nearest point and its depth in each pixel, drawn as a disc that faces the viewer or has a normal."""
     width, height = shape
     empty = np.iinfo(np.int64).max
@@ -177,7 +175,7 @@ def _splat(
     return nearest, np.where(covered, (image >> 32) * (step / 2**30) + nearest_depth, np.inf)
 
 
-def _disc(size: int) -> NDArray[np.int64]:
+def _disc(size: int) -> Ints:
     """Return the pixels (K, 2) of a disc relative to its centre, given its diameter."""
     steps = np.arange(-(size // 2), size // 2 + 1)
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)

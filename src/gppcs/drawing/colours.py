@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import eight_bits, full_scale
 from gppcs.clouds.lookup import bounded
+from gppcs.engine.arrays import Floats
 from gppcs.errors import ParameterError, nearest_name, shown
 
 if TYPE_CHECKING:
@@ -52,10 +53,8 @@ class Colourable:
         """Raise an error if the cloud cannot be coloured so."""
         names = [*([] if self.rgb is None else [RGB]), VARIATION, *self.columns]
         if colour not in names:
-            raise ParameterError(
-                "expected a colour or an attribute of numbers that the cloud has, found "
-                f"{shown(colour)}{nearest_name(colour, names)}"
-            )
+            actual = f"{shown(colour)}{nearest_name(colour, names)}"
+            raise ParameterError(f"expected a colour or an attribute of numbers that the cloud has, found {actual}")
 
 
 def kinds_of(values: NDArray[Any], maximum: int = len(KINDS)) -> NDArray[Any] | None:
@@ -98,7 +97,7 @@ class Legend:
         norm = BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds))
         return cls(title, ScalarMappable(norm, ListedColormap(KINDS[: len(kinds)])), kinds)
 
-    def colours_of(self, values: NDArray[Any]) -> NDArray[np.float64]:
+    def colours_of(self, values: NDArray[Any]) -> Floats:
         """Return the colours (N, 3) of values (N,)."""
         assert self.scale is not None
         shown_values = values if self.kinds is None else np.searchsorted(self.kinds, values)

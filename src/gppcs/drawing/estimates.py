@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gppcs.engine.arrays import Floats
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -14,7 +14,7 @@ from gppcs.surface.surface_variation import features_in_radius
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
 
 
-def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], KdTree]:
+def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
     """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and a tree over them.
 
     The variation is NaN where fewer than four points are near; the tree is over distinct points, `normalised`.
@@ -30,7 +30,7 @@ def estimates(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     return variation[same], features.normals[same], tree
 
 
-def disc_radii(tree: KdTree, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def disc_radii(tree: KdTree, points: Floats) -> Floats:
     """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines."""
     distinct, count = np.ascontiguousarray(tree.points.T), tree.points.shape[1]
     neighbours, squared = tree.in_own_order().nearest_of(points, min(AROUND + 1, count))

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Camera, averaged
+from gppcs.engine.arrays import Floats
 
-Array = NDArray[np.float64]
 
-
-def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Array | None = None) -> list[Array]:
+def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Floats | None = None) -> list[Floats]:
     """Return the pictures, (height, width, 3) each, of a mesh with the colours (V, 3), seen by several cameras."""
     import pyvista
 
@@ -30,7 +28,7 @@ def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Array | None = N
         cell_normals=False, split_vertices=True, feature_angle=40.0, consistent_normals=False
     )
 
-    def photograph(camera: Camera) -> Array:
+    def photograph(camera: Camera) -> Floats:
         plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.shape), lighting="none")
         plotter.set_background("white")
         # A key light on the upper left, one at the viewer, a fill light on the right.

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
@@ -45,9 +45,8 @@ def draw_comparison(
 ) -> None:
     """Write a PNG of clouds and, below each, its mesh if any column has one, with the same camera and colour scale.
 
-    The first column is the original. It is drawn as a closed surface, sets the camera, and hides points of the others
-    on its far side. Below each cloud and mesh are close-ups of squares, in which the original's mean surface variation
-    is largest.
+    The first column is the original: a closed surface, which sets the camera and hides points on its far side.
+    Close-ups show the squares in which its mean surface variation is largest.
     """
     require_matplotlib()
     with_meshes = any(column.mesh for column in columns)
@@ -82,7 +81,7 @@ def _views(original: Original, width: int, viewpoint: Viewpoint, close_ups: int)
     return [overview, *(View(original, overview.camera.close_up(square, size)) for square in squares)], squares
 
 
-def feature_squares(variation: NDArray[np.float64], side: int, count: int) -> list[Square]:
+def feature_squares(variation: Floats, side: int, count: int) -> list[Square]:
     """Return the squares of a picture in which the mean of a quantity is largest, at a distance from each other."""
     # The sum over a square, from cumulative sums at its corners.
     corner = np.pad(variation.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
@@ -134,7 +133,7 @@ class _Sheet:
         x, y = (left + self.panel[0] / 2) / self.width, 1.0 - (top + below) / self.height
         self.figure.text(x, y, text, ha="center", size=POINT * size, **style)
 
-    def add(self, number: int, row: int, images: list[NDArray[np.float64]]) -> None:
+    def add(self, number: int, row: int, images: list[Floats]) -> None:
         """Add a panel and its close-ups: of a cloud in row 0, of a mesh in row 1."""
         left, top = self.corners[number]
         top += self.tops[row]
@@ -146,11 +145,11 @@ class _Sheet:
             self._image(left + rank * (size + BETWEEN), top + images[0].shape[0] + BETWEEN, image)
         self._image(left, top, images[0])
 
-    def _image(self, left: int, top: int, image: NDArray[np.float64]) -> None:
+    def _image(self, left: int, top: int, image: Floats) -> None:
         self.figure.figimage(image, left, self.height - top - image.shape[0], origin="upper")
 
 
-def _draw_frame(image: NDArray[np.float64], left: int, top: int, side: int, colour: tuple[float, float, float]) -> None:
+def _draw_frame(image: Floats, left: int, top: int, side: int, colour: tuple[float, float, float]) -> None:
     """Draw the frame of a square, three pixels wide, into a picture."""
     inner = image[top + 3 : top + side - 3, left + 3 : left + side - 3].copy()
     image[top : top + side, left : left + side] = colour

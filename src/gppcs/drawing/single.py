@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
@@ -15,6 +14,7 @@ from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint, spre
 from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View, painted
 from gppcs.drawing.colours import RGB, Colourable, Legend
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib, require_pyvista
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
@@ -87,7 +87,7 @@ def _coloured(cloud: PointCloud, colour: str | None, is_mesh: bool) -> tuple[Col
     return replace(seen, colours=seen.colours_by(legend)), legend
 
 
-def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera) -> NDArray[np.float64]:
+def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera) -> Floats:
     """Return the picture of a cloud, or of a mesh whose vertices have the colours of the nearest points."""
     if seen is None or seen.colours is None:
         assert mesh is not None
@@ -99,7 +99,7 @@ def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera) -> NDA
     return mesh_images(mesh, [camera], seen.colours[distinct[nearest[:, 0]]])[0]
 
 
-def _write(file: BinaryIO, image: NDArray[np.float64], size: tuple[int, int], below: int, legend: Legend) -> None:
+def _write(file: BinaryIO, image: Floats, size: tuple[int, int], below: int, legend: Legend) -> None:
     """Write a picture with its colour bar, for which `below` pixels are left."""
     from matplotlib.figure import Figure
 

@@ -124,12 +124,9 @@ def _shipped() -> Path | None:
 
 def _described(numba_type: Any) -> Any:
     """Return what code depends on of the type of an argument: the fields of a named tuple, too, also within a tuple."""
-    parts = getattr(numba_type, "types", None)
-    return (
-        (str(numba_type), getattr(numba_type, "fields", None), list(map(_described, parts)))
-        if parts
-        else str(numba_type)
-    )
+    if parts := getattr(numba_type, "types", None):
+        return str(numba_type), getattr(numba_type, "fields", None), list(map(_described, parts))
+    return str(numba_type)
 
 
 def _dependencies(function: FunctionType) -> Iterator[str]:

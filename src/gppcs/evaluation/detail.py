@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.ranges import AttributeRange
+from gppcs.engine.arrays import Floats
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.local_surface import LocalSurface
 
-Pair = tuple[NDArray[np.float64], NDArray[np.float64]]
+Pair = tuple[Floats, Floats]
 
 
 def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, Pair]:

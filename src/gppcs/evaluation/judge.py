@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
 from gppcs.clouds.topology import topology_of
+from gppcs.engine.arrays import Flags, Floats
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.detail import attribute_errors
@@ -36,8 +36,6 @@ from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
-
-Points = NDArray[np.float64]
 
 
 def evaluate(
@@ -158,7 +156,7 @@ def evaluate_mesh(
     return report.in_unit(_unit_in(frame))
 
 
-def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Points, Frame, Mesh | None]:
+def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Frame, Mesh | None]:
     """Return the distinct points of a cloud, (N, 3), and its surface, in a frame; or raise an error about them."""
     points = usable(as_cloud(original), "original cloud")
     _require_measurable(points, "original cloud")
@@ -171,7 +169,7 @@ def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Points, Fr
     return points, frame, mesh
 
 
-def _qualities(mesh: Mesh) -> Points:
+def _qualities(mesh: Mesh) -> Floats:
     """Return for each triangle 4 sqrt(3) times its area over the sum of its squared edges, (F,); 0 without edges."""
     corners = mesh.vertices[mesh.faces]
     squared = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2))
@@ -240,7 +238,7 @@ def _unit_in(frame: Frame) -> float:
     return math.ldexp(1.0, -frame.exponent)
 
 
-def _require_measurable(points: Points, name: str) -> None:
+def _require_measurable(points: Floats, name: str) -> None:
     """Raise an error if the points (N, 3) are so large or so small that squared distances overflow or vanish."""
     smallest, largest = 1e-70, 1e70
     farthest = float(np.abs(points).max())
@@ -253,12 +251,12 @@ def _require_measurable(points: Points, name: str) -> None:
         )
 
 
-def _mean_and_max(name: str, distances: Points) -> dict[str, Any]:
+def _mean_and_max(name: str, distances: Floats) -> dict[str, Any]:
     """Return the mean and the largest of distances, (K,), as figures."""
     return {f"{name}_mean": float(distances.mean()), f"{name}_max": float(distances.max())}
 
 
-def _carried_normals(cloud: PointCloud) -> Points | None:
+def _carried_normals(cloud: PointCloud) -> Floats | None:
     """Return the normals of the cloud, (M, 3), or None if it has none or all are zero or not finite."""
     normals = cloud.normals()
     if normals is None:
@@ -276,7 +274,7 @@ def _carried_normals(cloud: PointCloud) -> Points | None:
     return normals
 
 
-def _without_mesh(before: Points, after: Points, frame: Frame, counts: tuple[int, int]) -> Report:
+def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
     tree = KdTree.build(before)
     _, to_original = tree.nearest_of(after, 1)
@@ -314,19 +312,19 @@ def _without_mesh(before: Points, after: Points, frame: Frame, counts: tuple[int
     )
 
 
-def _diagonal(points: Points) -> float:
+def _diagonal(points: Floats) -> float:
     """Return the diagonal of the bounding box of points, (K, 3)."""
     return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
-def _weighted_quantile(values: Points, weights: Points, fraction: float) -> float:
+def _weighted_quantile(values: Floats, weights: Floats, fraction: float) -> float:
     """Return the value, (N,), below which a fraction of the weight, (N,), lies, between the middles of weights."""
     order = np.argsort(values)
     ends = np.cumsum(weights[order])
     return float(np.interp(fraction * ends[-1], ends - weights[order] / 2.0, values[order]))
 
 
-def _rough(variation: Points) -> NDArray[np.bool_]:
+def _rough(variation: Floats) -> Flags:
     """Return which points (N,) are features: the tenth of largest surface variation, with ties, or all if flat."""
     rounding = 1e-12  # smaller surface variation is rounding error
     if variation.max() <= rounding:
@@ -334,7 +332,7 @@ def _rough(variation: Points) -> NDArray[np.bool_]:
     return variation >= max(np.quantile(variation, 0.9) * (1.0 - 1e-9), rounding)
 
 
-def _angles(first: Points, second: Points) -> Points:
+def _angles(first: Floats, second: Floats) -> Floats:
     """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
     sine = np.linalg.norm(np.cross(first, second), axis=1)
     return np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", first, second))))
@@ -348,7 +346,7 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     return float(features_in_radius(tree, radius).surface_variation.mean())
 
 
-def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
+def _rebuilt(points: Floats, normals: Floats | None, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
     """Return the mesh rebuilt from points (M, 3) and its figures. Normals (M, 3) are estimated if not given."""
     if normals is None:
         normals = estimated_normals(points, mesh.vertices, mesh.vertex_normals())
@@ -366,7 +364,7 @@ def _rebuilt(points: Points, normals: Points | None, mesh: Mesh, frame: Frame, d
     return figures.in_unit(_unit_in(frame))
 
 
-def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: Frame) -> None:
+def _require_mesh_near(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> None:
     """Raise an error unless the mesh has an area and lies on the original; the boxes tell first."""
     require_area(mesh, "mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
@@ -375,7 +373,7 @@ def _require_mesh_near(mesh: Mesh, before: Points, after: Points, frame: Frame) 
     _require_near(distances_to(mesh, after), "mesh", used, before, frame)
 
 
-def _require_near(distances: Points, name: str, points: Points, original: Points, frame: Frame) -> None:
+def _require_near(distances: Floats, name: str, points: Floats, original: Floats, frame: Frame) -> None:
     """Raise an error if the median of the distances (K,) of points (K, 3) to the original is too large."""
     middle, diagonal = float(np.median(distances)), _diagonal(original)
     limit = 0.1 * diagonal  # clouds farther from each other show different objects
@@ -394,6 +392,6 @@ def _require_near(distances: Points, name: str, points: Points, original: Points
     )
 
 
-def _spread(points: Points) -> float:
+def _spread(points: Floats) -> float:
     """Return the diagonal of the box from the 5th to the 95th percentile of the points (N, 3) along each axis."""
     return float(np.linalg.norm(np.diff(np.quantile(points, (0.05, 0.95), axis=0), axis=0)))

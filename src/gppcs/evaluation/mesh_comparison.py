@@ -10,12 +10,12 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import count_of
+from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_all, require_cgal, require_pymeshlab
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, MissingExtraError, NoSurfaceError, ParameterError, nearest_name, shown
@@ -28,8 +28,6 @@ from gppcs.scans import sample
 from gppcs.simplification import simplify
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.normals import estimate_normals
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -154,12 +152,12 @@ def _ours(cloud: PointCloud, n_vertices: int, timer: Timer, moved: bool, effort:
     return meshed(cloud, n_points=n_vertices, moved=moved, effort=effort, timer=timer).mesh
 
 
-def _poisson(points: Points, normals: Points) -> Mesh:
+def _poisson(points: Floats, normals: Floats) -> Mesh:
     """Return the screened Poisson mesh of points, (M, 3), without the parts that lie far from all of them."""
     return without_membranes(reconstruct(points, normals), points)
 
 
-def _of_kept(cloud: PointCloud, n_vertices: int, timer: Timer, join: Callable[[Points, Points], Mesh]) -> Mesh:
+def _of_kept(cloud: PointCloud, n_vertices: int, timer: Timer, join: Callable[[Floats, Floats], Mesh]) -> Mesh:
     """Join the points that `gp` keeps, with normals of the surface of all."""
     points, frame = normalised(cloud.points)
     vertices = points[simplify(cloud, n_points=n_vertices, timer=timer).indices]
@@ -182,7 +180,7 @@ def _decimated(cloud: PointCloud, n_vertices: int, timer: Timer) -> Mesh:
     return Mesh(frame.world(made.vertices), made.faces)
 
 
-def _advancing_front(vertices: Points, _: Points) -> Mesh:
+def _advancing_front(vertices: Floats, _: Floats) -> Mesh:
     """Join points by CGAL's advancing front (Cohen-Steiner and Da 2004)."""
     point, point_set = require_cgal("Kernel").Point_3, require_cgal("Point_set_3").Point_set_3
     front = require_cgal("Advancing_front_surface_reconstruction")
@@ -208,7 +206,7 @@ PIPELINES: Mapping[str, Callable[[PointCloud, int, Timer], Mesh]] = {
 
 
 def require_pipeline(name: str) -> None:
-    """Raise an error if a pipeline needs a package that is missing, besides PyMeshLab, which all figures need."""
+    """Raise an error if a pipeline lacks a package besides PyMeshLab, which all figures need."""
     if name == "advancing-front":
         require_cgal("Advancing_front_surface_reconstruction")
 

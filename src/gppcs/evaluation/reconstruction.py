@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
+from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
@@ -23,13 +24,11 @@ NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
 MEMBRANE = 4.0  # distance from all points beyond which a rebuilt surface is cut off, in spacings or octree cells
 
 
-def estimated_normals(
-    points: NDArray[np.float64], positions: NDArray[np.float64] | None = None, guides: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def estimated_normals(points: Floats, positions: Floats | None = None, guides: Floats | None = None) -> Floats:
     """Return normals, (M, 3), from planes fitted to the nearest points, signed as guides at positions, (V, 3)."""
     meshes = _mesh_set(points)
     meshes.compute_normal_for_point_clouds(k=NORMAL_NEIGHBOURS)
-    normals: NDArray[np.float64] = meshes.current_mesh().vertex_normal_matrix()
+    normals: Floats = meshes.current_mesh().vertex_normal_matrix()
     if positions is None or guides is None:
         return normals
     nearest, _ = KdTree.build(positions).nearest_of(points, 1)
@@ -37,7 +36,7 @@ def estimated_normals(
     return np.where(opposed[:, None], -normals, normals)
 
 
-def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+def reconstruct(points: Floats, normals: Floats) -> Mesh:
     """Return the screened Poisson mesh of points with normals, (M, 3) (Kazhdan and Hoppe 2013)."""
     meshes = _mesh_set(points, v_normals_matrix=normals)
     work = f"the screened Poisson reconstruction of the {len(points)} points"
@@ -46,7 +45,7 @@ def reconstruct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Me
     return _filtered(meshes, work, "generate_surface_reconstruction_screened_poisson", **parameters)
 
 
-def without_membranes(mesh: Mesh, points: NDArray[np.float64]) -> Mesh:
+def without_membranes(mesh: Mesh, points: Floats) -> Mesh:
     """Return a mesh without what is far from all points, (M, 3), such as what a reconstruction adds over gaps."""
     tree = KdTree.build(np.unique(points, axis=0))
     spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.order) - 1))[1][:, -1]))
@@ -72,7 +71,7 @@ def oriented_alike(mesh: Mesh) -> Mesh:
     return _filtered(meshes, "turning the triangles", "meshing_re_orient_faces_coherently")
 
 
-def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> Mesh:
+def ball_pivoted(points: Floats, normals: Floats) -> Mesh:
     """Return the mesh of points, (M, 3), by ball pivoting (Bernardini et al. 1999), with PyMeshLab's guessed radius."""
     meshes = _mesh_set(points, v_normals_matrix=normals)
     return _filtered(
@@ -80,7 +79,7 @@ def ball_pivoted(points: NDArray[np.float64], normals: NDArray[np.float64]) -> M
     )
 
 
-def distances_to(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances_to(mesh: Mesh, points: Floats) -> Floats:
     """Return the distance of each point to the surface of a mesh. Shapes: points (M, 3); returns (M,)."""
     _, squared, _ = nearest_triangles(mesh.vertices, mesh.faces, points)
     return np.sqrt(squared)
@@ -112,7 +111,7 @@ def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
         raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error
 
 
-def _mesh_set(points: NDArray[np.float64], **columns: NDArray[Any]) -> Any:
+def _mesh_set(points: Floats, **columns: NDArray[Any]) -> Any:
     """Return a PyMeshLab MeshSet with one mesh of points (M, 3), by default without faces."""
     pymeshlab = require_pymeshlab()
     meshes = pymeshlab.MeshSet(verbose=False)

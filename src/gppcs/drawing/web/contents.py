@@ -21,6 +21,7 @@ from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
 from gppcs.drawing.web.layers import Layer, Surface
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
+from gppcs.engine.arrays import Floats
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
@@ -131,7 +132,7 @@ def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[n
     return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), indices
 
 
-def _distances(points: NDArray[np.float64], simplified: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distances(points: Floats, simplified: Floats) -> Floats:
     """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
     local, frame = normalised(simplified)
     surface = LocalSurface.from_points(local[first_occurrences(local)])

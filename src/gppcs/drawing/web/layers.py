@@ -14,6 +14,7 @@ from gppcs.clouds.ranges import CLASSES
 from gppcs.drawing.colours import KINDS, Colourable, kinds_of, scale_ends
 from gppcs.drawing.estimates import disc_radii, estimates
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
 from gppcs.spatial.kdtree import KdTree
@@ -37,9 +38,9 @@ class Surface(NamedTuple):
     """What a cloud tells of its surface at each of its N points with finite coordinates."""
 
     cloud: PointCloud  # these points
-    indices: NDArray[np.int64]  # (N,), in the file
-    variation: NDArray[np.float64]  # (N,), NaN where fewer than four points lie near, which always seem flat
-    normals: NDArray[np.float64]  # (N, 3), of either sign
+    indices: Ints  # (N,), in the file
+    variation: Floats  # (N,), NaN where fewer than four points lie near, which always seem flat
+    normals: Floats  # (N, 3), of either sign
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
 
     @classmethod
@@ -56,13 +57,13 @@ class Surface(NamedTuple):
         carried = finite.normals()
         return cls(finite, indices, variation, normals if carried is None else carried, tree)
 
-    def spacings(self) -> NDArray[np.float64]:
+    def spacings(self) -> Floats:
         """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
         local, frame = normalised(self.cloud.points)
         return frame.lengths(disc_radii(self.tree, local) / 1.4)  # the sixth neighbour is 1.4 mean spacings away
 
 
-def spread(spacings: NDArray[np.float64], minimum: float) -> tuple[float, NDArray[np.uint8]]:
+def spread(spacings: Floats, minimum: float) -> tuple[float, NDArray[np.uint8]]:
     """Return the usual one of some spacings (N,), and each in relation to it in 8 bits (N,)."""
     usual = float(np.median(spacings)) or minimum
     octaves = np.log2(np.clip(spacings / (usual or 1.0), 0.25, 4.0))

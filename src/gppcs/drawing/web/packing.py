@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
+from gppcs.engine.arrays import Floats, Ints
 
-Array = NDArray[np.float64]
+UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
 
 
 class Blocks:
@@ -34,15 +34,15 @@ class Quantised(NamedTuple):
     """Coordinates (N, 3) or values (N,) as whole numbers: the original is about lower + step * number."""
 
     numbers: NDArray[np.uint16]
-    lower: Array
-    step: Array
+    lower: Floats
+    step: Floats
 
     def described(self) -> dict[str, Any]:
         """Return what the page needs to know of the numbers, as JSON."""
         return {"low": self.lower.tolist(), "step": self.step.tolist()}
 
 
-def quantised(values: Array, largest: int = 2**16 - 1, minimum_step: float = 0.0) -> Quantised:
+def quantised(values: Floats, largest: int = 2**16 - 1, minimum_step: float = 0.0) -> Quantised:
     """Return finite coordinates (N, 3) or values (N,) as numbers up to the largest."""
     lower = values.min(axis=0)
     # Divided and halved first: the range can exceed the largest float.
@@ -62,7 +62,7 @@ def quantised_values(values: NDArray[Any]) -> Quantised:
     return held._replace(numbers=numbers)
 
 
-def octahedral(normals: Array) -> NDArray[np.uint8]:
+def octahedral(normals: Floats) -> NDArray[np.uint8]:
     """Return directions (N, 3) as points (N, 2) of an unfolded octahedron, in 8 bits each (Cigolle et al. 2014)."""
     usable = np.isfinite(normals).all(axis=1) & (normals != 0).any(axis=1)
     directions = np.where(usable[:, None], normals, (0.0, 0.0, 1.0))
@@ -74,7 +74,7 @@ def octahedral(normals: Array) -> NDArray[np.uint8]:
     return np.round((flat + 1.0) * 127.5).astype(np.uint8)
 
 
-def packed_faces(faces: NDArray[np.int64]) -> NDArray[np.uint32]:
+def packed_faces(faces: Ints) -> NDArray[np.uint32]:
     """Return triangles (F, 3) as numbers whose differences from row to row are small, so that they take little room."""
     lowest = faces.argmin(axis=1)[:, None]
     turned = np.take_along_axis(faces, (lowest + np.arange(3)) % 3, axis=1)
