@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
 
@@ -17,6 +17,7 @@ from gppcs.io.columns import columns_of
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import at_most, ends_early, reported
 
+_reported = partial(reported, "pyarrow", "a whole table")
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 
 
@@ -37,11 +38,6 @@ def open_feather(file: BufferedReader) -> Reader:
         table = require_pyarrow().ipc.open_file(file)
         batches = range(table.num_record_batches)
         return _reader(table.schema, lambda n, names: (table.get_batch(i).select(names) for i in batches))
-
-
-def _reported() -> AbstractContextManager[None]:
-    """Turn the errors that PyArrow raises for damaged files into ours."""
-    return reported("pyarrow", "a whole table")
 
 
 def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], count: int | None = None) -> Reader:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -13,31 +12,19 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
-from gppcs.io.format import Format, Reader, keeping
+from gppcs.io.format import Format, keeping, read_at_once
 from gppcs.io.meshes import colours_of
-from gppcs.io.rows import lines_of, read_rows, write_rows
+from gppcs.io.rows import lines_of, read_table, write_rows
 
 ID, ERROR = "point3D_id", "error"
+_TRACKS = "the tracks of the points"
 TITLE = "# 3D point list with one line of data per point:"
 # A point of the binary file. As many records of 8 bytes follow it as there are images in its track.
 RECORD = np.dtype([("id", "<u8"), ("position", "<f8", 3), ("colour", "u1", 3), ("error", "<f8"), ("track", "<u8")])
 
 
-def open_colmap(read: Callable[[BufferedReader], tuple[list[Column], bool]], file: BufferedReader) -> Reader:
-    """Open a file to read its points without their tracks."""
-    has_tracks = False
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        nonlocal has_tracks
-        file.seek(0)
-        columns, has_tracks = read(file)
-        yield _cloud(columns)
-
-    return Reader(chunks, at_once=True, skipped=lambda: ["the tracks of the points"] if has_tracks else [])
-
-
-def _read_text(file: BufferedReader) -> tuple[list[Column], bool]:
-    """Return the eight columns of a text file, and whether a point has a track."""
+def _read_text(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of a text file, and whether tracks are skipped."""
     has_tracks = False
 
     def without_track(line: str) -> str:
@@ -46,17 +33,16 @@ def _read_text(file: BufferedReader) -> tuple[list[Column], bool]:
         has_tracks |= len(fields) > 8 and not fields[0].startswith("#")
         return " ".join(fields[:8]) + "\n"
 
-    blocks = read_rows(map(without_track, lines_of(file)), 8)
-    return [np.concatenate(parts) for parts in zip(*blocks, strict=True)], has_tracks
+    return _cloud(read_table(map(without_track, lines_of(file)), 8)), [_TRACKS] if has_tracks else []
 
 
-def _read_binary(file: BufferedReader) -> tuple[list[Column], bool]:
-    """Return the eight columns of a binary file, and whether a point has a track."""
+def _read_binary(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of a binary file, and whether tracks are skipped."""
     data = np.frombuffer(file.read(), dtype=np.uint8)
     starts = _starts(data)
     records = data[starts[:, np.newaxis] + np.arange(RECORD.itemsize)].reshape(-1).view(RECORD)
     columns = [records["id"].astype(np.int64), *records["position"].T, *records["colour"].T, records["error"]]
-    return columns, bool(records["track"].any())
+    return _cloud(columns), [_TRACKS] if records["track"].any() else []
 
 
 def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -132,7 +118,7 @@ FORMATS = (
     Format(
         "COLMAP text",
         (".points3d.txt",),
-        partial(open_colmap, _read_text),
+        partial(read_at_once, read=_read_text),
         write_colmap_text,
         lambda start, size: start.startswith(TITLE.encode()),
         _stored,
@@ -140,7 +126,7 @@ FORMATS = (
     Format(
         "COLMAP binary",
         (".points3d.bin",),
-        partial(open_colmap, _read_binary),
+        partial(read_at_once, read=_read_binary),
         write_colmap_binary,
         stored=_stored,  # there is nothing to recognise it by
     ),

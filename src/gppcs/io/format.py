@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from io import BufferedReader
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +42,19 @@ class Reader:
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
         return joined(self.chunks(sys.maxsize, True))
+
+
+def read_at_once(file: BufferedReader, read: Callable[[BufferedReader], tuple[PointCloud, list[str]]]) -> Reader:
+    """Return a reader of a file of which `read` returns all points, and in words what it skips."""
+    skipped: list[str] = []
+
+    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+        nonlocal skipped
+        file.seek(0)
+        cloud, skipped = read(file)
+        yield cloud if attributes else replace(cloud, attributes={})
+
+    return Reader(chunks, at_once=True, skipped=lambda: skipped)
 
 
 class Fit(NamedTuple):

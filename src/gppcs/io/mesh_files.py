@@ -133,11 +133,6 @@ def write_mesh(
     return [*fit.values, *fit.remarks]
 
 
-def check_mesh_storable(path: str | os.PathLike[str], cloud: PointCloud, lossy: bool = False) -> None:
-    """Check that `write_mesh` can write a mesh whose vertices are points of a cloud. Call it before long work."""
-    mesh_format_of(path).fit(cloud, path, flag("lossy", lossy))
-
-
 def mesh_format_of(path: str | os.PathLike[str]) -> Format:
     """Return the format of which `write_mesh` would write a file. Call it before long work."""
     suffix = inner_name(Path(file_path(path))).suffix.lower()

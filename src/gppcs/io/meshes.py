@@ -25,8 +25,7 @@ from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.joining import joined
-from gppcs.io.rows import as_count, at_most, ends_early, lines_of, read_rows, reported, shortened, write_rows
+from gppcs.io.rows import as_count, at_most, ends_early, lines_of, read_table, reported, shortened, write_rows
 
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
@@ -57,16 +56,16 @@ def open_off(file: BufferedReader) -> Reader:
         raise FileFormatError(f"expected numbers of vertices, faces, edges, found {shortened(text)}")
     n_vertices, n_faces = (count or 0 for count in counts[:2])
     names = [*default_names(3), *(NORMALS if header[2] else ()), *((*COLOUR, "alpha") if header[1] else ())]
-    cloud = _cloud(read_rows((f"{line}\n" for line in lines), count=n_vertices, what="vertex"), names)
+    cloud = _cloud(read_table((f"{line}\n" for line in lines), count=n_vertices, what="vertex"), names)
     face_lines = list(islice(lines, n_faces))
     if len(face_lines) < n_faces:
         raise ends_early("face", len(face_lines), n_faces)
 
-    def polygon(line: str) -> list[int]:
-        fields = line.split()
-        return [int(fields[i]) for i in range(1, 1 + int(fields[0]))]
+    def triangles() -> Faces:
+        table = map(str.split, face_lines)
+        return _triangles([int(fields[i]) for i in range(1, 1 + int(fields[0]))] for fields in table)
 
-    return _reader(cloud, n_faces, lambda: _triangles(map(polygon, face_lines)), [])
+    return _reader(cloud, n_faces, triangles, [])
 
 
 def open_obj(file: BufferedReader) -> Reader:
@@ -90,18 +89,15 @@ def open_obj(file: BufferedReader) -> Reader:
 
     have_colours = vertices and len(vertices[0].split()) == 6
     names = [*default_names(3), *(COLOUR if have_colours else ())]
-    cloud = _cloud(read_rows(iter(vertices), what="vertex"), names)
+    cloud = _cloud(read_table(iter(vertices), what="vertex"), names)
     skipped = [f"normals ({n_normals:,})"] if n_normals else []
     return _reader(cloud, len(face_lines), lambda: _triangles(starmap(polygon, face_lines)), skipped)
 
 
-def _cloud(blocks: Iterable[list[Column]], names: list[str]) -> PointCloud:
-    """Return the cloud of blocks of columns, given names of the first ones."""
-    clouds = (
-        PointCloud.from_columns(dict(zip([*names, *default_names(len(block))[len(names) :]], block, strict=False)))
-        for block in blocks
-    )
-    return replace(joined(clouds), coordinate_dtype=np.dtype(np.float64))
+def _cloud(columns: list[Column], names: list[str]) -> PointCloud:
+    """Return the cloud of columns, given names of the first ones."""
+    names = names + default_names(len(columns))[len(names) :]
+    return replace(PointCloud.from_columns(dict(zip(names, columns, strict=False))), coordinate_dtype=np.dtype("f8"))
 
 
 def _triangles(polygons: Iterable[list[int]]) -> Faces:
@@ -263,11 +259,5 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         options=_MESH,
     ),
     Format("STL", (".stl",), open_stl, recognises=_is_stl, options=_MESH),
-    Format(
-        "glTF",
-        (".glb",),
-        open_gltf,
-        recognises=lambda start, size: start.startswith(b"glTF"),
-        options=_MESH,
-    ),
+    Format("glTF", (".glb",), open_gltf, recognises=lambda start, size: start.startswith(b"glTF"), options=_MESH),
 )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from io import BufferedReader
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,60 +13,44 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
-from gppcs.io.format import Format, Reader
-from gppcs.io.rows import as_count, lines_of, read_rows, shortened
-
-# How many numbers are in the lines before the points of a scan: columns, rows, the scanner's position and three axes,
-# and the pose, a matrix by which the row vectors of the points are multiplied.
-_WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
+from gppcs.io.format import Format, Reader, read_at_once
+from gppcs.io.rows import lines_of, read_table
 
 
 def open_ptx(file: BufferedReader) -> Reader:
     """Open a PTX file, whose scans are one cloud, each moved by its pose. Rows without a return are left out."""
-    n_missing = 0
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        nonlocal n_missing
-        file.seek(0)
-        parts = [_columns(table, pose, scan) for scan, (pose, blocks) in enumerate(_scans(file)) for table in blocks]
-        if len({tuple(columns) for columns in parts}) > 1:
-            raise FileFormatError(
-                "expected colours in all scans or in none, found them in some; read the scans one by one"
-            )
-        has_return = np.concatenate([columns.pop("has_return") for columns in parts])
-        n_missing = int(np.count_nonzero(~has_return))
-        joined = {name: np.concatenate([columns.pop(name) for columns in parts])[has_return] for name in list(parts[0])}
-        if not joined["scan"].any():
-            del joined["scan"]
-        yield PointCloud.from_columns({name: joined[name] for name in joined if attributes or name in "xyz"})
-
-    return Reader(chunks, at_once=True, skipped=lambda: [f"rows without a return ({n_missing:,})"] if n_missing else [])
+    return read_at_once(file, _read)
 
 
-def _scans(file: BufferedReader) -> Iterator[tuple[NDArray[np.float64], Iterator[list[Column]]]]:
-    """Yield the pose of each scan, (4, 4), and its points block by block, to be read before the next scan."""
-    lines = lines_of(file)
-    number = 0
-    for line in lines:
-        if line.strip():
-            number += 1
-            values = [_numbers(line if i == 0 else next(lines, ""), _WIDTHS[i], number) for i in range(len(_WIDTHS))]
-            count = int(values[0][0]) * int(values[1][0])
-            yield np.array(values[-4:]), read_rows(lines, count=count) if count else iter([[np.empty(0)] * 4])
-    if not number:
+def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of all scans, and in words what is left out."""
+    scans = list(_scans(file))
+    if not scans:
         raise FileFormatError("expected the size of a scan in a PTX file, found nothing; get the whole file again")
+    if len({tuple(columns) for columns in scans}) > 1:
+        raise FileFormatError("expected colours in all scans or in none, found them in some; read the scans one by one")
+    has_return = np.concatenate([columns.pop("has_return") for columns in scans])
+    n_missing = np.count_nonzero(~has_return)
+    joined = {name: np.concatenate([columns.pop(name) for columns in scans])[has_return] for name in list(scans[0])}
+    if not joined["scan"].any():
+        del joined["scan"]
+    return PointCloud.from_columns(joined), [f"rows without a return ({n_missing:,})"] if n_missing else []
 
 
-def _numbers(line: str, width: int, scan: int) -> list[float]:
-    """Return the numbers in a line before the points of a scan."""
-    try:
-        values = [float(text) for text in line.split()]
-    except ValueError:
-        values = []
-    if len(values) != width or not np.isfinite(values).all() or (width == 1 and as_count(line.strip()) is None):
-        expected = f"{width} finite numbers" if width > 1 else "a whole number"
-        raise FileFormatError(f"expected {expected} before the points of scan {scan}, found {shortened(line)}")
-    return values
+def _scans(file: BufferedReader) -> Iterator[dict[str, Column]]:
+    """Yield the columns of each scan."""
+    lines = lines_of(file)
+    for scan, line in enumerate(filter(str.strip, lines)):
+        (sizes,) = read_table(chain([line], lines), 1, 2, f"size of scan {scan + 1}, line")
+        read_table(lines, 3, 4, f"scanner of scan {scan + 1}, line")  # its position and axes
+        pose = np.stack(read_table(lines, 4, 4, f"pose of scan {scan + 1}, line"), axis=1)
+        if sizes.dtype.kind not in "iu" or sizes.min() < 0 or not np.isfinite(pose).all():
+            raise FileFormatError(
+                f"expected whole numbers as the size of scan {scan + 1} and finite ones as its pose, found "
+                f"{sizes[0]:g}, {sizes[1]:g} and {pose.tolist()}"
+            )
+        count = math.prod(sizes.tolist())
+        yield _columns(read_table(lines, None if count else 4, count), pose, scan)
 
 
 def _columns(table: list[Column], pose: NDArray[np.float64], scan: int) -> dict[str, Column]:
@@ -87,8 +73,8 @@ def _columns(table: list[Column], pose: NDArray[np.float64], scan: int) -> dict[
 
 def _is_ptx(start: bytes, size: int) -> bool:
     """Return whether a file begins with the sizes and the pose of a scan."""
-    lines = [line.split() for line in start.split(b"\n")[: len(_WIDTHS)]]
-    return tuple(map(len, lines)) == _WIDTHS and all(line[0].isdigit() for line in lines[:2])
+    lines = [line.split() for line in start.split(b"\n")[:10]]
+    return list(map(len, lines)) == [1] * 2 + [3] * 4 + [4] * 4 and all(line[0].isdigit() for line in lines[:2])
 
 
 FORMAT = Format("PTX", (".ptx",), open_ptx, recognises=_is_ptx)

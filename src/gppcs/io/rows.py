@@ -125,6 +125,13 @@ def read_rows(
         yield [np.empty(0, np.int64)] * (width or 3)
 
 
+def read_table(
+    lines: Iterator[str], width: int | None = None, count: int | None = None, what: str = "point"
+) -> list[Column]:
+    """Read rows as whole columns."""
+    return [np.concatenate(parts) for parts in zip(*read_rows(lines, width, count, what), strict=True)]
+
+
 def text_columns(
     lines: Iterator[str], width: int, delimiter: str | None, texts: Collection[int], numbers: Collection[int]
 ) -> set[int]:
@@ -190,12 +197,14 @@ class _Block:
                 low_memory=False,
                 **exact,
             )
+            if table.shape != (len(self.lines), self.width):
+                raise ValueError(f"{len(table):,} rows of {table.shape[1]} columns")
         except ValueError as error:
             self._check_widths(range(len(self.lines)))
-            raise self._unexpected(" ".join(str(error).split())[:200]) from error
-        if table.shape != (len(self.lines), self.width):
-            self._check_widths(range(len(self.lines)))
-            raise self._unexpected(f"{len(table):,} rows of {table.shape[1]} columns")
+            actual = " ".join(str(error).split())[:200]
+            raise FileFormatError(
+                f"expected {len(self.lines):,} rows of {self.width} columns, but pandas reports: {actual}"
+            ) from error
         last = table[self.width - 1]  # in which fields that lack at the end of a row are empty
         self._check_widths(np.flatnonzero(last.isna() | (last == "")).tolist())
         return table
@@ -207,10 +216,6 @@ class _Block:
                 raise FileFormatError(
                     f"{self.what} {self.start + i + 1}: expected {self.width} columns, found {shortened(self.lines[i])}"
                 )
-
-    def _unexpected(self, actual: str) -> FileFormatError:
-        size = f"{len(self.lines):,} rows of {self.width} columns"
-        return FileFormatError(f"expected {size}, but pandas reports: {actual}")
 
     def _exact_numbers(self, column: int) -> Column:
         """Return a column as integers if all numbers are, else as float64 if that rounds none of the whole numbers."""

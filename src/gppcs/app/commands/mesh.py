@@ -67,21 +67,21 @@ def mesh(
     from gppcs import io
     from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import check_mesh_storable, mesh_format_of, write_mesh
+    from gppcs.io.mesh_files import mesh_format_of, write_mesh
     from gppcs.meshing.arguments import Size
 
     timer = started(quiet, threads)
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
     task = Size.from_arguments(**size, keep=keep_points)
-    mesh_format_of(output)
+    mesh_format = mesh_format_of(output)
     files = [cloud, *filter(None, [keep_points])]
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
         original, *others = (read for read, _ in io.read_each(files, input_format, names_of(columns)))
         kept = _indices_of(original, others[0], keep_points) if keep_points else None
-    check_mesh_storable(output, original, lossy)
+    mesh_format.fit(original, output, lossy)
     with naming(cloud):
         result = gppcs.mesh(original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer)
     with timer("writing"):
