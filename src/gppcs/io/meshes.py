@@ -175,7 +175,8 @@ def open_gltf(file: BufferedReader) -> Reader:
 
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
     """Write points with their normals and colours, as far as they have these, and triangles, as an OFF file."""
-    normals, colours = _normals(cloud), colours_of(cloud)
+    normals = [cloud.attributes[name] for name in NORMALS if name in cloud.attributes]
+    colours = colours_of(cloud)
     keyword = f"{'' if colours is None else 'C'}{'N' if normals else ''}OFF"
     file.write(f"{keyword}\n{len(cloud)} {len(faces)} 0\n".encode())
     write_rows(file, [*_coordinates(cloud), *normals, *(() if colours is None else colours.T)])
@@ -184,7 +185,8 @@ def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> Non
 
 def write_obj(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
     """Write points with colours from 0 to 1, normals, and triangles, as an OBJ file."""
-    normals, colours = _normals(cloud), colours_of(cloud)
+    normals = [cloud.attributes[name] for name in NORMALS if name in cloud.attributes]
+    colours = colours_of(cloud)
     fractions = [] if colours is None else list(np.round(colours / 255, 6).T)
     write_rows(file, _coordinates(cloud) + fractions, prefix="v ")
     numbers = list((faces + 1).T)
@@ -208,11 +210,6 @@ def write_by_trimesh(file_type: str, file: BinaryIO, cloud: PointCloud, faces: F
 
 def _coordinates(cloud: PointCloud) -> list[Column]:
     return list(cloud.points.astype(coordinate_type(cloud), copy=False).T)
-
-
-def _normals(cloud: PointCloud) -> list[Column]:
-    """Return the components of the normals in their own type, or nothing if one is missing."""
-    return [cloud.attributes[name] for name in NORMALS] if set(NORMALS) <= set(cloud.attributes) else []
 
 
 def colours_of(cloud: PointCloud) -> NDArray[np.uint8] | None:

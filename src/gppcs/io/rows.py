@@ -140,7 +140,8 @@ def text_columns(
     for block in _blocks(lines, width, None, "point", delimiter):
         if "".join(block.lines).encode().translate(None, b"0123456789+-.eE,;\t \r\n"):
             table = block.parsed(texts)
-            texts |= {i for i in table if i not in numbers and not _holds_numbers(table[i].to_numpy())}
+            uncertain = [i for i in table if i not in numbers and table[i].dtype.kind not in "iuf"]
+            texts |= {i for i in uncertain if not all(is_number(str(value)) for value in table[i].tolist())}
     return texts
 
 
@@ -234,10 +235,6 @@ class _Block:
                     f"none does, with {shortened(field)}; write this with a decimal point if it may be rounded"
                 )
         return np.array(fields, np.float64)
-
-
-def _holds_numbers(values: Column) -> bool:
-    return values.dtype.kind in "iuf" or all(is_number(str(value)) for value in values.tolist())
 
 
 def _texts(texts: list[str]) -> Column:

@@ -171,25 +171,14 @@ def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
     return columns | {name: values.astype(np.uint8) for name, values in colours.items()}
 
 
-def write_xyz(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a table of blanks; of a cloud with attributes, the names of the columns are in a comment."""
+def write_table(file: BinaryIO, cloud: PointCloud, separator: str = " ", counted: bool = False) -> None:
+    """Write a table after the number of points or the names of the columns, which are a comment in one of blanks."""
     columns = columns_of(cloud)
-    if cloud.attributes:
-        file.write(f"# {' '.join(columns)}\n".encode())
-    write_rows(file, list(columns.values()))
-
-
-def write_csv(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write a table of commas."""
-    columns = columns_of(cloud)
-    file.write(f"{','.join(columns)}\n".encode())
-    write_rows(file, list(columns.values()), ",")
-
-
-def write_pts(file: BinaryIO, cloud: PointCloud) -> None:
-    """Write the number of points, and a table of blanks."""
-    file.write(f"{len(cloud)}\n".encode())
-    write_rows(file, list(columns_of(cloud).values()))
+    if counted:
+        file.write(f"{len(cloud)}\n".encode())
+    elif cloud.attributes or separator != " ":
+        file.write(f"{'# ' if separator == ' ' else ''}{separator.join(columns)}\n".encode())
+    write_rows(file, list(columns.values()), separator)
 
 
 def _numbers_and_text(cloud: PointCloud) -> PointCloud:
@@ -211,9 +200,11 @@ def _pts_names(width: int) -> list[str]:
 
 
 _TABLE = frozenset({"columns"})
+_write_csv = partial(write_table, separator=",")
+_write_pts = partial(write_table, counted=True)
 _open_pts = partial(open_table, names_of_width=_pts_names)
 FORMATS = (
-    Format("XYZ", (".xyz", ".txt", ".asc"), open_table, write_xyz, stored=_numbers_and_text, options=_TABLE),
-    Format("CSV", (".csv",), open_table, write_csv, stored=_numbers_and_text, options=_TABLE),
-    Format("PTS", (".pts",), _open_pts, write_pts, stored=_usual_in_pts, options=_TABLE),
+    Format("XYZ", (".xyz", ".txt", ".asc"), open_table, write_table, stored=_numbers_and_text, options=_TABLE),
+    Format("CSV", (".csv",), open_table, _write_csv, stored=_numbers_and_text, options=_TABLE),
+    Format("PTS", (".pts",), _open_pts, _write_pts, stored=_usual_in_pts, options=_TABLE),
 )
