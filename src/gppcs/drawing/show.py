@@ -37,7 +37,6 @@ def show(
 
     Examples
     --------
-    >>> import gppcs
     >>> cloud = gppcs.sample("bracket", n_points=2000)
     >>> gppcs.show(gppcs.simplify(cloud, ratio=0.1), cloud)  # doctest: +SKIP
     """
@@ -51,12 +50,9 @@ def show(
         page = view_page([named], made, viewpoint)
     else:
         page = report_page(Named("original", as_cloud(original)), [named], made, viewpoint)
-    (_embed if _in_notebook() else _open)(page.content())
-
-
-def _in_notebook() -> bool:
     ipython = sys.modules.get("IPython")
-    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+    in_notebook = ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+    (_embed if in_notebook else _open)(page.content())
 
 
 def _embed(page: bytes) -> None:

@@ -1,13 +1,9 @@
 """Keep the compiled code of kernels in files whose names tell all that the code depends on.
 
-Compiled code is read from all of these folders, and written to the first that can be written:
-
-1. the folder that NUMBA_CACHE_DIR names,
-2. `__pycache__` in the folder of the package,
-3. the user's cache folder.
-
-Before them, code is looked for that came with the package: it runs on every usual processor (`make dist`). Unpickling
-runs code, so a file counts only if no other user can have written it.
+The folders are that which NUMBA_CACHE_DIR names, `__pycache__` in the package, and the user's cache folder: compiled
+code is read from all, and written to the first that can be written. Before them, code is looked for that came with the
+package: it runs on every usual processor (`make dist`). Unpickling runs code, so a file counts only if no other user
+can have written it.
 """
 
 from __future__ import annotations

@@ -92,7 +92,6 @@ def set_threads(count: int | None) -> None:
 
     Examples
     --------
-    >>> import gppcs
     >>> gppcs.set_threads(1)
     >>> gppcs.set_threads(None)
     """

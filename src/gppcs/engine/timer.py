@@ -43,7 +43,6 @@ class Timer:
 
     Examples
     --------
-    >>> import gppcs
     >>> timer = gppcs.Timer(print)
     >>> with timer("sum", total=2) as on_progress:
     ...     on_progress(1)

@@ -93,8 +93,7 @@ class Rebuilt(Figures):
 class MeshReport(Figures):
     """The figures of a simplified mesh.
 
-    Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
-    `MeshReport.definitions()` says of each figure what it measures, its unit, and which values are better.
+    Lengths are in the unit of the coordinates. `MeshReport.definitions()` explains each figure.
 
     Examples
     --------
@@ -139,8 +138,7 @@ class MeshReport(Figures):
 class Report(Figures):
     """The figures of a simplification.
 
-    Lengths are in the unit of the coordinates; `figures(relative=True)` divides them by the diagonal.
-    `Report.definitions()` says of each figure what it measures, its unit, and which values are better.
+    Lengths are in the unit of the coordinates. `Report.definitions()` explains each figure.
 
     Examples
     --------

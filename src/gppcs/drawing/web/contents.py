@@ -1,7 +1,4 @@
-"""Makes the two pages, a report of simplified clouds beside their original and a view of any clouds.
-
-A page is one HTML file that holds the viewer and all data, and needs no network.
-"""
+"""Makes two pages, a report and a view of any clouds: one HTML file each with viewer and data, without network."""
 
 from __future__ import annotations
 
