@@ -24,7 +24,7 @@ def refinement(weights: Floats) -> float:
 
 
 def roundness_of(roughness: Floats) -> float:
-    """Return (1 - S^2)^4: from 1 for an equally rough cloud to 0 for flat faces and edges, by roughness, (n,).
+    """Return the roundness, Eq. (3a), by the roughness, (n,): 1 if equally rough, 0 for flat faces and edges.
 
     S is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with the
     same mean can have: the intensity of segregation of a mixture (Danckwerts 1952).

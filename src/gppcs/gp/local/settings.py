@@ -1,7 +1,7 @@
 """The constants of the method `gp` that matter: symbol of research/local-field.md, unit, and reason.
 
-benchmarks/results/gp_constants.md has a row of each name: what half and twice its value change. "Ablation:" names the
-row of benchmarks/results/gp_ablation.md that shows what the rule is worth.
+benchmarks/results/gp_constants.md has a row of each name but those of the detail: what half and twice its value change.
+"Ablation:" names the row of benchmarks/results/gp_ablation.md that shows what the rule is worth.
 """
 
 # Density, Eqs. (3) and (4). Ablation: "density off".

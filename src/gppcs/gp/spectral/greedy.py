@@ -44,6 +44,7 @@ def select(
     begin, computed = len(initial), 0  # at how many observations the posterior was last computed anew
     while begin < n_points:
         if begin >= REFRESHED * computed:
+            # compute mu_t, Sigma_t; later `_observe` updates them
             mean, covariance = posterior(phi[chosen[:begin]], y[chosen[:begin]], noise)
             covariance, computed = np.ascontiguousarray(covariance), begin
             buckets = _buckets(min(BUCKETS, len(y)), points.phi)  # bounds from an earlier posterior need not hold
@@ -104,7 +105,7 @@ def _choose(points, buckets, mean, covariance, noise, k_add, chosen, begin):
             g = _bucket_of_best(points, buckets, mean, covariance, now)
             pick = buckets.best[g]
             batch[b], chosen[now + b] = pick, points.order[pick]
-            points.free[pick] = False
+            points.free[pick] = False  # R <- P - P_simp
             _find_best(g, points, buckets)
         for pick in batch[:due]:
             _observe(points.phi[:, pick].copy(), points.y[pick], noise, mean, covariance)
@@ -165,7 +166,7 @@ def _scan(g, points, buckets, mean, covariance, now):
     above = below = -np.inf
     for i in range(end - begin):
         sd = np.sqrt(max(variance[i], 0.0))
-        score[i] = sd + abs(error[i])
+        score[i] = sd + abs(error[i])  # s <- sqrt(diag Sigma_t) + |mu_t - y|
         if free[i]:
             above = max(above, sd - error[i])
             below = max(below, sd + error[i])
