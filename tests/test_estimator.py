@@ -75,4 +75,4 @@ def test_what_is_wrong_is_told_when_it_is_used(table, asked, error):
 def test_without_scikit_learn_the_class_says_what_is_missing():
     code = "import sys; sys.modules['sklearn'] = None; from gppcs.estimator import Simplifier; Simplifier()"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert "MissingExtraError: a transformer of scikit-learn needs it" in run.stderr
+    assert "MissingExtraError: gppcs.estimator.Simplifier needs scikit-learn" in run.stderr

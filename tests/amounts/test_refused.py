@@ -71,7 +71,7 @@ INPUTS = [
     ({"keep": "nz > 9"}, "expected points with nz > 9 to keep, found none; .* omit keep"),
     ({"weight": -np.ones(4000)}, "finite weights from 0 on, found -1 and 3,999 more"),
     ({"weight": np.full(4000, np.inf)}, "found inf and 3,999 more"),
-    ({"weight": np.zeros(4000)}, "a weight above 0 of at least one point"),
+    ({"weight": np.zeros(4000)}, "at least one weight above 0, found only 0"),
     ({"weight": np.arange(4000) < 3}, "at least 5 points of a weight above 0, found 3"),
     ({"weight": "n" * 9999}, "no attribute 'n{79}\\.\\.\\. to weigh"),
     ({"weight": "nzz"}, "no attribute 'nzz' .*; did you mean 'nz'?"),

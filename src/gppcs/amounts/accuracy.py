@@ -101,7 +101,7 @@ def _lower_bound(distances: Floats, n: int, measure: Measure) -> float:
 
 @dataclass
 class _Search:
-    """The search for the fewest points, of which the local surface misses the original by at most a tolerance."""
+    """Search for the smallest number of points whose local surface lies within the tolerance of the original."""
 
     points: Floats  # (N, 3), among which is chosen
     judged: Floats  # whose distances count

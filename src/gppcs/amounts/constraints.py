@@ -101,7 +101,7 @@ def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> No
             f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit keep"
         )
     if options.weight is not None and not weights.n_positive:
-        raise InputError("expected a weight above 0 of at least one point, found 0 of all")
+        raise InputError("expected at least one weight above 0, found only 0")
 
 
 def check_finite(n: int, n_bad: int, first_bad: int, invalid: str) -> None:

@@ -30,7 +30,7 @@ def _option(default: Any, text: str, for_files: bool = False) -> Any:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Options:
-    """What is asked of a simplification, whatever the cloud; checked as far as that is possible without it."""
+    """Options of a simplification, validated as far as possible without the cloud."""
 
     ratio: float | str | None = _option(
         None, "Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%."

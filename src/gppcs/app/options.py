@@ -52,7 +52,7 @@ def files(metavar: str, text: str) -> Any:
 FILES = "Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that it lists."
 
 Cloud = Annotated[Path, files("IN", "A point cloud file.")]
-Ratio = Annotated[str | None, from_field("ratio", SIZE, "SHARE")]
+Ratio = Annotated[str | None, from_field("ratio", SIZE, "FRACTION")]
 Points = Annotated[str | None, from_field("n_points", SIZE, "M", "--points")]
 Unit = Annotated[str | None, from_field("unit", SIZE, "NAME")]
 Seed = Annotated[int | None, from_field("seed", METHOD)]
@@ -64,7 +64,7 @@ Columns = Annotated[str | None, option("Columns of a text table, such as x,y,z,r
 Inside = Annotated[list[str] | None, from_field("inside", INPUT, "BOX|FILE")]
 Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
 Resolution = Annotated[float | None, from_field("resolution", INPUT, "LENGTH")]
-Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT)]
+Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT, "error|drop")]
 Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
 Workers = Annotated[str | None, from_field("workers", LARGE, "COUNT|ADDRESS")]
 Colour = Annotated[str | None, option("Colour by rgb, variation or an attribute.", LOOK, metavar="NAME")]

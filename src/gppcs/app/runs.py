@@ -159,7 +159,10 @@ def _with_attributes(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointC
 def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
     """Return the number of points of each level, after checking that the result has a ranking to cut."""
     if not result.ranked:
-        raise InputError(f"expected a finest level below all {result.points_in:,} points, repeats aside, found all")
+        raise InputError(
+            "expected levels to have a largest size below the number of different points, at most "
+            f"{result.points_in:,}, found all; ask for fewer"
+        )
     kept = len(result.indices)
     scale = kept / sizes[-1] if sizes[-1] < 1 else 1.0
     counts = [min(max(1, round(size * scale)), kept) for size in sizes]

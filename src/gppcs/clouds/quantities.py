@@ -164,7 +164,7 @@ class Scale(NamedTuple):
 
 
 def metres_of(unit: Any, header: Header | None) -> float | None:
-    """Return the unit of the coordinates in metres: the named one, or that of the header; None if neither tells."""
+    """Return the unit of the coordinates in metres: the named one, or that of the header; None if both lack it."""
     if unit is None:
         return header.metres if header else None
     if not (isinstance(unit, str) and unit in METRES):
@@ -178,5 +178,5 @@ def name_of_unit(metres: float) -> str:
 
 
 def unit_of(header: Header | None, unit: str | None = None) -> str | None:
-    """Return the name of the unit of the coordinates: the one that is given, or that of the header, if it tells it."""
+    """Return the name of the unit of the coordinates: the one that is given, or that of the header, if it has one."""
     return unit or (name_of_unit(header.metres) if header and header.metres else None)

@@ -28,12 +28,12 @@ def require(module: str, need: str, package: str | None = None, extra: str | Non
 
 require_matplotlib = partial(require, "matplotlib", "a picture needs matplotlib", extra="picture")
 require_pyarrow = partial(require, "pyarrow", "Parquet and Feather files need PyArrow", extra="arrow")
-require_distributed = partial(
-    require, "distributed", "work on several processes or machines needs Dask's distributed", extra="dask"
-)
+require_distributed = partial(require, "distributed", "a Dask scheduler as workers needs distributed", extra="dask")
 require_pymeshlab = partial(require, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", extra="evaluate")
 require_pye57 = partial(require, "pye57", "E57 files need pye57", extra="e57")
-require_sklearn = partial(require, "sklearn", "a transformer of scikit-learn needs it", "scikit-learn", extra="sklearn")
+require_sklearn = partial(
+    require, "sklearn", "gppcs.estimator.Simplifier needs scikit-learn", "scikit-learn", extra="sklearn"
+)
 
 
 def require_cgal(module: str) -> Any:

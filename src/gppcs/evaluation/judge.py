@@ -365,7 +365,7 @@ def _rebuilt(points: Floats, normals: Floats | None, mesh: Mesh, frame: Frame, d
 
 
 def _require_mesh_near(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> None:
-    """Raise an error unless the mesh has an area and lies on the original; the boxes tell first."""
+    """Raise an error unless the mesh has an area and lies on the original; bounding boxes are compared first."""
     require_area(mesh, "mesh")
     used = mesh.vertices[np.unique(mesh.faces)]
     gaps = np.maximum(np.maximum(used.min(axis=0) - after, after - used.max(axis=0)), 0.0)
@@ -388,7 +388,7 @@ def _require_near(distances: Floats, name: str, points: Floats, original: Floats
     raise InputError(
         f"the {name} does not lie on the original: expected distances of a few spacings between them, found a median "
         f"of {distance:.3g}; the bounding box of the {name} has a diagonal of {size:.3g}, that of the original "
-        f"{expected:.3g}, and the low corners are ({corner}) apart: use the same unit and origin for both"
+        f"{expected:.3g}, and the minimum corners differ by ({corner}): use the same unit and origin for both"
     )
 
 

@@ -57,7 +57,7 @@ def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
     if len(starts) < count or at != len(data):
         raise FileFormatError(
             f"expected {count:,} points of COLMAP to fill the file of {len(data):,} bytes, found {len(starts):,} that "
-            f"end at byte {at:,}; is it a points3D.bin, and whole?"
+            f"end at byte {at:,}; export the model again as points3D.bin"
         )
     return np.array(starts, dtype=np.int64)
 

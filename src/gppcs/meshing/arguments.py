@@ -49,7 +49,7 @@ class Size:
         allowed = None if tolerance is None else Tolerance.from_value(tolerance)
         if allowed and allowed.measure not in (None, "mean"):
             raise ParameterError(
-                "expected tolerance to be a largest distance, such as '1mm', or to end in :mean, found "
+                "expected tolerance to be a maximum distance, such as '1mm', or a mean with :mean behind it, found "
                 f"{shown(tolerance)}"
             )
         return cls(

@@ -54,7 +54,7 @@ class Task:
     spacing : float, optional
         A spacing in place of a number, for methods that support `Feature.SPACING`.
     fixed : int
-        The first so many points, at most M, are chosen first, for methods that support `Feature.KEEP`.
+        Number of leading points that are always kept, at most M, for methods that support `Feature.KEEP`.
     weights : (N,) array, float64, optional
         Multiplies the density of the chosen points, for methods that support `Feature.WEIGHT`. Above 0.
     detail : (N, k) array, float32, optional
