@@ -305,7 +305,7 @@ SMALLER = (  # without clouds that take long or resemble others
 
 
 def not_placed(points: Any, chosen: Any, *others: Any) -> Any:
-    """Leave chosen points where they are, in place of `placement.placed`."""
+    """Leave chosen points where they are, in place of `placement.place`."""
     return chosen
 
 

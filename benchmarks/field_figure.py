@@ -23,7 +23,7 @@ import gppcs
 from gppcs.drawing.camera import Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.gp.local import algorithm
-from gppcs.gp.local.posterior import condition, posterior
+from gppcs.gp.local.posterior import condition, posterior_of_all
 
 PICTURE = Path(__file__).parents[1] / "research" / "local-field.png"
 POINTS, KEPT = 200_000, 3_000
@@ -70,7 +70,7 @@ def last_stage(cloud: gppcs.PointCloud) -> LastStage:
         gppcs.simplify(cloud, n_points=KEPT, method=METHOD)
     (tree, features, *_), field = fields.last
     (*_, chosen, _, neighbours, error_weight), (kept, *_) = choices.last
-    _, variances, _ = posterior(field, condition(field, tree, chosen, neighbours), error_weight)
+    _, variances, _ = posterior_of_all(field, condition(field, tree, chosen, neighbours), error_weight)
     roughness = np.sqrt(features.surface_variation)
     return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), chosen, kept)
 

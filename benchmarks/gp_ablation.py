@@ -90,7 +90,7 @@ def changes() -> dict[str, Change]:
         "gradation off": Change(replaced=[gradation_off]),
         "segregation off": Change(replaced=[segregation_off]),
         "sharpness off": Change(replaced=[sharpness_off]),
-        "placement off": Change(replaced=[(algorithm, "placed", conditions.not_placed)]),
+        "placement off": Change(replaced=[(algorithm, "place", conditions.not_placed)]),
         "noise off": Change(replaced=[noise_off]),
         "wide neighbourhoods off": Change(replaced=[(noise, "THICK", np.inf)]),
         "largest variance off": Change(replaced=[(noise, "LARGEST", np.inf)]),

@@ -19,7 +19,7 @@ import report
 from conditions import COVER, FEATURES, FOUND_ON, H_MAX, H_MEAN, HELD_OUT, SURFACE, Condition, Figures
 from gppcs.gp.local import algorithm
 from gppcs.gp.local.candidates import survey
-from gppcs.gp.local.placement import placed
+from gppcs.gp.local.placement import place
 
 SHOWN = (H_MEAN, H_MAX, SURFACE, COVER, FEATURES)
 GROUPS = {"the rules were found on these clouds": FOUND_ON, "held-out clouds": HELD_OUT}
@@ -32,7 +32,7 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
         """Choose, then place."""
         found = super().__call__(task)
         area, noise, _, _ = survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)
-        return replace(found, indices=placed(task.points, found.indices, 0, area, noise))
+        return replace(found, indices=place(task.points, found.indices, 0, area, noise))
 
 
 METHODS: Mapping[str, tuple[gppcs.Method, bool]] = {  # and whether it is placed
@@ -47,7 +47,7 @@ PAIRS = (("gp", "gp, not placed"), ("fps, placed", "fps"), ("gp", "fps, placed")
 def kept_by(condition: Condition, label: str) -> tuple[gppcs.PointCloud, float]:
     """Return the points that a method keeps, and the seconds."""
     method, is_placed = METHODS[label]
-    with nullcontext() if is_placed else patch.object(algorithm, "placed", conditions.not_placed):
+    with nullcontext() if is_placed else patch.object(algorithm, "place", conditions.not_placed):
         return conditions.simplified(condition, method, 0)
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gppcs.amounts.choice import choose
+from gppcs.amounts.choice import choose_by_options
 from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
 from gppcs.amounts.options import Options, described_options, require
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
@@ -247,7 +247,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         points = frame.local(points)
         diagonal = float(np.linalg.norm(frame.local(upper[np.newaxis])))
         scale = Scale(diagonal, metres_of(options.unit, cloud.header), frame.exponent)
-    selection = choose(points, options, constraints, scale, timer)
+    selection = choose_by_options(points, options, constraints, scale, timer)
     kept = cloud.take(selection.indices if indices is None else indices[selection.indices])
     if options.denoises:
         selection = _with_shifts(selection, points, frame.exponent)

@@ -72,7 +72,7 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
     left = faces[(faces != inner).all(axis=1)]
     cover, _ = cover_of(points, normals)
     mesh = HalfEdges.from_faces(left, len(points))
-    new = gaps_filled(mesh, points, normals, cover.reaches, cover, 12)[len(left) :]
+    new = gaps_filled(mesh, points, normals, cover.radii, cover, 12)[len(left) :]
     assert len(new) == len(around) - 2
     loops = boundary_loops(mesh)
     loop = next(part for part in loops if set(part) == set(around.ravel()) - {inner})
@@ -93,7 +93,7 @@ def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     points, normals, faces = sheet(2000, hole=0.3)
     mesh, (cover, _) = HalfEdges.from_faces(faces, len(points)), cover_of(points, normals)
-    assert np.array_equal(gaps_filled(mesh, points, normals, cover.reaches, cover, 1000), faces)
+    assert np.array_equal(gaps_filled(mesh, points, normals, cover.radii, cover, 1000), faces)
     closed = holes_filled(mesh, points, normals, 0.9)
     assert topology_of(closed.faces()).boundary_loops == 1
     assert faults(closed) == []
@@ -112,7 +112,7 @@ def joined_faces(faces, triangles, points, normals):
     """The triangles of a mesh whose pieces are joined."""
     cover, _ = cover_of(points, normals)
     mesh = HalfEdges.from_faces(faces, len(points))
-    return bridged(mesh, triangles, points, normals, cover.reaches, cover).faces()
+    return bridged(mesh, triangles, points, normals, cover.radii, cover).faces()
 
 
 @pytest.mark.parametrize("lines", [[0.5], [0.3, 0.6]])

@@ -30,12 +30,12 @@ def test_triangles_over_a_hole_are_not_covered(with_hole):
     near = KdTree.build(points).nearest_of(points[first], 400)[0]
     small = np.column_stack([first, near[np.arange(3000), rng.integers(1, 400, 3000)], near[:, 399]])
     triangles = np.concatenate([small, rng.integers(0, len(points), (3000, 3))])
-    covered = are_covered(cover, triangles, points, cover.reaches)
+    covered = are_covered(cover, triangles, points, cover.radii)
     share = rng.dirichlet(np.ones(3), 200)
     places = np.einsum("sk,tkx->tsx", share, points[triangles])[..., :2]
     inside = 0.25 - np.linalg.norm(places - 0.5, axis=2).min(axis=1)  # how far the hole reaches into a triangle
     outside = inside < -0.02
-    reach = SPAN * cover.reaches.max()
+    reach = SPAN * cover.radii.max()
     assert outside.sum() > 500
     assert (inside > 2 * reach).sum() > 50
     assert covered[outside].mean() > 0.999  # random samples have gaps, but hardly any of this size

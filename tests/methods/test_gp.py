@@ -29,7 +29,7 @@ def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan, monkeypatch):
     Found for 500 and 250 of 1,000: mean distances .99 to 1.01 of the direct ones, to surfaces .79 to 1.05.
     """
     whole = chosen(scan, 1_000)
-    monkeypatch.setattr("gppcs.gp.local.algorithm.placed", lambda points, chosen, *_: chosen)
+    monkeypatch.setattr("gppcs.gp.local.algorithm.place", lambda points, chosen, *_: chosen)
     for size in (500, 250):
         prefix, direct = (gppcs.evaluate(scan, scan[kept]) for kept in (whole[:size], chosen(scan, size)))
         assert prefix.mean_distance == pytest.approx(direct.mean_distance, rel=0.03)

@@ -31,7 +31,7 @@ def test_smooth_surfaces_are_quiet(sphere):
     ):  # fmt: skip
         tree = KdTree.build(points)
         noise = Noise.measure(tree, n_points, spacing)
-        assert noise.quiet
+        assert noise.is_negligible
         assert noise.sigma <= most
         feet, variances = noise.observe(points)
         assert feet is None
@@ -67,7 +67,7 @@ def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tre
 def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
     points = rough_plane(0.01, 4_000)
     most = int(np.pi * len(points) / FEWEST)
-    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).quiet
+    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).is_negligible
     assert Noise.measure(KdTree.build(points), most + 5, 0.02).sigma == 0
 
 
@@ -97,8 +97,8 @@ def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
     waves = np.column_stack([flat, 0.006 * np.sin(200 * flat[:, 0])])
     noise = Noise.measure(KdTree.build(waves), 500, 0.045)
     assert noise.sigma > CLEAN * noise.spacing
-    assert noise.quiet
-    assert not noise.clean
+    assert noise.is_negligible
+    assert not noise.is_below_threshold
     assert not noise.thick
     for sigma, is_thick in ((0.002, False), (0.005, False), (0.01, True), (0.02, True)):
         noise = Noise.measure(KdTree.build(rough_plane(sigma)), 500, 0.045)

@@ -27,7 +27,9 @@ from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree, surface_area
 
 
-def choose(points: Floats, options: Options, constraints: Constraints, scale: Scale, timer: Timer) -> Selection:
+def choose_by_options(
+    points: Floats, options: Options, constraints: Constraints, scale: Scale, timer: Timer
+) -> Selection:
     """Let the method choose as many of the points, (N, 3), as the options mean."""
     method, max_gap = options.algorithm, options.lengths.get("max_gap")
     count = options.count(len(points))

@@ -20,7 +20,7 @@ from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of, read_header
-from gppcs.io.laz import counted_chunks, points_of
+from gppcs.io.laz import checked_chunks, points_of
 from gppcs.io.rows import BLOCK, at_most
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ POINT_FORMATS = (0, 1, 2, 3, 6, 7, 8)
 
 
 def open_las(
-    file: BufferedReader, select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]] = counted_chunks
+    file: BufferedReader, select: Callable[[BufferedReader, laspy.LasHeader], NDArray[Any]] = checked_chunks
 ) -> Reader:
     """Open a LAS, LAZ or COPC file; `select` returns the chunks that are read."""
     las = read_header(file)

@@ -1,4 +1,7 @@
-"""The header of LAS files: laspy reads it, after its counts and sizes have been checked against the file's length."""
+"""The header of LAS files: laspy reads it, after its counts and sizes have been checked against the file's length.
+
+The chunks of the points are checked in laz.py (`checked_chunks`).
+"""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def _chunks(start: int, sizes: NDArray[np.int64], counts: NDArray[np.int64]) -> 
     return chunks
 
 
-def counted_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
+def checked_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
     """Return the chunks of the points that the header counts, (C,), of type `CHUNK`."""
     count, start = las.point_count, las.offset_to_point_data
     if not las.are_points_compressed:

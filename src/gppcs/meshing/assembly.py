@@ -20,13 +20,13 @@ def assembled(
     radii: Floats,
     points: Floats,
     normals: Floats,
-    reaches: Floats,
+    cover_radii: Floats,
     cover: Cover,
     bridges: bool = False,
 ) -> HalfEdges:
     """Choose triangles of fans that are an oriented manifold, by votes and radii, and fill gaps that points cover."""
-    n, surface = len(points), (points, normals, reaches, cover)
-    covered = are_covered(cover, triangles, points, reaches)
+    n, surface = len(points), (points, normals, cover_radii, cover)
+    covered = are_covered(cover, triangles, points, cover_radii)
     triangles, votes, radii = triangles[covered], votes[covered], radii[covered]
     order = np.lexsort((radii, -votes))
     agreed = votes[order] > 1
@@ -48,7 +48,7 @@ def assembled(
 
 
 def gaps_filled(
-    mesh: HalfEdges, points: Floats, normals: Floats, reaches: Floats, cover: Cover, max_corners: int
+    mesh: HalfEdges, points: Floats, normals: Floats, cover_radii: Floats, cover: Cover, max_corners: int
 ) -> Ints:
     """Return the triangles of a mesh and of its covered gaps of few corners; the back of a small piece is no gap."""
     loops = [loop for loop in boundary_loops(mesh) if 3 <= len(loop) <= max_corners]
@@ -56,12 +56,12 @@ def gaps_filled(
     a, b, c = (points[corner] for corner in new.T)
     facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[new].sum(axis=1))
     backward = np.bincount(gap, facing, minlength=len(loops)) < 0.0
-    spoilt = np.isin(gap, gap[~are_covered(cover, new, points, reaches)])
+    spoilt = np.isin(gap, gap[~are_covered(cover, new, points, cover_radii)])
     return np.concatenate([mesh.faces(), new[~(spoilt | backward[gap])]])
 
 
 def bridged(
-    mesh: HalfEdges, triangles: Ints, points: Floats, normals: Floats, reaches: Floats, cover: Cover
+    mesh: HalfEdges, triangles: Ints, points: Floats, normals: Floats, cover_radii: Floats, cover: Cover
 ) -> HalfEdges:
     """Join pieces by pairs of covered triangles that cut nothing and close no ring of pieces, the shortest first."""
     while True:
@@ -69,7 +69,7 @@ def bridged(
         piece[faces] = pieces_of(faces, len(points))[:, None]
         loops = _quadrilaterals(mesh, piece, triangles, points)
         new, bridge = fillings(mesh, points, normals, list(loops), careful=True)
-        complete = np.bincount(bridge[are_covered(cover, new, points, reaches)], minlength=len(loops)) == 2
+        complete = np.bincount(bridge[are_covered(cover, new, points, cover_radii)], minlength=len(loops)) == 2
         taken, used = np.zeros(len(loops), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
         for number in np.flatnonzero(complete):
             a, b = piece[loops[number, [0, 2]]]

@@ -41,7 +41,7 @@ def bound(draft: Draft, counted: Flags, limit: float, rounds: int) -> None:
     dense, mesh, vertices = draft.dense, draft.mesh, draft.vertices
     nearest = Assignment.on_any_sheet(mesh, vertices, dense.raw)
     assigned = Assignment(np.where(counted, nearest.face, -1), nearest.squared, nearest.weights)
-    fitted = FittedMesh.from_points(mesh, vertices, dense.raw, assigned, limit, dense.cover.reaches**2)
+    fitted = FittedMesh.from_points(mesh, vertices, dense.raw, assigned, limit, dense.cover.radii**2)
     total_thin_cost = 0.5 * limit * np.count_nonzero(counted)  # of all triangles together, if they had no area
     _collapse_while_allowed(fitted, draft.dense_index, total_thin_cost)
     for _ in range(rounds):

@@ -24,32 +24,32 @@ class Cover(NamedTuple):
     lower: Floats  # (nodes, 3): the boxes of the tree
     upper: Floats  # (nodes, 3): the boxes of the tree
     normals: Floats  # (N, 3): unit normals; their signs do not matter
-    reaches: Floats  # (N,): how far each point covers the surface
+    radii: Floats  # (N,): how far each point covers the surface
 
 
-def are_covered(cover: Cover, triangles: Ints, points: Floats, reaches: Floats) -> Flags:
+def are_covered(cover: Cover, triangles: Ints, points: Floats, radii: Floats) -> Flags:
     """Return which triangles have a dense point near each point of a lattice, along its tangent plane."""
     covered = np.empty(len(triangles), dtype=np.bool_)
-    on_ranges(_cover_all, len(triangles), cover, triangles, points, reaches, covered, minimum=64)
+    on_ranges(_cover_all, len(triangles), cover, triangles, points, radii, covered, minimum=64)
     return covered
 
 
 @kernel
-def _cover_all(begin, end, cover, triangles, points, reaches, covered):
+def _cover_all(begin, end, cover, triangles, points, radii, covered):
     """Fill `covered`, (t,); other arrays as in `are_covered`."""
     nearest, squared = np.empty(4, dtype=np.int64), np.empty(4)  # of the dense points that may cover a point
     for t in range(begin, end):
         a, b, c = triangles[t]
-        covered[t] = _is_covered(cover, points, reaches, a, b, c, nearest, squared)
+        covered[t] = _is_covered(cover, points, radii, a, b, c, nearest, squared)
 
 
 @kernel
-def _is_covered(cover, points, reaches, a, b, c, nearest, squared):
+def _is_covered(cover, points, radii, a, b, c, nearest, squared):
     """Return whether the dense points cover the triangle of three corners."""
     pa, pb, pc = row(points, a), row(points, b), row(points, c)
     ab, bc, ca = minus(pb, pa), minus(pc, pb), minus(pa, pc)
     edge = np.sqrt(max(dot(ab, ab), dot(bc, bc), dot(ca, ca)))
-    radius = SPAN * min(reaches[a], reaches[b], reaches[c])
+    radius = SPAN * min(radii[a], radii[b], radii[c])
     if edge <= radius:  # every point is that near a corner
         return True
     steps = min(MAX_STEPS, max(2, int(np.ceil(edge / radius))))
@@ -81,7 +81,7 @@ def _is_point_covered(cover, corners, radius, v, w, edge, nearest, squared):
         j = nearest[slot]
         step = x - cover.points[0, j], y - cover.points[1, j], z - cover.points[2, j]
         rise = dot(step, row(cover.normals, j))
-        radius = SPAN * cover.reaches[j]
+        radius = SPAN * cover.radii[j]
         # It may lie off the triangle by a fifth of the longest edge: curved parts are covered, too.
         if squared[slot] - rise * rise <= radius * radius and abs(rise) <= max(0.2 * edge, radius):
             return True

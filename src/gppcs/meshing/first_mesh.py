@@ -63,7 +63,7 @@ def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
 
 def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple[Draft, float]:
     """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
-    n, positions, reaches = len(joined), dense.positions[joined], dense.cover.reaches[joined]
+    n, positions, cover_radii = len(joined), dense.positions[joined], dense.cover.radii[joined]
     tree = KdTree.over(np.ascontiguousarray(positions.T))
     near, _ = tree.neighbours(min(24, n - 1))
     for on_circle in ON_CIRCLE:
@@ -81,7 +81,7 @@ def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
         agreed = _agreed(votes)
     normals, is_fixed = dense.normals[joined], np.isin(dense.indices[joined], fixed)
-    mesh = assembled(triangles, votes, radii, positions, normals, reaches, dense.cover, dense.uneven)
+    mesh = assembled(triangles, votes, radii, positions, normals, cover_radii, dense.cover, dense.uneven)
     min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface
     mesh = without_scraps(mesh, min_piece)
     mesh = without_cuts(mesh, positions if moved else dense.raw[joined], normals, is_fixed)

@@ -33,11 +33,11 @@ RADIAL = 0.4  # minimum mean cosine between normals and the way from the centre 
 
 
 def without_small_handles(
-    mesh: HalfEdges, vertices: Floats, normals: Floats, reaches: Floats, cover: Cover
+    mesh: HalfEdges, vertices: Floats, normals: Floats, cover_radii: Floats, cover: Cover
 ) -> HalfEdges:
     """Drop triangles along short loops of handles, but of bars and holes without points; gaps are to be filled."""
     while (codes := _codes(mesh)).any():
-        dropped = _beside_loops(mesh, vertices, normals, reaches, cover, codes)
+        dropped = _beside_loops(mesh, vertices, normals, cover_radii, cover, codes)
         if not dropped.any():
             break
         mesh = without_bow_ties(mesh.corners()[~dropped], len(vertices))
@@ -45,7 +45,7 @@ def without_small_handles(
 
 
 def _beside_loops(
-    mesh: HalfEdges, vertices: Floats, normals: Floats, reaches: Floats, cover: Cover, codes: Ints
+    mesh: HalfEdges, vertices: Floats, normals: Floats, cover_radii: Floats, cover: Cover, codes: Ints
 ) -> Flags:
     """Return which triangles, (F,), are on one side of short loops that together do not part the mesh."""
     dropped, near_cut = np.zeros(len(mesh.corners()), dtype=np.bool_), np.zeros(len(vertices), dtype=np.bool_)
@@ -61,7 +61,7 @@ def _beside_loops(
         steps = vertices[loop] - vertices[loop].mean(axis=0)
         # The mean cosine between the normals and the way from the centre is 1 on bars, -1 in holes.
         outward = (np.einsum("ij,ij->i", steps, normals[loop]) / np.linalg.norm(steps, axis=1)).mean()
-        if outward < RADIAL and _is_in_hole(mesh, vertices, reaches, tree, loop, outward):
+        if outward < RADIAL and _is_in_hole(mesh, vertices, cover_radii, tree, loop, outward):
             holes.add(code)
         elif abs(outward) < RADIAL:
             upright = np.cross(steps, np.roll(steps, -1, axis=0)).sum(axis=0) @ normals[loop].sum(axis=0) >= 0.0
@@ -72,7 +72,9 @@ def _beside_loops(
     return dropped
 
 
-def _is_in_hole(mesh: HalfEdges, vertices: Floats, reaches: Floats, tree: KdTree, loop: Ints, outward: float) -> bool:
+def _is_in_hole(
+    mesh: HalfEdges, vertices: Floats, cover_radii: Floats, tree: KdTree, loop: Ints, outward: float
+) -> bool:
     """Return whether a loop inside the surface has points across it that lie far from the cloud, by its normals."""
     if (mesh.opposite[mesh.leaving[loop]] < 0).any():
         return False
@@ -82,7 +84,7 @@ def _is_in_hole(mesh: HalfEdges, vertices: Floats, reaches: Floats, tree: KdTree
     fan = np.concatenate([np.broadcast_to(vertices[loop].mean(axis=0), (1, *corners.shape[1:])), corners])
     across = np.einsum("pk,kix->pix", weights, fan).reshape(-1, 3)
     _, squared = tree.nearest_of(across, 1)
-    bareness = np.sqrt(squared.max()) / reaches[loop].mean()
+    bareness = np.sqrt(squared.max()) / cover_radii[loop].mean()
     return bool(bareness + min(-outward / RADIAL, SPAN / 2) >= SPAN)
 
 

@@ -27,7 +27,7 @@ WIDER = 2.5  # squared search radius of a leaf: this times the mean squared dist
 TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
 
 
-class Room(NamedTuple):
+class SearchBuffer(NamedTuple):
     """Buffers for the points that a search finds."""
 
     positions: Ints  # (m,), in tree order
@@ -35,21 +35,21 @@ class Room(NamedTuple):
 
 
 @kernel
-def room_for(leaves):
+def search_buffer(leaves):
     """Allocate buffers for the points of some leaves."""
-    return Room(
+    return SearchBuffer(
         np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
     )
 
 
 @kernel(allocates=False)
-def pack(points, room, count):
-    """Copy coordinates, of (3, N), at the first positions in the room to `room.packed`; pad them with far points."""
+def pack(points, buffer, count):
+    """Copy coordinates, of (3, N), at the first positions in the buffer to `packed`; pad them with far points."""
     full = -(-count // STRIDE) * STRIDE
     for axis in range(3):
-        row, packed = points[axis], room.packed[axis]
+        row, packed = points[axis], buffer.packed[axis]
         for slot in range(count):
-            packed[slot] = row[room.positions[slot]]
+            packed[slot] = row[buffer.positions[slot]]
         packed[count:full] = FAR_COORDINATE
     return full
 
@@ -58,7 +58,7 @@ class Search(NamedTuple):
     """Buffers for searches of the k nearest points."""
 
     near: Ints  # (leaves,), node numbers of the leaves near the box of the shared search
-    room: Room  # The points found in these leaves
+    buffer: SearchBuffer  # The points found in these leaves
     squared: Floats  # (m + STRIDE,), squared distances of these points from a position
     positions: Ints  # (k,), of the nearest points, if a position searches the tree by itself
     gaps: Floats  # (k,), their squared distances
@@ -69,9 +69,9 @@ class Search(NamedTuple):
 def search_for(k, leaves):
     """Allocate buffers for searches of k points."""
     n_leaves = min(MANY_LEAVES + k, leaves + 1)
-    room = room_for(n_leaves)
+    buffer = search_buffer(n_leaves)
     return Search(
-        np.empty(n_leaves, dtype=np.int64), room, np.empty(room.packed.shape[1], dtype=np.float64),
+        np.empty(n_leaves, dtype=np.int64), buffer, np.empty(buffer.packed.shape[1], dtype=np.float64),
         np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64),
         np.full((3, -(-k // STRIDE) * STRIDE), FAR_COORDINATE),
     )  # fmt: skip
@@ -84,14 +84,14 @@ def look_around(points, lower, upper, box_lower, box_upper, squared_radius, sear
     if count == len(search.near):
         return 0
     near = search.near[:count]
-    count = points_near(points, lower, upper, near, box_lower, box_upper, squared_radius, search.room.positions)
-    return pack(points, search.room, count)
+    count = points_near(points, lower, upper, near, box_lower, box_upper, squared_radius, search.buffer.positions)
+    return pack(points, search.buffer, count)
 
 
 @kernel(fastmath=False)
 def steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search):
     """Find the k points nearest to (x, y, z), from the shared search if it is wide enough."""
-    k, packed, positions = len(search.gaps), search.room.packed, search.room.positions
+    k, packed, positions = len(search.gaps), search.buffer.packed, search.buffer.positions
     nearest = radius_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
     if nearest < 0.0:
         return steps_by_itself(points, lower, upper, x, y, z, search)

@@ -25,7 +25,7 @@ THICK = 0.25
 # What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this. That of
 # noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
 DETAIL = 0.85
-CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharp points can be told.
+CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharpness can be measured.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that isolated points still count. Without it the
 # covering radius of a desk scan grows from 1.7 to 6.7 times that of fps (research/experiments.md).
@@ -34,19 +34,19 @@ MEDIAN = 0.6745  # Of the absolute value of standard normal numbers.
 SAMPLES = 4096  # Points on which the noise is measured: its error is then about one per cent.
 
 
-class Layer(NamedTuple):
+class NoiseLayer(NamedTuple):
     """The layer of noise about the quadrics fitted to the points around each point, in quantiles, for outliers."""
 
     sigma: float  # Standard deviation of the noise: 90th percentile of the distance to the quadric, divided by 1.645
     radius: float  # Median radius of the neighbourhoods
 
     @classmethod
-    def from_distances(cls, distances: Floats, radii: Floats) -> Layer:
+    def from_distances(cls, distances: Floats, radii: Floats) -> NoiseLayer:
         """Return the layer by the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
         return cls(float(np.quantile(distances, 0.9)) / 1.645, float(np.median(radii)))
 
     @classmethod
-    def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> Layer:
+    def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
         """Return the layer between points and their feet on quadrics, (3, m) both."""
         return cls.from_distances(np.sqrt(((feet - points) ** 2).sum(axis=0)), fitted.radii)
 
@@ -59,19 +59,19 @@ class Layer(NamedTuple):
         """Return whether neighbourhoods lie within the layer."""
         return self.sigma > THICK * self.radius
 
-    def is_detail(self, wider: Layer) -> bool:
+    def is_detail(self, wider: NoiseLayer) -> bool:
         """Return whether what lies off quadrics is detail, not noise, by the layer about quadrics of more points."""
         return wider.sigma * self.radius > DETAIL * self.sigma * wider.radius
 
 
-def layer_of(tree: KdTree, neighbours: int) -> Layer:
+def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
     sampled = tree.thinned(-(-len(tree.order) // SAMPLES))
     feet, fitted = projections(tree, sampled, neighbours)
-    return Layer.between(sampled.points, feet, fitted)
+    return NoiseLayer.between(sampled.points, feet, fitted)
 
 
-def across(layers: Callable[[int], Layer], largest: int) -> tuple[int, Layer]:
+def across(layers: Callable[[int], NoiseLayer], largest: int) -> tuple[int, NoiseLayer]:
     """Double the points of a fit until neighbourhoods lie across the layer of noise, not within it."""
     neighbours = NEIGHBOURS
     while (layer := layers(neighbours)).is_thick() and neighbours < largest:
@@ -99,9 +99,10 @@ class Noise:
     tree: KdTree | None  # Over the points to which quadrics are fitted; None if no noise matters
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
-    sigma: float  # Standard deviation, as in `Layer`, in the unit of the tree; 0 where it is not measured
-    quiet: bool  # Whether no noise matters: there is little, it is detail, or there are too few points to measure it
-    clean: bool  # Whether there is little, so that sharp points can be told
+    sigma: float  # Standard deviation, as in `NoiseLayer`, in the unit of the tree; 0 where it is not measured
+    # Whether no noise matters: there is little, it is detail, or there are too few points to measure it.
+    is_negligible: bool
+    is_below_threshold: bool  # Whether sigma is so small that sharpness can be measured
     spacing: float  # Target spacing, in the same unit
 
     @classmethod
@@ -109,20 +110,20 @@ class Noise:
         """Measure the noise of the points of a tree; neighbourhoods never grow beyond the target spacing."""
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         noise = cls.from_layers(partial(layer_of, tree), within, spacing)
-        return noise if noise.quiet else replace(noise, tree=tree)
+        return noise if noise.is_negligible else replace(noise, tree=tree)
 
     @classmethod
-    def from_layers(cls, layers: Callable[[int], Layer], within: int, spacing: float) -> Noise:
-        """Tell the noise from the layers about quadrics fitted to different numbers of points."""
+    def from_layers(cls, layers: Callable[[int], NoiseLayer], within: int, spacing: float) -> Noise:
+        """Return the noise by the layers about quadrics fitted to different numbers of points."""
         if within < FEWEST:
             return cls(None, within, False, 0.0, True, True, spacing)
         layers = cache(layers)
         thick = layers(NEIGHBOURS).is_thick()
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
         sigma = layers(neighbours).sigma
-        clean = sigma <= CLEAN * spacing
-        quiet = clean or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
-        return cls(None, neighbours, thick, sigma, quiet, clean, spacing)
+        is_below_threshold = sigma <= CLEAN * spacing
+        is_negligible = is_below_threshold or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
+        return cls(None, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
 
     @property
     def in_spacings(self) -> float:
@@ -139,7 +140,7 @@ class Noise:
             return None, np.zeros(len(points))
         feet = feet_of(self.tree, points, self.neighbours)
         squared = ((feet - points) ** 2).sum(axis=1)
-        variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)
+        variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)  # Eq. (7)
         return feet if self.thick else None, variances
 
     def projected(self, points: KdTree) -> tuple[Floats, Quadrics]:

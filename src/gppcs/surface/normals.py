@@ -15,7 +15,7 @@ from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, normalised
-from gppcs.surface.noise import NEIGHBOURS, Layer, across, feet_of, layer_of
+from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -115,7 +115,7 @@ def _points_of_fits(tree: KdTree) -> int:
     return neighbours
 
 
-def _across_noise(tree: KdTree) -> tuple[int, Layer]:
+def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     """Return the points of fits across the noise; quadrics of still more points cut off detail and take long."""
     return across(partial(layer_of, tree), 4 * NEIGHBOURS)
 

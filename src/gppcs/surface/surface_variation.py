@@ -29,7 +29,7 @@ from gppcs.spatial.nearest import (
     look_around,
     pack,
     radius_of_nearest,
-    room_for,
+    search_buffer,
     search_for,
     steps_by_itself,
 )
@@ -155,22 +155,22 @@ def _features_in_balls(
 ):
     """Fill the features, (N,) and (N, 3), for some groups of leaves; `moments` is (nodes, 10) or empty."""
     n, leaves = points.shape[1], first_leaf(lower)
-    near, room = np.empty(leaves, dtype=np.int64), room_for(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
+    near, buffer = np.empty(leaves, dtype=np.int64), search_buffer(LEAVES_PER_GROUP * LEAVES_PER_GROUP)
     of_points, shared = np.ones((MOMENTS, AT_ONCE), dtype=np.float64), np.empty(MOMENTS, dtype=np.float64)
     in_group = leaves // groups
     for group in range(groups + first, groups + last):
         count = _around(group, lower, upper, moments, squared_radius, near, shared)
-        if count * LEAF_SIZE > len(room.positions):
-            room = room_for(count + LEAVES_PER_GROUP)
+        if count * LEAF_SIZE > len(buffer.positions):
+            buffer = search_buffer(count + LEAVES_PER_GROUP)
         for leaf in range(group * in_group, (group + 1) * in_group):
             begin, end = leaf_range(n, leaves, leaf)
             n_near = points_near(
-                points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, room.positions
+                points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, buffer.positions
             )
-            full = pack(points, room, n_near)
+            full = pack(points, buffer, n_near)
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                moments_in_ball(room.packed, full, x, y, z, squared_radius, of_points, i - begin)
+                moments_in_ball(buffer.packed, full, x, y, z, squared_radius, of_points, i - begin)
                 if shared[0] > 0.0:
                     u, v, w = middle(lower[group], upper[group])
                     add_shifted(shared, u - x, v - y, w - z, of_points[:, i - begin])
@@ -241,9 +241,9 @@ def _features_of_nearest(first, last, tasks, points, lower, upper, order, k, var
             total = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                squared = radius_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
+                squared = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
                 if squared >= 0.0:
-                    moments_in_ball(search.room.packed, count, x, y, z, squared, moments, i - begin)
+                    moments_in_ball(search.buffer.packed, count, x, y, z, squared, moments, i - begin)
                 else:
                     squared, full = steps_by_itself(points, lower, upper, x, y, z, search), search.local.shape[1]
                     moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, i - begin)

@@ -9,7 +9,7 @@ from scipy.spatial.distance import cdist
 
 import dense
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
-from gppcs.gp.local.posterior import Conditioning, condition, posterior
+from gppcs.gp.local.posterior import Conditioning, condition, posterior_of_all
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 
@@ -33,7 +33,7 @@ def conditioned(field, chosen, k):
 
 def of_posterior(field, conditioning):
     """Mean and variance of every point."""
-    return posterior(field, conditioning, 0.0)[:2]
+    return posterior_of_all(field, conditioning, 0.0)[:2]
 
 
 def kernel_of(field):

@@ -5,7 +5,7 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local.placement import exchanged, nearest_of_each
+from gppcs.gp.local.placement import nearest_of_each, replacements
 from gppcs.gp.local.settings import GAP_GROWTH, MAX_STEP, PULL, TRIALS
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
@@ -28,7 +28,7 @@ def mean_distance(points, places):
 
 def placed(points, chosen, fixed=0, noise=QUIET, passes=2):
     area = 2 * np.pi * 0.5
-    new = exchanged(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise, passes=passes)
+    new = replacements(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise, passes=passes)
     return np.where(new < 0, chosen, new)
 
 
@@ -132,7 +132,7 @@ def test_noise_is_placed_by_the_feet():
     noisy = points + 0.02 * np.random.default_rng(5).standard_normal(points.shape)
     tree = KdTree.build(noisy)
     noise = Noise.measure(tree, 300, np.sqrt(np.pi / 300))
-    assert not noise.quiet
+    assert not noise.is_negligible
     chosen = np.random.default_rng(6).choice(len(points), 300, replace=False)
     with_feet, without = placed(noisy, chosen, noise=noise), placed(noisy, chosen)
     assert mean_distance(points, noisy[with_feet]) < 0.9 * mean_distance(points, noisy[without])

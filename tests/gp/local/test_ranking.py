@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.gp.local.algorithm import Candidates, Criterion, Ranking, field_of, local_field
+from gppcs.gp.local.algorithm import Candidates, Criterion, Ranking, choose_in_stage, field_of, local_field
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
@@ -31,7 +31,7 @@ def ranked(points, n_points, seen=clean):
     ranking = Ranking.of_fixed(0)
     for stage in stages:
         tree, field = field_of(candidates, stage, criterion())
-        ranking = ranking.extended(field, tree, stage, criterion(), lambda steps: None)
+        ranking = choose_in_stage(ranking, field, tree, stage, criterion(), lambda steps: None)
     return ranking
 
 

@@ -13,11 +13,11 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
     """Noisy points would pass for sharp ones."""
     area, noise, sharpness, _ = survey(sphere, 1_000, 8.0, Timer())
     assert area == pytest.approx(4 * np.pi, rel=0.1)
-    assert noise.quiet
+    assert noise.is_negligible
     assert (sharpness > 0).all()
     noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
     _, noise, sharpness, _ = survey(noisy, 1_000, 8.0, Timer())
-    assert not noise.quiet
+    assert not noise.is_negligible
     assert noise.sigma == pytest.approx(0.01, rel=0.3)
     assert (sharpness == 0).all()
 

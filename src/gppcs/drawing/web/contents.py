@@ -15,7 +15,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
-from gppcs.drawing.web.layers import Layer, Surface
+from gppcs.drawing.web.layers import CloudSurface, Layer
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
 from gppcs.engine.arrays import Floats
@@ -79,14 +79,14 @@ def report_page(
     timer, blocks = timer_of(timer), Blocks()
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     with timer("original"):
-        surface = Surface.from_cloud(original)
+        surface = CloudSurface.from_cloud(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
     unit = unit_of(original.cloud.header) or ""
     lengths = f"in {unit or 'the unit of the coordinates'}"
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
-            kept, indices = _on_original(Surface.from_cloud(result), surface)
+            kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             distances = _distances(first.cloud.points, kept.cloud.points)
@@ -111,7 +111,7 @@ def report_page(
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
     """Return a page of any clouds."""
     blocks = Blocks()
-    layers = [Layer(blocks, named, "cloud", Surface.from_cloud(named)) for named in clouds]
+    layers = [Layer(blocks, named, "cloud", CloudSurface.from_cloud(named)) for named in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = f"{sum(len(named.cloud) for named in clouds):,} points"
     unit, mesh = unit_of(clouds[0].cloud.header) or "", clouds[0].mesh
@@ -120,7 +120,7 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
 
-def _on_original(result: Surface, original: Surface) -> tuple[Surface, NDArray[np.uint32]]:
+def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSurface, NDArray[np.uint32]]:
     """Return a result with the variation and normals of the original, and where its points are there, or 2^32 - 1."""
     _, frame = normalised(original.cloud.points)
     nearest, squared = original.tree.nearest_of(frame.near(result.cloud.points), 1)

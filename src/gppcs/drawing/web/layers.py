@@ -34,7 +34,7 @@ class Named:
     reason: str | None = None  # why its points were chosen
 
 
-class Surface(NamedTuple):
+class CloudSurface(NamedTuple):
     """What a cloud tells of its surface at each of its N points with finite coordinates."""
 
     cloud: PointCloud  # these points
@@ -44,7 +44,7 @@ class Surface(NamedTuple):
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
 
     @classmethod
-    def from_cloud(cls, named: Named) -> Surface:
+    def from_cloud(cls, named: Named) -> CloudSurface:
         """Estimate the surface of a cloud; errors name the cloud."""
         cloud, indices = named.cloud, np.flatnonzero(named.cloud.is_finite())
         try:
@@ -73,7 +73,7 @@ def spread(spacings: Floats, minimum: float) -> tuple[float, NDArray[np.uint8]]:
 class Layer:
     """One cloud of the page: `described` is what the page needs to know of it, as JSON."""
 
-    def __init__(self, blocks: Blocks, named: Named, role: str, surface: Surface) -> None:
+    def __init__(self, blocks: Blocks, named: Named, role: str, surface: CloudSurface) -> None:
         self.blocks, self.name, self.notes = blocks, named.name, list[str]()
         finite, points = len(surface.indices), len(named.cloud)
         self.shown = np.arange(finite)  # (K,), the points of the surface that are drawn
@@ -119,7 +119,7 @@ class Layer:
         """Return a quantity (K,) as the page holds it."""
         return quantised_values(values)
 
-    def _add_estimates(self, surface: Surface) -> None:
+    def _add_estimates(self, surface: CloudSurface) -> None:
         """Add what is estimated about the surface."""
         ratio = "a ratio from 0 (flat) to 1/3"
         self.add_values("variation", "surface variation", ratio, surface.variation[self.shown], root=True)

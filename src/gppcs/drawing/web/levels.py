@@ -14,7 +14,7 @@ from gppcs.clouds.quantities import unit_of
 from gppcs.drawing.camera import GUESSED, Viewpoint
 from gppcs.drawing.colours import Colourable
 from gppcs.drawing.web.contents import Page
-from gppcs.drawing.web.layers import Layer, Named, Surface, spread
+from gppcs.drawing.web.layers import CloudSurface, Layer, Named, spread
 from gppcs.drawing.web.packing import UNKNOWN, Blocks, Quantised, octahedral, quantised_values
 from gppcs.io.copc import CopcNodes
 
@@ -35,7 +35,7 @@ class Levels:
         _, cloud = nodes.read(first)
         self._names = [key for key, values in cloud.attributes.items() if (values != values[0]).any()]
         named = Named(name, self._varying(cloud))
-        layer = _FirstLevels(blocks, named, "original", Surface.from_cloud(named))
+        layer = _FirstLevels(blocks, named, "original", CloudSurface.from_cloud(named))
         indices = np.concatenate([nodes.starts[i] + np.arange(counts[i]) for i in first])
         layer.described["blocks"]["rows"] = blocks.add(indices[layer.shown].astype(np.uint32))
         total = int(counts.sum())
@@ -69,7 +69,7 @@ class Levels:
         """Return the points of a node, in the order of the file, for `readNode` in viewer/src/octree.ts."""
         with self._lock:  # to read and to estimate takes all cores
             integers, cloud = self._nodes.read([number])
-            surface = Surface.from_cloud(Named(self._name, cloud))
+            surface = CloudSurface.from_cloud(Named(self._name, cloud))
             usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
         attributes, lower = Colourable.from_cloud(self._varying(cloud), self._full), integers.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
@@ -91,7 +91,7 @@ class Levels:
 class _FirstLevels(Layer):
     """The first levels, whose values leave room for those of deeper ones."""
 
-    def _add_estimates(self, surface: Surface) -> None:
+    def _add_estimates(self, surface: CloudSurface) -> None:
         """Add the height; surface variation would differ from level to level, as the spacing does."""
         self.add_values("z", "coordinate z", "as in the file", self.cloud.points[:, 2])
 

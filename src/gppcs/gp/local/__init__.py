@@ -1,1 +1,1 @@
-"""The default method: survey, candidates, density, kernel, conditioning, posterior, greedy, ranking."""
+"""The default method: algorithm.py calls candidates, density, detail, kernel, greedy (posterior) and placement."""

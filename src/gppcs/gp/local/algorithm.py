@@ -1,4 +1,4 @@
-"""The method `gp`, in the order of the paper's Algorithm 1; research/local-field.md has the steps and equations."""
+"""The method `gp`: `choose` runs the steps of research/local-field.md in their order."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, rou
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.placement import placed
+from gppcs.gp.local.placement import place
 from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.inducing import inducing_points
@@ -29,7 +29,7 @@ def choose(
     points: Floats,
     n_points: int,
     criterion: Criterion,
-    density: float,
+    candidate_density: float,
     timer: Timer,
     fixed: int = 0,
     weights: Floats | None = None,
@@ -37,24 +37,27 @@ def choose(
 ) -> Ranking:
     """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
 
-    The first `fixed` points are chosen from the start. `density` is the number of candidate cells in a square whose
-    side is the target spacing; weights multiply the density of the chosen points; attributes count beside the shape.
+    The first `fixed` points are chosen from the start. `candidate_density` is the number of candidate cells in a square
+    whose side is the target spacing; weights multiply the density of the chosen points; attributes count beside the
+    shape.
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
-    density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness, detail = survey(points, n_points, density, timer, attributes)  # step 1
+    candidate_density *= 1.0 if weights is None else refinement(weights)
+    area, noise, sharpness, detail = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     with timer("candidates"):
-        stages = nested_candidates(points, sharpness, n_points, area, density, fixed)  # step 2
+        stages = nested_candidates(points, sharpness, n_points, area, candidate_density, fixed)  # step 2
     with timer("noise"):
-        candidates = Candidates.observed(stages[-1].indices, points, noise, weights, detail)  # Eq. (7)
+        candidates = Candidates.observed(stages[-1].indices, points, noise, weights, detail)  # step 5, Eq. (7)
     ranking = Ranking.of_fixed(fixed)
-    for stage in stages:  # about twice as many points in each as in the one before
+    for stage in stages:  # step 8: about twice as many points in each as in the one before
         with timer("features"):
-            tree, field = field_of(candidates, stage, criterion)  # Eqs. (2) to (6)
+            tree, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
-            ranking = ranking.extended(field, tree, stage, criterion, on_progress)  # Eqs. (8) and (9)
+            # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
+            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
     with timer("placement"):
-        indices = placed(points, ranking.indices, fixed, stages[-1].area, noise, detail and detail.values)  # Eq. (10)
+        values = None if detail is None else detail.values
+        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values)  # step 7, Eqs. (10) and (20)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
 
 
@@ -62,7 +65,7 @@ def choose_denoised(
     points: Floats,
     n_points: int,
     criterion: Criterion,
-    density: float,
+    candidate_density: float,
     timer: Timer,
     weights: Floats | None = None,
     attributes: NDArray[np.float32] | None = None,
@@ -77,7 +80,7 @@ def choose_denoised(
     indices = indices[candidates]
     weights = None if weights is None else weights[indices]
     attributes = None if attributes is None else attributes[indices]
-    ranking = choose(surface.points[candidates], n_points, criterion, density, timer, 0, weights, attributes)
+    ranking = choose(surface.points[candidates], n_points, criterion, candidate_density, timer, 0, weights, attributes)
     chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
         moved = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
@@ -120,13 +123,14 @@ class Candidates(NamedTuple):
         """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
         feet, variances = noise.observe(points[indices])
         weights = None if weights is None else weights[indices]
-        return cls(indices, points[indices], feet, variances, weights, detail and detail.take(indices))
+        detail = None if detail is None else detail.take(indices)
+        return cls(indices, points[indices], feet, variances, weights, detail)
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
         feet = None if self.feet is None else self.feet[positions]
         weights = None if self.weights is None else self.weights[positions]
-        detail = self.detail and self.detail.take(positions)
+        detail = None if self.detail is None else self.detail.take(positions)
         return Candidates(
             self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail
         )
@@ -147,20 +151,29 @@ class Ranking(NamedTuple):
         """Return the first points of a cloud."""
         return cls(np.arange(count), np.zeros(count), np.zeros(count))
 
-    def extended(
-        self, field: LocalField, tree: KdTree, stage: Stage, criterion: Criterion, on_progress: Callable[[int], None]
-    ) -> Ranking:
-        """Return the ranking with the points of one more stage, whose candidates the field is over."""
-        indices = stage.indices[tree.order]
-        chosen, n_added = np.flatnonzero(np.isin(indices, self.indices)), stage.target - len(self.indices)
-        added, scores, deviations = extend(
-            field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
-        )
-        return Ranking(
-            indices=np.concatenate([self.indices, indices[added]]),
-            scores=np.concatenate([self.scores, scores]),
-            deviations=np.concatenate([self.deviations, deviations]),
-        )
+
+def choose_in_stage(
+    ranking: Ranking,
+    field: LocalField,
+    tree: KdTree,
+    stage: Stage,
+    criterion: Criterion,
+    on_progress: Callable[[int], None],
+) -> Ranking:
+    """Return the ranking with the points of one more stage, each of the largest score (Eqs. (8) and (9)).
+
+    The field is over the candidates of the stage, in the order of the tree.
+    """
+    indices = stage.indices[tree.order]
+    chosen, n_added = np.flatnonzero(np.isin(indices, ranking.indices)), stage.target - len(ranking.indices)
+    added, scores, deviations = extend(
+        field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
+    )
+    return Ranking(
+        indices=np.concatenate([ranking.indices, indices[added]]),
+        scores=np.concatenate([ranking.scores, scores]),
+        deviations=np.concatenate([ranking.deviations, deviations]),
+    )
 
 
 def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:

@@ -20,7 +20,16 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.algorithm import Candidates, Criterion, FieldScale, Ranking, features_of, field_of, local_field
+from gppcs.gp.local.algorithm import (
+    Candidates,
+    Criterion,
+    FieldScale,
+    Ranking,
+    choose_in_stage,
+    features_of,
+    field_of,
+    local_field,
+)
 from gppcs.gp.local.candidates import (
     cell_edge,
     count_isolated,
@@ -35,7 +44,7 @@ from gppcs.gp.local.candidates import (
 from gppcs.gp.local.detail import FIT_RADIUS, Detail, DetailNoise, residuals
 from gppcs.gp.local.greedy import extend, next_step
 from gppcs.gp.local.kernel import LocalField
-from gppcs.gp.local.placement import exchanged
+from gppcs.gp.local.placement import replacements
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     FIRST_STAGE,
@@ -51,7 +60,7 @@ from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write_at_once, write_run
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Layer, Noise, projections
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Noise, NoiseLayer, projections
 from gppcs.surface.surface_variation import Features
 
 PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
@@ -67,7 +76,7 @@ class StoredStage:
     stored: StoredPoints  # All points; in the choice, the candidates of the last stage
     target: int  # Number of points that are chosen when the stage ends
     area: float  # Area of the surface
-    density: float  # Number of candidate cells in a square whose side is the target spacing
+    candidate_density: float  # Number of candidate cells in a square whose side is the target spacing
     thinned: bool  # Whether candidates are one in each cell; otherwise they are all points
     noise: Noise  # Without a tree: each part has one of its own
     criterion: Criterion
@@ -83,7 +92,7 @@ class StoredStage:
     @property
     def edge(self) -> float:
         """The edge length of the cells."""
-        return cell_edge(self.area, self.density * self.target)
+        return cell_edge(self.area, self.candidate_density * self.target)
 
     @property
     def diagonal(self) -> float:
@@ -115,7 +124,7 @@ def choose_stored(
     stored: StoredPoints,
     n_points: int,
     criterion: Criterion,
-    density: float,
+    candidate_density: float,
     timer: Timer,
     map_parts: MapParts,
     fixed: Ints,
@@ -125,16 +134,16 @@ def choose_stored(
 
     Shapes: fixed (m,), fixed_points (m, 3) without repeats.
     """
-    density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
+    candidate_density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
     parts = stored.parts(2 * PART)
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points
     with timer("survey"):
-        stage = _surveyed(stored, n_points, criterion, density, parts, map_parts)  # step 1
+        stage = _surveyed(stored, n_points, criterion, candidate_density, parts, map_parts)  # step 1
     with timer("candidates", len(stored)) as on_progress:
         stage = _with_candidates(stage, parts, map_parts, on_progress, chosen)  # step 2
         nested = [stage]
-        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * density)):  # 1.5 cells on slopes
+        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * candidate_density)):  # 1.5 cells on slopes
             nested.append(_coarser(nested[-1], map_parts))
     chosen = _in_memory(nested.pop(), map_parts, timer, fixed)  # Eqs. (2) to (9)
     while nested:
@@ -145,22 +154,27 @@ def choose_stored(
 
 
 def _surveyed(
-    stored: StoredPoints, n_points: int, criterion: Criterion, density: float, parts: list[Part], map_parts: MapParts
+    stored: StoredPoints,
+    n_points: int,
+    criterion: Criterion,
+    candidate_density: float,
+    parts: list[Part],
+    map_parts: MapParts,
 ) -> StoredStage:
     """Return the last stage, still without candidates: area and noise are measured, the latter in some parts."""
     tree = KdTree.build(stored.sample)
     target = max(1, len(stored.sample) // SAMPLED_PER_POINT)
     alike = np.zeros(len(stored.sample), dtype=np.float32)
-    area, _ = thinned(stored.sample, alike, target, surface_area(tree), density)
+    area, _ = thinned(stored.sample, alike, target, surface_area(tree), candidate_density)
     spacing, few = math.sqrt(area / n_points), _evenly(parts)
-    quiet = Noise(None, 0, False, 0.0, True, True, spacing)
-    stage = StoredStage(stored, n_points, area, density, True, quiet, criterion, None)
+    noiseless = Noise(None, 0, False, 0.0, True, True, spacing)
+    stage = StoredStage(stored, n_points, area, candidate_density, True, noiseless, criterion, None)
     if (within := int(np.pi * stage.sampled * stored.n_places / n_points)) >= FEWEST:
         fits = sorted({NEIGHBOURS, 2 * NEIGHBOURS, min(within, NEIGHBOURS), min(within, 2 * NEIGHBOURS)})
         measure = partial(_distances, stage, fits, -(-SAMPLES // len(few)))
         distances = np.concatenate(list(map_parts(measure, few)), axis=2)
         if distances.size:  # repeats may leave no sample
-            layers = {k: Layer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
+            layers = {k: NoiseLayer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
             stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
     if "detail" in (stored.kind.names or ()):
         measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
@@ -208,7 +222,7 @@ def _with_candidates(
     stage: StoredStage, parts: list[Part], map_parts: MapParts, on_progress: Callable[[int], None], fixed: NDArray[Any]
 ) -> StoredStage:
     """Return the last stage with its candidates in place of all points, and with an area that fits their number."""
-    many, few = MAX_CELLS * stage.density * stage.target, MIN_CANDIDATES * stage.target
+    many, few = MAX_CELLS * stage.candidate_density * stage.target, MIN_CANDIDATES * stage.target
     tasks = [(part, part.near(fixed, 0.0)) for part in parts]
     kind = _kind(stage)
 
@@ -243,8 +257,8 @@ def _with_candidates(
 
 def _kind(stage: StoredStage) -> np.dtype[Any]:
     """Return the type of the records of candidates."""
-    observed: list[Any] = [] if stage.noise.quiet else [("variance", np.float64)]
-    observed += [("foot", np.float64, 3)] if stage.noise.thick and not stage.noise.quiet else []
+    observed: list[Any] = [] if stage.noise.is_negligible else [("variance", np.float64)]
+    observed += [("foot", np.float64, 3)] if stage.noise.thick and not stage.noise.is_negligible else []
     observed += [("rough", np.float32)] if stage.detail else []
     return np.dtype([*stage.stored.kind.descr, ("sharpness", np.float32), ("gap", np.float64), *observed])
 
@@ -270,7 +284,7 @@ def _store_candidates(
     records["sharpness"], records["gap"] = sharpness[kept], gaps
     if stage.detail:
         records["rough"] = rough[kept]
-    if not stage.noise.quiet:
+    if not stage.noise.is_negligible:
         feet, records["variance"] = replace(stage.noise, tree=tree).observe(points[kept])
         if feet is not None:
             records["foot"] = feet
@@ -285,7 +299,7 @@ def _sharpness(
     drawn = drawn[first_occurrences(points[drawn])]
     tree = KdTree.build(points[drawn]) if len(drawn) else None
     sharpness, rough = np.zeros((2, len(points)), dtype=np.float32)
-    if stage.noise.clean and tree:  # otherwise noisy points would look sharp
+    if stage.noise.is_below_threshold and tree:  # otherwise noisy points would look sharp
         sharpness[drawn] = sharpness_of(tree, stage.edge)
     if stage.detail and tree:
         drawn = drawn[tree.order]
@@ -332,14 +346,14 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Int
         records = records[np.concatenate([first, np.setdiff1d(order, first, assume_unique=True)])]
         points, sharpness = np.ascontiguousarray(records["place"]), np.ascontiguousarray(records["sharpness"])
         target = min(stage.target, len(records))
-        stages = nested_candidates(points, sharpness, target, stage.area, stage.density, len(fixed))
+        stages = nested_candidates(points, sharpness, target, stage.area, stage.candidate_density, len(fixed))
     candidates = _candidates(stage, stages[-1].indices, records[stages[-1].indices])
     ranking = Ranking.of_fixed(len(fixed))
     for step in stages:
         with timer("features"):
             tree, field = field_of(candidates, step, stage.criterion)
         with timer("greedy selection", step.target - len(ranking.indices)) as on_progress:
-            ranking = ranking.extended(field, tree, step, stage.criterion, on_progress)
+            ranking = choose_in_stage(ranking, field, tree, step, stage.criterion, on_progress)
     return _chosen(records[ranking.indices], ranking.scores, ranking.deviations)
 
 
@@ -455,7 +469,7 @@ def _placed(
     chosen: NDArray[Any],
     fixed: Ints,
 ) -> Ints:
-    """Return the indices of the chosen points once they are placed, part by part, as `placement.placed` does."""
+    """Return the indices of the chosen points once they are placed, part by part, as `placement.place` does."""
     indices = chosen["row"].copy()
     order = np.argsort(indices)
     tasks = [(part, part.near(chosen, 0.5 * stage.halo)) for part in parts]
@@ -474,19 +488,20 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
     near = stage.stored.near(part, halo)
     if stays.all():
         return old[:0], old[:0]
-    if not noise.quiet:
+    if not noise.is_negligible:
         noise = replace(noise, tree=KdTree.build(near.points[is_drawn(near.indices, stage.sampled)]))
-    fraction = min(1.0, (CELL_POINTS if noise.quiet else NOISY_CELL_POINTS) * stage.target / stage.stored.n_places)
-    before = detail = None
+    cell_points = CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS
+    fraction = min(1.0, cell_points * stage.target / stage.stored.n_places)
+    vertex_attributes = detail = None
     if stage.detail:
         alike = KdTree.build(near.points).nearest_of(vertices, 1)[0][:, 0]  # repeats are not there
         detail = near.records["detail"] * np.float32(math.sqrt(stage.detail.strength))
-        before = detail[alike]
+        vertex_attributes = detail[alike]
     drawn = np.flatnonzero(is_drawn(near.indices, fraction))
     near, detail = near.take(drawn), detail if detail is None else detail[drawn]
     if not len(drawn):
         return old[:0], old[:0]
     area = stage.area / (fraction * stage.stored.n_places)
-    new = exchanged(vertices, stays, near.points, area, noise, before, detail, farthest=0.5 * halo)
+    new = replacements(vertices, stays, near.points, area, noise, vertex_attributes, detail, farthest=0.5 * halo)
     moved = np.flatnonzero(new >= 0)
     return old[moved], near.indices[new[moved]]

@@ -33,9 +33,9 @@ from gppcs.surface.surface_variation import features_in_radius
 
 
 def survey(
-    points: Floats, n_points: int, density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
+    points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
 ) -> tuple[float, Noise, NDArray[np.float32], Detail | None]:
-    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3), with `density` as `choose`.
+    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3).
 
     The sharpness is the surface variation within the edge length of a cell, plus that of the detail; 0 if not measured.
     """
@@ -45,17 +45,17 @@ def survey(
     with timer("tree"):
         tree = KdTree.build(sampled)
         alike = np.zeros(len(sampled), dtype=np.float32)
-        area, _ = thinned(sampled, alike, n_points, surface_area(tree), density)
+        area, _ = thinned(sampled, alike, n_points, surface_area(tree), candidate_density)
     with timer("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
     sharpness = np.zeros(len(points), dtype=np.float32)
-    if noise.clean:  # otherwise noisy points would look sharp
+    if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            sharpness[indices] = sharpness_of(tree, cell_edge(area, density * n_points))
+            sharpness[indices] = sharpness_of(tree, cell_edge(area, candidate_density * n_points))
     detail = None
     if attributes is not None:
         with timer("detail"):
-            detail = Detail.measure(tree, indices, attributes, cell_edge(area, density * n_points))
+            detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
     return area, noise, sharpness, detail
 
@@ -96,7 +96,7 @@ class Stage(NamedTuple):
 
 
 def nested_candidates(
-    points: Floats, sharpness: NDArray[np.float32], n_points: int, area: float, density: float, fixed: int = 0
+    points: Floats, sharpness: NDArray[np.float32], n_points: int, area: float, candidate_density: float, fixed: int = 0
 ) -> list[Stage]:
     """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
@@ -104,7 +104,7 @@ def nested_candidates(
     leaves too few, a stage takes the candidates of the finer stage, and the last stage takes all points. The first
     `fixed` points are candidates of each stage, which aims at more. Shapes: points (N, 3), sharpness (N,).
     """
-    area, indices = thinned(points, sharpness, n_points, area, density)
+    area, indices = thinned(points, sharpness, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
         spacing = math.sqrt(area / n_points)
         gaps = gaps_of_isolated(points[indices], spacing)
@@ -114,7 +114,7 @@ def nested_candidates(
     stages = [Stage(n_points, indices, enough, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
-        area, kept = thinned(points[indices], sharpness[indices], target, area, density)
+        area, kept = thinned(points[indices], sharpness[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
@@ -153,8 +153,8 @@ def largest_gap(isolated: Ints, n: int, n_points: int, spacing: float) -> float:
     Shapes: isolated (4,), as `count_isolated` returns it.
     """
     harmless = 0.003 * n_points  # so few may stay, whatever they are
-    for distance, (number, farther) in zip(ISOLATION, pairwise(isolated), strict=False):
-        if harmless < number <= n - MIN_CANDIDATES * n_points and farther > OUTLIERS * number:
+    for distance, (n_isolated, n_isolated_twice) in zip(ISOLATION, pairwise(isolated), strict=False):
+        if harmless < n_isolated <= n - MIN_CANDIDATES * n_points and n_isolated_twice > OUTLIERS * n_isolated:
             return distance * spacing
     return math.inf
 
@@ -170,13 +170,13 @@ def vanishes(area: float) -> bool:
 
 
 def thinned(
-    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float
+    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, candidate_density: float
 ) -> tuple[float, Ints]:
     """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points.
 
     The estimate is too small for points on curves, and too large for a cloud with most points in one spot.
     """
-    many, cells = MAX_CELLS * density * target, density * target
+    many, cells = MAX_CELLS * candidate_density * target, candidate_density * target
 
     def coarsened(area: float) -> tuple[float, Ints]:
         """Double the area until there are not too many occupied cells."""
@@ -184,13 +184,15 @@ def thinned(
 
     grown, kept = coarsened(area)
     if grown == area and len(kept) < MIN_CANDIDATES * target and len(points) > many:
-        return coarsened(_halved(points, sharpness, target, area, density))
+        return coarsened(_halved(points, sharpness, target, area, candidate_density))
     return grown, kept
 
 
-def _halved(points: Floats, sharpness: NDArray[np.float32], target: int, area: float, density: float) -> float:
+def _halved(
+    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, candidate_density: float
+) -> float:
     """Return the area, halved until enough cells hold points: first by a sample, then by all points."""
-    few, cells = MIN_CANDIDATES * target, density * target
+    few, cells = MIN_CANDIDATES * target, candidate_density * target
     step = len(points) // int(MAX_CELLS * cells)
     sampled, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
     halvings = 1

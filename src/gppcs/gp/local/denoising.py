@@ -18,7 +18,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import TASKS, WIDER, look_around, radius_of_nearest, search_for
 from gppcs.surface.moments import tangents
-from gppcs.surface.noise import FEWEST, NEIGHBOURS, Layer, projections
+from gppcs.surface.noise import FEWEST, NEIGHBOURS, NoiseLayer, projections
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
 
 MIN_POINTS, MANY_POINTS = 60, 120  # k, the points of a fit: at least, and at most without thick noise.
@@ -43,22 +43,23 @@ def denoised(points: Floats, n_points: int) -> Denoised:
     """
     tree = KdTree.build(points)
     k, noisy = neighbourhood(tree)
-    plenty, few = len(points) // (16 * n_points), len(points) // (4 * n_points)
+    step_max, step_max_thick = len(points) // (16 * n_points), len(points) // (4 * n_points)
     thick = k > MANY_POINTS
-    step = max(1, min(k // MIN_POINTS, few)) if thick else 1
+    step = max(1, min(k // MIN_POINTS, step_max_thick)) if thick else 1
     # With more rounds, weights follow the noise of the normals; where the noise is thick, the second does so.
     rounds = 1 if thick else 2 if noisy else 0
     feet, normals = _first_feet(tree, k, step)
     on_surface = feet if noisy else tree.points
-    selected, worth = np.zeros(len(points), dtype=bool), np.ones(len(points))
-    selected[:: max(step, plenty)] = True
+    selected, total_weight = np.zeros(len(points), dtype=bool), np.ones(len(points))
+    selected[:: max(step, step_max)] = True
     for _ in range(rounds):
-        new, turned, worth = _round(KdTree.over(on_surface), normals, tree.points, k, selected)
+        new, turned, total_weight = _round(KdTree.over(on_surface), normals, tree.points, k, selected)
         on_surface, normals = np.where(selected, new, on_surface), np.where(selected, turned, normals)
     result = Denoised(np.empty_like(points), np.empty_like(points), np.empty(len(points), dtype=bool))
     result.points[tree.order], result.normals[tree.order] = on_surface.T, normals.T
-    # Where observations are worth less than a quarter of the median in all, the variance of the posterior is large.
-    result.trusted[tree.order] = selected & (worth >= 0.25 * np.median(worth[selected])) if noisy else True
+    # Where the weights sum up to less than a quarter of the median, the variance of the posterior is large.
+    is_trusted = selected & (total_weight >= 0.25 * np.median(total_weight[selected]))
+    result.trusted[tree.order] = is_trusted if noisy else True
     return result
 
 
@@ -81,9 +82,9 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     sampled = tree.thinned(-(-n // 1024))
 
     @cache
-    def fit(k: int) -> tuple[Floats, Layer]:
+    def fit(k: int) -> tuple[Floats, NoiseLayer]:
         feet, fitted = projections(tree, sampled, k)
-        return feet, Layer.between(sampled.points, feet, fitted)
+        return feet, NoiseLayer.between(sampled.points, feet, fitted)
 
     feet, layer = fit(k)
     if not layer.is_thick() and layer.is_detail(fit(2 * k)[1]):
@@ -102,19 +103,21 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
 
 
 def _round(tree: KdTree, normals: Floats, observed: Floats, k: int, selected: Flags) -> tuple[Floats, Floats, Floats]:
-    """Return new points and normals of those selected, and the worth of their observations, by the last tree."""
-    new, turned, worth = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
+    """Return new points and normals of those selected, and the sums of the weights, by the last tree."""
+    new, turned, total_weight = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
     tasks = min(tree.leaves, TASKS)
-    on_ranges(_denoise_leaves, tasks, tasks, *tree.arrays, normals, observed, k, selected, new, turned, worth)
-    return new, turned, worth
+    on_ranges(_denoise_leaves, tasks, tasks, *tree.arrays, normals, observed, k, selected, new, turned, total_weight)
+    return new, turned, total_weight
 
 
 @kernel(fastmath=False)
-def _denoise_leaves(first, last, tasks, points, lower, upper, normals, observed, k, selected, new, turned, worth):
-    """Fill the selected new points and normals, (3, n), and their worth, (n,), in a range of tasks."""
+def _denoise_leaves(
+    first, last, tasks, points, lower, upper, normals, observed, k, selected, new, turned, total_weight
+):
+    """Fill the selected new points and normals, (3, n), and the sums of the weights, (n,), in a range of tasks."""
     leaves = first_leaf(lower)
     search = search_for(k, leaves)
-    near = np.empty(len(search.room.positions), dtype=np.int64)
+    near = np.empty(len(search.buffer.positions), dtype=np.int64)
     terms = np.zeros((TERMS, search.local.shape[1]), dtype=np.float64)
     equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
     for task in range(first, last):
@@ -129,8 +132,9 @@ def _denoise_leaves(first, last, tasks, points, lower, upper, normals, observed,
                 if selected[i]:
                     squared = _find_near(points, lower, upper, i, count, squared_radius, search, near)
                     _denoise(
-                        i, near[:k], np.sqrt(squared), points, normals, observed, terms, equations, new, turned, worth
-                    )
+                        i, near[:k], np.sqrt(squared), points, normals, observed, terms, equations, new, turned,
+                        total_weight,
+                    )  # fmt: skip
                     total, number = total + squared, number + 1
             squared_radius = WIDER * total / number
 
@@ -139,14 +143,15 @@ def _denoise_leaves(first, last, tasks, points, lower, upper, normals, observed,
 def _find_near(points, lower, upper, i, count, squared_radius, search, near):
     """Fill `near` with the k points nearest to point i, and return the squared distance of the farthest."""
     k, x, y, z = len(search.gaps), points[0, i], points[1, i], points[2, i]
-    radius = radius_of_nearest(search.room.packed, count, x, y, z, k, squared_radius, search.squared)
+    radius = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
     if radius < 0.0:
         nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
         near[:k] = search.positions
         return search.gaps[-1]
     slot, farthest = 0, 0.0
     for j in range(count):
-        near[slot] = search.room.positions[j]  # always written and then counted or not: a branch would be mispredicted
+        # Always written and then counted or not: a branch would be mispredicted.
+        near[slot] = search.buffer.positions[j]
         slot += 1 if search.squared[j] <= radius else 0
     for j in near[:k]:
         farthest = max(farthest, (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2)
@@ -154,7 +159,7 @@ def _find_near(points, lower, upper, i, count, squared_radius, search, near):
 
 
 @kernel(fastmath=False)
-def _denoise(i, near, radius, points, normals, observed, terms, equations, new, turned, worth):
+def _denoise(i, near, radius, points, normals, observed, terms, equations, new, turned, total_weight):
     """Move point i to the posterior mean by the observations near it, and turn its normal (Eq. (13))."""
     x, y, z = points[0, i], points[1, i], points[2, i]
     p, q, r = normals[0, i], normals[1, i], normals[2, i]
@@ -165,7 +170,7 @@ def _denoise(i, near, radius, points, normals, observed, terms, equations, new, 
     s, t = tangents(p, q, r)
     _fill_terms(near, x, y, z, p, q, r, s, t, radius, points, normals, observed, terms)
     fill_equations(terms, equations)
-    worth[i] = equations[0, 0]
+    total_weight[i] = equations[0, 0]
     for a in range(3, COEFFICIENTS):
         equations[a, a] += 4.0  # tau^2 / Lambda (Eq. (11)): half a standard deviation of the noise at the radius
     solve(equations)

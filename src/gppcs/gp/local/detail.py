@@ -16,7 +16,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import DETAIL_DISTANCE, DETAIL_ROUGHNESS
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
-from gppcs.spatial.nearest import MANY_LEAVES, pack, room_for
+from gppcs.spatial.nearest import MANY_LEAVES, pack, search_buffer
 from gppcs.surface.moments import MOMENTS, with_step
 
 FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the candidates' cells.
@@ -92,23 +92,23 @@ def residuals(tree: KdTree, values: Floats, radius: float) -> Floats:
 def _residuals(begin, end, points, lower, upper, values, squared_radius, variances):
     """Fill `variances`, (n,), for a range of leaves."""
     n, leaves, k = points.shape[1], first_leaf(lower), values.shape[1]
-    near, room = np.empty(leaves, dtype=np.int64), room_for(MANY_LEAVES)
-    packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
+    near, buffer = np.empty(leaves, dtype=np.int64), search_buffer(MANY_LEAVES)
+    packed, steps = np.zeros((k, buffer.packed.shape[1])), np.empty((4, buffer.packed.shape[1]))
     moments, products = np.empty(MOMENTS), np.empty((k, 5))
     for leaf in range(leaves + begin, leaves + end):
         count = leaves_near(lower, upper, lower[leaf], upper[leaf], squared_radius, near)
-        if count * LEAF_SIZE > len(room.positions):
-            room = room_for(2 * count)
-            packed, steps = np.zeros((k, room.packed.shape[1])), np.empty((4, room.packed.shape[1]))
+        if count * LEAF_SIZE > len(buffer.positions):
+            buffer = search_buffer(2 * count)
+            packed, steps = np.zeros((k, buffer.packed.shape[1])), np.empty((4, buffer.packed.shape[1]))
         count = points_near(
-            points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, room.positions
+            points, lower, upper, near[:count], lower[leaf], upper[leaf], squared_radius, buffer.positions
         )
-        full = pack(points, room, count)
+        full = pack(points, buffer, count)
         for c in range(k):
             for slot in range(count):
-                packed[c, slot] = values[room.positions[slot], c]
+                packed[c, slot] = values[buffer.positions[slot], c]
         for i in range(*leaf_range(n, leaves, leaf)):
-            _steps(room.packed, full, points[0, i], points[1, i], points[2, i], squared_radius, steps, moments)
+            _steps(buffer.packed, full, points[0, i], points[1, i], points[2, i], squared_radius, steps, moments)
             for c in range(k):
                 _add_products(steps, packed[c], values[i, c], full, products[c])
             ridge = 1e-3 * squared_radius  # as points are mostly coplanar

@@ -27,12 +27,12 @@ from gppcs.gp.local.greedy_state import (
     renew,
     renew_inner,
     renew_leaf,
-    room_below,
-    score_changed,
+    rescore,
     set_score,
+    workspace_below,
 )
 from gppcs.gp.local.kernel import LocalField, detail_distance, field_distance
-from gppcs.gp.local.posterior import condition, posterior
+from gppcs.gp.local.posterior import condition, posterior_of_all
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, squared_distance_of_boxes
 
 PART_POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
@@ -89,7 +89,7 @@ def extend(
 def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int, error_weight: float) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
-    _, variances, scores = posterior(field, conditioning, error_weight)
+    _, variances, scores = posterior_of_all(field, conditioning, error_weight)
     count = len(tree.lower)
     state = GreedyState(
         tree.order, conditioning, variances, scores, conditioning.squared[:, -1].copy(),
@@ -206,13 +206,13 @@ def _exchange_boundaries(field: LocalField, error_weight: float, state: GreedySt
 @kernel
 def _receive(begin, end, field, error_weight, state, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
-    room = room_below(field, state, len(parts.counts))
+    workspace = workspace_below(field, state, len(parts.counts))
     for part in range(begin, end):
-        _receive_in_part(part, field, error_weight, state, parts, room)
+        _receive_in_part(part, field, error_weight, state, parts, workspace)
 
 
 @kernel(allocates=False)
-def _receive_in_part(part, field, error_weight, state, parts, room):
+def _receive_in_part(part, field, error_weight, state, parts, workspace):
     """Condition the points of a part on what its neighbours have chosen; note their scores."""
     n, count = len(state.scores), len(parts.counts)
     root, changed = count + part, 0
@@ -222,8 +222,8 @@ def _receive_in_part(part, field, error_weight, state, parts, room):
             new = parts.positions[slot]
             x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
             if is_in_range(state.boxes, root, x, y, z, field.spacings[new], state.boxes[root, 6]):
-                _, changed = condition_on(new, root, field, state, room, changed)
-    score_changed(changed, field, error_weight, state, room)
+                _, changed = condition_on(new, root, field, state, workspace, changed)
+    rescore(changed, field, error_weight, state, workspace)
     for i in range(n * part // count, n * (part + 1) // count):
         parts.seen[i] = state.scores[i]
     width = first_leaf(state.best) // count
@@ -239,16 +239,16 @@ def _receive_in_part(part, field, error_weight, state, parts, room):
 def choose_in_parts(begin, end, threshold, maximum, field, error_weight, state, parts):
     """Let some parts choose their points down to a threshold. A single part chooses one after another."""
     count = len(parts.counts)
-    room = room_below(field, state, count)
-    deferred = np.empty(len(room.changed), dtype=np.int64)
+    workspace = workspace_below(field, state, count)
+    deferred = np.empty(len(workspace.changed), dtype=np.int64)
     scores = np.empty(len(deferred), dtype=np.float64)
     for part in range(begin, end):
-        _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, room, deferred, scores)
+        _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, workspace, deferred, scores)
 
 
 @kernel(allocates=False)
-def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, room, deferred, scores):
-    """Let a part choose; `deferred` and `scores`, with an entry for each of its points, are room."""
+def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, workspace, deferred, scores):
+    """Let a part choose; `deferred` and `scores`, with an entry for each of its points, are scratch memory."""
     root, waiting = len(parts.counts) + part, 0
     while state.best[root] >= threshold and state.best[root] > TAKEN and parts.counts[part] < maximum:
         new = state.holder[root]
@@ -258,7 +258,7 @@ def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts,
             set_score(state, root, new, TAKEN)
         else:
             _take(new, part, state, parts)
-            observe(new, root, field, error_weight, state, room)
+            observe(new, root, field, error_weight, state, workspace)
     for which in range(waiting):
         set_score(state, root, deferred[which], scores[which])
 

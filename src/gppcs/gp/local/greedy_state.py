@@ -13,7 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.gp.local.kernel import LANES, field_distance
-from gppcs.gp.local.posterior import Conditioning, Work, posterior_in_lanes, workspace
+from gppcs.gp.local.posterior import Conditioning, Work, compute_posteriors, work_for
 from gppcs.spatial.kdtree import LEAF_SIZE, after, first_leaf, leaf_range
 
 TAKEN = -1.0  # Score and squared range of a chosen point: below those of all others.
@@ -34,7 +34,7 @@ class GreedyState(NamedTuple):
     holder: Ints  # (nodes,), the point with this score; of several that with the smallest index in the tree's input
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Memory for what one new point changes."""
 
     visited: Ints  # (nodes,), nodes that the new point may change
@@ -44,27 +44,27 @@ class Room(NamedTuple):
 
 
 @kernel
-def room_below(field, state, count):
-    """Return room for the points below one of `count` nodes of a depth."""
-    return Room(
+def workspace_below(field, state, count):
+    """Return memory for the points below one of `count` nodes of a depth."""
+    return Workspace(
         np.empty(len(state.best) // count, dtype=np.int64),
         np.empty(len(state.scores) // count + 1, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
-        workspace(state.conditioning.nearest.shape[1], len(field.detail)),
+        work_for(state.conditioning.nearest.shape[1], len(field.detail)),
     )
 
 
 @kernel(fastmath=False, allocates=False)
-def observe(new, root, field, error_weight, state, room):
+def observe(new, root, field, error_weight, state, workspace):
     """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
-    nodes, points = condition_on(new, root, field, state, room, 0)
-    score_changed(points, field, error_weight, state, room)
+    nodes, points = condition_on(new, root, field, state, workspace, 0)
+    rescore(points, field, error_weight, state, workspace)
     for v in range(nodes - 1, -1, -1):  # children before their parents
-        renew(room.visited[v], state)
+        renew(workspace.visited[v], state)
 
 
 @kernel(fastmath=False, allocates=False)
-def condition_on(new, root, field, state, room, count):
+def condition_on(new, root, field, state, workspace, count):
     """Condition the points below a node on a new one; return the numbers of visited nodes and of changed points."""
     boxes, ranges, last = state.boxes, state.ranges, state.conditioning.nearest.shape[1] - 1
     n, leaves = len(ranges), first_leaf(boxes)
@@ -76,7 +76,7 @@ def condition_on(new, root, field, state, room, count):
         if node != root and not is_in_range(boxes, node, x, y, z, spacing, boxes[node, 6]):
             node = after(node, root)
             continue
-        room.visited[seen] = node
+        workspace.visited[seen] = node
         seen += 1
         if node < leaves:
             node *= 2
@@ -84,20 +84,20 @@ def condition_on(new, root, field, state, room, count):
         begin, end = leaf_range(n, leaves, node)
         for i in range(begin, end):
             cosine = field.normals[0, i] * u + field.normals[1, i] * v + field.normals[2, i] * w
-            room.gaps[i - begin] = field_distance(
+            workspace.gaps[i - begin] = field_distance(
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
             )  # fmt: skip
         for c in range(len(field.detail)):  # what `detail_distance` adds, in loops that vectorise
             for i in range(begin, end):
-                room.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
+                workspace.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):
-            if room.gaps[i - begin] < ranges[i]:
-                _keep_nearest(state.conditioning, i, new, room.gaps[i - begin])
+            if workspace.gaps[i - begin] < ranges[i]:
+                _keep_nearest(state.conditioning, i, new, workspace.gaps[i - begin])
                 ranges[i] = state.conditioning.squared[i, last]
                 if state.scores[i] != UNSCORED:
                     state.scores[i] = UNSCORED
-                    room.changed[count] = i
+                    workspace.changed[count] = i
                     count += 1
         node = after(node, root)
     return seen, count
@@ -124,14 +124,16 @@ def _keep_nearest(conditioning, i, new, gap):
 
 
 @kernel(allocates=False)
-def score_changed(count, field, error_weight, state, room):
-    """Compute the posteriors of the first `count` points in `changed` of the room."""
+def rescore(count, field, error_weight, state, workspace):
+    """Compute the posteriors of the first `count` points in `changed` of `workspace`."""
     for begin in range(0, count, LANES):
         end = min(begin + LANES, count)
-        posterior_in_lanes(field, state.conditioning.nearest, room.changed, begin, end, error_weight, room.work)
+        compute_posteriors(
+            field, state.conditioning.nearest, workspace.changed, begin, end, error_weight, workspace.work
+        )
         for p in range(end - begin):
-            i = room.changed[begin + p]
-            state.variances[i], state.scores[i] = room.work.variance[p], room.work.score[p]
+            i = workspace.changed[begin + p]
+            state.variances[i], state.scores[i] = workspace.work.variance[p], workspace.work.score[p]
 
 
 @kernel(allocates=False)

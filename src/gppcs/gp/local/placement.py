@@ -26,7 +26,7 @@ from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 
-def placed(
+def place(
     points: Floats, chosen: Ints, fixed: int, area: float, noise: Noise, detail: NDArray[np.float32] | None = None
 ) -> Ints:
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
@@ -34,17 +34,17 @@ def placed(
     Shapes: points (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
-    fraction = (CELL_POINTS if noise.quiet else NOISY_CELL_POINTS) * len(chosen) / len(points)
+    fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
         drawn = np.flatnonzero(is_drawn(np.arange(len(points)), fraction))
         detail = None if detail is None else detail.take(drawn, axis=0)
-        new = exchanged(points[chosen], stays, points[drawn], area / len(drawn), noise, old, detail)
+        new = replacements(points[chosen], stays, points[drawn], area / len(drawn), noise, old, detail)
         return np.where(new < 0, chosen, drawn[new])
-    new = exchanged(points[chosen], stays, points, area / len(points), noise, old, detail)
+    new = replacements(points[chosen], stays, points, area / len(points), noise, old, detail)
     return np.where(new < 0, chosen, new)
 
 
-def exchanged(
+def replacements(
     vertices: Floats,
     stays: Flags,
     points: Floats,
@@ -63,7 +63,7 @@ def exchanged(
     """
     cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()
-    if noise.quiet:
+    if noise.is_negligible:
         feet, normals = cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
     else:
         feet, fitted = noise.projected(cells)
@@ -71,8 +71,10 @@ def exchanged(
     surface = LocalSurface.from_points(vertices)
     tree, order = surface.tree.in_own_order(), surface.tree.order
     points, vertices, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
-    before = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
-    after = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
+    vertex_attributes = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
+    point_attributes = (
+        np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
+    )
     new = np.full(len(order), -1)
     k = min(4, len(order))
     gaps = np.sqrt(tree.nearest_of(vertices, k)[1]).sum(axis=1) / max(1, k - 1)
@@ -86,10 +88,12 @@ def exchanged(
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(
             _exchange, len(order), points, feet, normals, vertices, surface.corners, surface.normals, first, members,
-            starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, before, after, gaps, new,
+            starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, vertex_attributes, point_attributes, gaps,
+            new,
         )  # fmt: skip
         stay = new[:, np.newaxis] < 0
-        vertices, before = np.where(stay, vertices, points.T[new]), np.where(stay, before, after[new])
+        vertices = np.where(stay, vertices, points.T[new])
+        vertex_attributes = np.where(stay, vertex_attributes, point_attributes[new])
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -118,8 +122,8 @@ def _nearest_of_each(
             total = 0.0
             for q in range(begin, end):
                 x, y, z = queries[0, q], queries[1, q], queries[2, q]
-                slot = _nearest_packed(search.room.packed, count, x, y, z, radius, search.squared)
-                positions[q] = search.room.positions[slot]
+                slot = _nearest_packed(search.buffer.packed, count, x, y, z, radius, search.squared)
+                positions[q] = search.buffer.positions[slot]
                 squared[q] = search.squared[slot]
                 if slot < 0:
                     nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
@@ -178,35 +182,39 @@ def _exchange(
     normals,
     vertices,
     corners,
-    upright,
+    fan_normals,
     first,
     members,
     starts,
     steps,
     stays,
     widest,
-    before,
-    after,
-    change,
+    vertex_attributes,
+    point_attributes,
+    attribute_scale,
     new,
 ):
     """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on."""
-    by_shape = after.shape[1] == 0
+    by_shape = point_attributes.shape[1] == 0
     trials = TRIALS if by_shape else 20
     rounding = 1e-9  # a gain below this, in steps, is only rounding
-    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(after.shape[1], dtype=np.float64)
+    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(point_attributes.shape[1], dtype=np.float64)
     errors = np.empty(0, dtype=np.float64)
     for v in range(begin, end):
         cell, vertex, fan = members[starts[v] : starts[v + 1]], row(vertices, v), corners[v]
-        if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, vertex, row(upright, v)):
+        if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, vertex, row(fan_normals, v)):
             continue
         if len(cell) > len(errors):
             errors = np.empty(2 * len(cell), dtype=np.float64)
         current = _errors(
-            v, points, feet, normals, vertices, cell, first, steps[v], before, after, change[v], quadric, middle, errors
-        )
+            v, points, feet, normals, vertices, cell, first, steps[v], vertex_attributes, point_attributes,
+            attribute_scale[v], quadric, middle, errors,
+        )  # fmt: skip
         smallest = (0.0 if by_shape else current) - rounding * steps[v]
-        smallest += _off_fan(feet, vertices, fan, vertex, before, before[v], after, change[v], cell, np.inf)
+        smallest += _off_fan(
+            feet, vertices, fan, vertex, vertex_attributes, vertex_attributes[v], point_attributes, attribute_scale[v],
+            cell, np.inf,
+        )  # fmt: skip
         tried = 0
         while tried < trials:  # in the order of the error, up to that of the vertex; with attributes, while it is small
             slot = np.argmin(errors[: len(cell)])
@@ -216,19 +224,22 @@ def _exchange(
             if not _covers(points, row(points.T, x), cell, widest):
                 continue
             total, to = 0.0 if by_shape else error, row(points.T, x)
-            total += _off_fan(feet, vertices, fan, to, before, after[x], after, change[v], cell, smallest - total)
+            total += _off_fan(
+                feet, vertices, fan, to, vertex_attributes, point_attributes[x], point_attributes, attribute_scale[v],
+                cell, smallest - total,
+            )  # fmt: skip
             if total < smallest:
                 smallest, new[v] = total, x
             tried += 1
 
 
 @kernel(allocates=False)
-def _is_one_sheet(feet, normals, cell, vertex, upright):
+def _is_one_sheet(feet, normals, cell, vertex, fan_normal):
     """Return whether the planes of a cell are those of one sheet, by a vertex and the normal of its fan."""
     agreement, nearest, middle, through = 0.0, np.inf, cell[0], 0
     for q in cell:
         step = minus(row(feet.T, q), vertex)
-        agreement += abs(dot(row(normals, q), upright))
+        agreement += abs(dot(row(normals, q), fan_normal))
         if dot(step, step) < nearest:
             nearest, middle = dot(step, step), q
     if agreement < 0.4 * len(cell):
@@ -241,7 +252,10 @@ def _is_one_sheet(feet, normals, cell, vertex, upright):
 
 
 @kernel(allocates=False)
-def _errors(v, points, feet, normals, vertices, cell, first, steps, before, after, change, quadric, middle, errors):
+def _errors(
+    v, points, feet, normals, vertices, cell, first, steps, vertex_attributes, point_attributes, attribute_scale,
+    quadric, middle, errors,
+):  # fmt: skip
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
     vertex, n, judged = row(vertices, v), len(cell), -(-len(cell) // _stride(cell))
     quadric[:], middle[:] = 0.0, 0.0
@@ -251,26 +265,22 @@ def _errors(v, points, feet, normals, vertices, cell, first, steps, before, afte
         add_plane(quadric, normal, -dot(normal, step), 1.0)
         x, y, z = x + step[0] / n, y + step[1] / n, z + step[2] / n
         for c in range(len(middle)):
-            middle[c] += after[q, c] / n
+            middle[c] += point_attributes[q, c] / n
     for slot, q in enumerate(cell):
         step, errors[slot] = minus(row(points.T, q), vertex), np.inf
         if first[q] == v and dot(step, step) <= steps * steps:
-            squared = value(quadric, step) / n + PULL * _squared(minus(step, (x, y, z)))
-            errors[slot] = judged * np.sqrt(max(0.0, squared) + change**2 * _squared_difference(after[q], middle))
-    squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * _squared((x, y, z))
-    return judged * np.sqrt(max(0.0, squared) + change**2 * _squared_difference(before[v], middle))
+            to_middle = minus(step, (x, y, z))
+            squared = value(quadric, step) / n + PULL * dot(to_middle, to_middle)  # Eq. (10)
+            squared = max(0.0, squared) + attribute_scale**2 * _squared_difference(point_attributes[q], middle)
+            errors[slot] = judged * np.sqrt(squared)  # Eq. (20), second term
+    squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z))
+    return judged * np.sqrt(max(0.0, squared) + attribute_scale**2 * _squared_difference(vertex_attributes[v], middle))
 
 
 @kernel(allocates=False)
 def _stride(cell):
-    """Return which of the points of a cell are judged: each first of so many, ten at most."""
+    """Return the step with which at most ten points of a cell are sampled."""
     return -(-len(cell) // 10)
-
-
-@kernel(allocates=False)
-def _squared(vector):
-    """Return the squared length of a vector."""
-    return dot(vector, vector)
 
 
 @kernel(allocates=False)
@@ -293,7 +303,7 @@ def _covers(points, vertex, cell, widest):
 
 
 @kernel(allocates=False)
-def _off_fan(feet, vertices, corners, apex, before, at_apex, after, change, cell, limit):
+def _off_fan(feet, vertices, corners, apex, vertex_attributes, at_apex, point_attributes, attribute_scale, cell, limit):
     """Return the first sum of Eq. (20) over a cell and the fan of triangles around an apex, or more than `limit`."""
     total = 0.0
     for slot in range(0, len(cell), _stride(cell)):
@@ -312,9 +322,11 @@ def _off_fan(feet, vertices, corners, apex, before, at_apex, after, change, cell
             return 0.0
         difference = 0.0
         for k in range(len(at_apex)):
-            interpolated = at_apex[k] + s * (before[second, k] - at_apex[k]) + t * (before[third, k] - at_apex[k])
-            difference += (interpolated - after[q, k]) ** 2
-        total += np.sqrt(smallest) + change * np.sqrt(difference)
+            interpolated = at_apex[k]
+            interpolated += s * (vertex_attributes[second, k] - at_apex[k])
+            interpolated += t * (vertex_attributes[third, k] - at_apex[k])
+            difference += (interpolated - point_attributes[q, k]) ** 2
+        total += np.sqrt(smallest) + attribute_scale * np.sqrt(difference)  # Eq. (20), the sum
         if total > limit:
             break
     return total

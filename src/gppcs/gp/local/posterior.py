@@ -1,7 +1,7 @@
 """Posterior mean and variance of the local field (Eq. (8); paper, Eqs. 3 and 4), by the nearest chosen points.
 
-This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). `posterior_in_lanes` computes the
-variance of a candidate: for all of them in `posterior`, and in `greedy_state.score_changed` after each choice.
+This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016). `compute_posteriors` computes the
+variance of a candidate: for all of them in `posterior_of_all`, and in `greedy_state.rescore` after each choice.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ class Conditioning(NamedTuple):
     squared: Floats  # (n, K), their squared distances in the field; infinite where fewer are chosen
 
 
-def posterior(field: LocalField, conditioning: Conditioning, error_weight: float) -> tuple[Floats, Floats, Floats]:
+def posterior_of_all(
+    field: LocalField, conditioning: Conditioning, error_weight: float
+) -> tuple[Floats, Floats, Floats]:
     """Return mean and variance of the field, and the score, at every point; (n,) each."""
     n = len(field.y)
     means, variances, scores = results = np.empty((3, n))
@@ -38,11 +40,11 @@ def posterior(field: LocalField, conditioning: Conditioning, error_weight: float
 @kernel
 def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
     """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
-    work = workspace(nearest.shape[1], len(field.detail))
+    work = work_for(nearest.shape[1], len(field.detail))
     indices = np.arange(begin, end)
     for first in range(0, len(indices), LANES):
         count = min(LANES, len(indices) - first)
-        posterior_in_lanes(field, nearest, indices, first, first + count, error_weight, work)
+        compute_posteriors(field, nearest, indices, first, first + count, error_weight, work)
         for p in range(count):
             i = begin + first + p
             means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
@@ -66,7 +68,7 @@ class Work(NamedTuple):
 
 
 @kernel
-def workspace(neighbours, details):
+def work_for(neighbours, details):
     """Return memory for posteriors."""
     return Work(
         np.empty((neighbours + 1, SITE + details, LANES), dtype=np.float64),
@@ -81,7 +83,7 @@ def workspace(neighbours, details):
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
-def posterior_in_lanes(field, nearest, indices, begin, end, error_weight, work):
+def compute_posteriors(field, nearest, indices, begin, end, error_weight, work):
     """Compute mean and variance (Eq. (8)) and score (Eq. (9)) at the points `indices[begin:end]`, side by side."""
     neighbours = nearest.shape[1]
     sites, factor, cross, observed, pivot, mean, variance, score = work
@@ -114,6 +116,7 @@ def posterior_in_lanes(field, nearest, indices, begin, end, error_weight, work):
             mean[p] += of_point * of_y
     for p in range(LANES):
         variance[p] = max(variance[p], 0.0)
+        # Eq. (9)
         gain = variance[p] / (variance[p] + (sites[neighbours, 8, p] - 1.0))
         score[p] = np.sqrt(gain * variance[p]) + error_weight * gain * abs(mean[p] - sites[neighbours, 7, p])
 
