@@ -67,9 +67,12 @@ def _cloud(columns: list[Column]) -> PointCloud:
     ids, *values, errors = columns
     colours = np.stack(values[3:])
     if "f" in (ids.dtype.kind, colours.dtype.kind):
-        raise FileFormatError("expected whole numbers as POINT3D_ID, R, G and B, found fractions or numbers too large")
+        raise FileFormatError(
+            "expected whole numbers as POINT3D_ID, R, G and B, found fractions or numbers too large; correct the file"
+        )
     if ((colours < 0) | (colours > 255)).any():
-        raise FileFormatError(f"expected colours from 0 to 255, found {colours.min():g} to {colours.max():g}")
+        lower, upper = colours.min(), colours.max()
+        raise FileFormatError(f"expected colours from 0 to 255, found {lower:g} to {upper:g}; scale them")
     channels = dict(zip(COLOUR, colours.astype(np.uint8), strict=True))
     attributes = {ID: ids.astype(np.int64), **channels, ERROR: errors.astype(np.float64)}
     return PointCloud(np.stack(values[:3], axis=1), attributes)

@@ -124,7 +124,7 @@ class LocalGP(Method):
 
 
 def _number_at(points: Floats, task: Task) -> int:
-    """Return how many points have a spacing on the surface, of which a sample, (n, 3), tells the area."""
+    """Return how many points have a spacing on the surface, whose area is that of a sample, (n, 3)."""
     from gppcs.gp.local.candidates import sample
     from gppcs.spatial.kdtree import KdTree, surface_area
 

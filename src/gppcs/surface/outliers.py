@@ -22,7 +22,7 @@ PART = 1 << 17  # Points of a part on disk at most.
 
 
 def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
-    """Tell which points neither their neighbours nor the surface explain.
+    """Find the points that neither their neighbours nor the surface explain.
 
     Let d be the mean distance of a point to its 16 nearest others. Its neighbours are all others at most as far as the
     16th, and s is the median of their d. The point is an outlier if d is above 2 s, and it lies more than s beside the
@@ -61,7 +61,7 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
 
 
 def outliers_among(points: Floats) -> Flags:
-    """Tell which points, (N, 3), are outliers; after the first round, only those near ones that are gone."""
+    """Find the outliers among points, (N, 3); after the first round, only those near ones that are gone."""
     distinct = points[first_occurrences(points)]
     tree = KdTree.build(distinct)
     means, squared = np.empty(len(distinct)), np.empty(len(distinct))
@@ -96,7 +96,7 @@ def _batches(mask: Flags) -> list[Ints]:
 
 
 def _are_outside(tree: KdTree, distinct: Floats, means: Floats, squared: Floats, indices: Ints) -> Flags:
-    """Tell which points, (n, 3) in tree order, are outliers, by means and squared radii of neighbourhoods, (n,)."""
+    """Find the outliers among points, (n, 3) in tree order, by means and squared radii of neighbourhoods, (n,)."""
     starts, near = others_within(tree, distinct[indices], squared[indices])
     around = medians(starts, means[near])
     outside = means[indices] > 2.0 * around  # on a surface, even at its boundary, it is less
