@@ -99,6 +99,7 @@ def test_comparisons_are_those_of_numpy(name, sign, limit):
             "classificaton == 6",
             "at character 1 ('classificaton ='): the cloud has no attribute 'classificaton'; did you",
         ),
+        ("return == 0", "the cloud has no attribute 'return'"),
         ("'é' == label and zz > 2", "at character 18 ('zz > 2')"),
         ("z", "at character 1 ('z'): expected a condition"),
         ("label == 3", "at character 10 ('3'): expected a text in quotes"),

@@ -59,6 +59,8 @@ def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
     for file in files:
         try:
             work(file)
+        except BrokenPipeError:  # nobody reads the results any more
+            raise
         except FAILURES as error:
             print_failure(error, file)
             failed = True

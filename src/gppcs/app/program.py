@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
 import re
 import sys
 import warnings
@@ -62,6 +63,9 @@ def run(arguments: Sequence[str]) -> int:
         with _messages_on_stderr():
             line = list(arguments) or ["--help"]
             code = app(line, prog_name="gppcs", standalone_mode=False, obj=["gppcs", *line])  # obj: shown by pages
+    except BrokenPipeError:  # as of `gppcs info scans | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the end
+        return 1
     except FAILURES as error:
         print_failure(error)
         return BAD_INPUT

@@ -22,8 +22,10 @@ AXES = ("x", "y", "z")
 GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
 _QUOTED = r"(?P<quoted>'[^']*'|\"[^\"]*\")"
 # Words of Python's statements may be names of attributes: `_MARK` in place of their first letter makes them names.
-_RESERVED = re.compile(rf"{_QUOTED}|\b(?P<name>class|def|from|global|import|pass|return|try|while|with)\b")
 _MARK = "ʬ"
+_RESERVED_WORDS = ("class", "def", "from", "global", "import", "pass", "return", "try", "while", "with")
+_RESERVED = re.compile(rf"{_QUOTED}|\b(?P<name>{'|'.join(_RESERVED_WORDS)})\b")
+_MARKED = {_MARK + word[1:]: word for word in _RESERVED_WORDS}
 _ANY_NAME = "attributes"  # attributes["any name"] stands for an attribute whose name is no word
 _COMPARISONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
@@ -152,7 +154,8 @@ class Expression:
         """Return a coordinate or an attribute; its case does not matter if only one name fits."""
         names = [*cloud.attributes, *AXES]
         if name not in names:
-            alike = [other for other in names if _plain(name) in (_plain(other), _plain(_MARK + other[1:]))]
+            name = _MARKED.get(name, name)
+            alike = [other for other in names if _plain(name) == _plain(other)]
             if len(alike) != 1:
                 raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{nearest_name(name, names)}")
             name = alike[0]
