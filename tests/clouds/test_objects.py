@@ -347,7 +347,7 @@ def test_all_functions_take_objects_and_those_above_io_paths(kind, tmp_path):
     gppcs.write(tmp_path / "again.ply", given)
     assert_same(gppcs.read(tmp_path / "again.ply"), scan)
     if kind not in METHODS:
-        with pytest.raises(InputError, match=r"found the path '.*scan\.ply'; read the file with gppcs\.read first"):
+        with pytest.raises(InputError, match=r"found the path .*; read the file with gppcs\.read first"):
             gppcs.info(given)
         return
     assert gppcs.info(given).points == 300

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import gc
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -99,10 +98,13 @@ class CompileTimer:
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._start = 0.0
         self._collects = False
+        self._is_announced = False
 
     def start(self) -> None:
         """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
-        _announce()
+        if not self._is_announced:
+            self._is_announced = True
+            _announce()
         if self._depth == 0:
             self._start = perf_counter()
             self._collects = gc.isenabled()
@@ -121,9 +123,8 @@ class CompileTimer:
 compile_timer = CompileTimer()
 
 
-@functools.cache
 def _announce() -> None:
-    """Log once that kernels are compiled; in an interactive session or notebook, print it on stderr as well."""
+    """Log that kernels are compiled; in an interactive session or notebook, print it on stderr as well."""
     import logging
 
     from gppcs.engine.kernel_cache import folder_to_write  # only now, as it slows the start

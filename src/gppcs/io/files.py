@@ -56,9 +56,9 @@ def format_of(
     start, size = file.read(1024), os.fstat(file.fileno()).st_size
     file.seek(0)
     matches = [file_format for file_format in FORMATS if file_format.recognises(start, size)]
-    if matches and (not format or if_needed):
+    if matches and (format is None or if_needed):
         return matches[0]
-    named = _named(format or inner_name(path).name, FORMATS)
+    named = _named(inner_name(path).name if format is None else format, FORMATS)
     if matches and named not in matches:
         raise FileFormatError(f"expected the format {named.name}, found {matches[0].name}; leave out format")
     return named
@@ -72,10 +72,11 @@ def format_to_write(
 ) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
     target = file_path(path)
-    if is_standard(target) and not format:
+    if is_standard(target) and format is None:
         raise FileFormatError("expected the format of standard output, found none; give it, such as ply")
     with naming(target):
-        file_format = _named(format or inner_name(target).name, [item for item in FORMATS if item.write])
+        name = inner_name(target).name if format is None else format
+        file_format = _named(name, [item for item in FORMATS if item.write])
         options: dict[str, Any] = {}
         if levels_by is not None:
             options["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
