@@ -233,3 +233,14 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, opened,
         simplify_files(clouds, options, plan, Timer())
     assert plan.readings == (3 if query else 2)
     assert opened["points"] == pytest.approx(plan.readings * 20_000, rel=0.01)
+
+
+def test_a_part_of_a_compressed_file_reads_the_copy_of_the_whole(tmp_path):
+    path = tmp_path / "cloud.ply.gz"
+    gppcs.write(path, gppcs.sample("sphere", 100))
+    with CloudFiles([path]) as files:
+        (part,) = files.parts(10)
+        path.unlink()
+        for _ in range(2):  # the second reading, too
+            with part:
+                assert len(part.read()) == 100

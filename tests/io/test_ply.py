@@ -131,7 +131,15 @@ def test_malformed_lists_are_refused(ply):
     with pytest.raises(FileFormatError, match="face 1, found one of length -1"):
         read(ply("binary_little_endian", header, b"\xff" * 20))
     header = ["element vertex 1", *XYZ, "property list char int friends"]
-    for row in (b"1 2 3 -1\n", b"0 0 0 2 1\n", b"0 0 0 nan\n", b"0 0 0 1 2 3\n", b"0 0 0 1 word\n", b"0 0 0 1 1.5\n"):
+    for row in (
+        b"1 2 3 -1\n",
+        b"0 0 0 1.5 1\n",
+        b"0 0 0 2 1\n",
+        b"0 0 0 nan\n",
+        b"0 0 0 1 2 3\n",
+        b"0 0 0 1 word\n",
+        b"0 0 0 1 1.5\n",
+    ):
         with pytest.raises(FileFormatError, match=r"expected|ends in vertex 1"):
             read(ply("ascii", header, row))
 

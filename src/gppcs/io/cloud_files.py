@@ -36,6 +36,7 @@ class _Opened:
     reader: Reader
     close: Callable[[], None]
     cloud: PointCloud | None = None  # all points, if they are read at once, until `read` returns them
+    is_lent: bool = False  # by the cloud of which this is a part, which closes it
 
     @property
     def size(self) -> int:
@@ -107,8 +108,10 @@ class CloudFiles:
         return self
 
     def __exit__(self, *_: object) -> None:
-        while self._opened:
-            self._opened.popitem()[1].close()
+        for path, opened in list(self._opened.items()):
+            if not opened.is_lent:
+                del self._opened[path]
+                opened.close()
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
@@ -193,7 +196,7 @@ class CloudFiles:
                 part = copy(self)
                 part._paths, part._span, part._header = [path], span, header
                 if opened.is_copy:
-                    part._opened[path] = replace(opened, close=lambda: None)
+                    part._opened[path] = replace(opened, is_lent=True)
                 parts.append(part)
         return parts
 

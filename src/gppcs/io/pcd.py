@@ -90,9 +90,9 @@ def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
     fields: list[Any] = []
     for name, size, letter, count in zip(names, sizes, letters, counts, strict=True):
         kind = f"{letter} {size}"
-        if kind not in types or as_count(count) is None:
+        if kind not in types or not as_count(count):
             raise FileFormatError(
-                "expected TYPE and SIZE of F 4, F 8, or I or U 1, 2, 4 or 8, and COUNT as a whole number, found "
+                "expected TYPE and SIZE of F 4, F 8, or I or U 1, 2, 4 or 8, and COUNT from 1 on, found "
                 f"{shortened(f'{name} {kind} {count}')}"
             )
         shape = () if count == "1" else (int(count),)

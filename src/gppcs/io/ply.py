@@ -249,7 +249,7 @@ def _binary_lists(data: bytes, order: _Order, element: _Element) -> tuple[dict[s
             if count := counts.get(column.name):
                 length = count.unpack_from(data, position)[0] if position + count.size <= len(data) else 0
                 position += count.size
-                if not 0 <= length < 2**63:
+                if not 0 <= length < 2**63 or length != int(length):
                     raise FileFormatError(f"expected a list in {element.name} {i + 1}, found one of length {length:g}")
             begin = position
             position += int(length) * column.dtype.itemsize

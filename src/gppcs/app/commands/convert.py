@@ -43,7 +43,7 @@ def convert(
 ) -> None:
     """Write a cloud in another format, with every attribute.
 
-    For standard input or output, write - as the name. A further suffix .gz or .zst compresses the output.
+    For standard input or output, write - as the name. A further suffix .gz compresses the output.
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
     from gppcs import io
