@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from types import FrameType
+from typing import NoReturn
 
 
 class Stopped(BaseException):
@@ -19,6 +20,7 @@ def main() -> None:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it ignored
             signal.signal(number, _stop)
+    sys.unraisablehook = _on_swallowed
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed, as by 2>&-
             setattr(sys, stream, open(os.devnull, "w"))  # noqa: SIM115
@@ -32,10 +34,22 @@ def main() -> None:
 
         code = run(sys.argv[1:])
     except Stopped as stop:
-        os.write(2, b"gppcs: interrupted\n")
-        os._exit(128 + stop.args[0])  # at once: threads may still compute, and the compiler may be half way
+        _end(stop)
     sys.exit(code)
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
     raise Stopped(number)
+
+
+def _on_swallowed(fault: sys.UnraisableHookArgs) -> None:
+    """End the program if code in C, such as the compiler, swallows the signal."""
+    if isinstance(fault.exc_value, Stopped):
+        _end(fault.exc_value)
+    sys.__unraisablehook__(fault)
+
+
+def _end(stop: Stopped) -> NoReturn:
+    """End the program at once: threads may still compute, and the compiler may be half way."""
+    os.write(2, b"gppcs: interrupted\n")
+    os._exit(128 + stop.args[0])
