@@ -61,7 +61,7 @@ def options():
 
 
 @pytest.fixture
-def workplace(tmp_path, monkeypatch):
+def user_folder(tmp_path, monkeypatch):
     """A folder with a user's scan and something that was made of it."""
     cloud = gppcs.sample("medallion", n_points=2000)
     gppcs.write(tmp_path / "scan.ply", cloud)
@@ -81,7 +81,7 @@ WORK = "docs/where-you-work.md"
 @pytest.mark.parametrize(
     "page", [pytest.param(page, marks=SLOW.get(page, ())) for page in PAGES if blocks(page, "python") and page != WORK]
 )
-def test_python_runs(page, workplace):
+def test_python_runs(page, user_folder):
     has_meshlab = importlib.util.find_spec("pymeshlab")
     code = "\n".join(block for block in blocks(page, "python") if has_meshlab or "import pymeshlab" not in block)
     exec(compile(code.replace("depth=8", "depth=5"), page, "exec"), {"__name__": "page"})  # a quick reconstruction
