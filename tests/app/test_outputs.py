@@ -74,7 +74,8 @@ def test_several_inputs_are_one_cloud_in_one_file(tiles, output, levels, expecte
 
 
 def test_a_file_is_no_folder(folder):
-    Path("a.ply").touch()
+    for name in ("a.ply", "b.ply"):
+        Path(name).touch()
     with pytest.raises(OutputError, match=r"a.ply/: expected a folder, found a file"):
         targets(["b.ply"], "a.ply/")
     [made] = outputs_of([Path("b.ply")], "a.ply/deeper/")

@@ -39,7 +39,10 @@ class Output:
         return f"{self.sources[0]}{more} → {', '.join(map(str, self.targets))}"
 
     def check(self, force: bool) -> None:
-        """Check that the files can be written, in a format that gppcs writes. Call it before long work."""
+        """Check before long work that the sources exist and that gppcs can write the targets."""
+        for source in self.sources:
+            if not io.is_standard(source):
+                source.stat()  # a missing input is reported before its name is taken for that of the output
         for target in self.targets:
             io.format_to_write(target, self.format)
             io.check_writable(target, force, self.makes_folders)

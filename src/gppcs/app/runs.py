@@ -38,28 +38,10 @@ class Job:
     lossy: bool
 
 
-@dataclass(frozen=True)
-class RunReport:
-    """What a run has done, as `--json` prints it."""
-
-    input: str | list[str]
-    output: str
-    levels: list[dict[str, Any]]
-    points_in: int
-    points_out: int
-    method: str
-    parameters: Mapping[str, Any]
-    readings: int  # of the files
-    diagnostics: Mapping[str, float]
-    seconds: Mapping[str, float]
-    seconds_compiling: float
-    peak_memory: int | None
-    version: str
-
-
 def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     """Plan the work on one cloud; return a record and the rows of a table that describe it."""
-    with _opened(job, output) as files:
+    output.check(job.force)
+    with job.options.open(output.sources) as files:
         plan = make_plan(files, job.options, job.mark and "mark")
     record = {"input": output.input, "output": str(output.targets[-1]), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
@@ -74,9 +56,10 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     return record, rows
 
 
-def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, dict[str, str]]:
-    """Simplify one cloud and write it; return a report and the rows of a table that describe the run."""
-    with _opened(job, output) as files:
+def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
+    """Simplify one cloud and write it; return its record, as `--json` prints it, and the rows of a table."""
+    output.check(job.force)
+    with job.options.open(output.sources) as files:
         plan = make_plan(files, job.options, job.mark and "mark")
         preview = files.preview
         _check_storable(job, output, preview)
@@ -89,27 +72,18 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[RunReport, dict[str
         print_error(f"note: {output.sources[0]}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
     levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
-    report = RunReport(
-        input=output.input,
-        output=str(output.targets[-1]),
-        levels=levels,
-        points_in=result.points_in,
-        points_out=len(result.indices),
-        method=result.method.name,
-        parameters=dataclasses.asdict(result.method),
-        readings=plan.readings,
+    record = {
+        "input": output.input,
+        "output": str(output.targets[-1]),
+        "levels": levels,
+        "points_in": result.points_in,
+        "points_out": len(result.indices),
+        "method": result.method.name,
+        "parameters": dataclasses.asdict(result.method),
+        "readings": plan.readings,
         **record_of_run(result.diagnostics, result.seconds),
-    )
-    return report, _rows(report, result, job.options, unit_of(preview.header, job.options.unit))
-
-
-def _opened(job: Job, output: Output) -> CloudFiles:
-    """Return the files of one cloud, after checking that they exist and the outputs can be written."""
-    for source in output.sources:
-        if not io.is_standard(source):
-            source.stat()  # a missing input is reported before its name is taken for that of the output
-    output.check(job.force)
-    return job.options.open(output.sources)
+    }
+    return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
 
 
 def _simplified(
@@ -191,20 +165,20 @@ def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
     return dropped
 
 
-def _rows(report: RunReport, result: Result, options: Options, unit: str | None) -> dict[str, str]:
+def _rows(record: Mapping[str, Any], result: Result, options: Options, unit: str | None) -> dict[str, str]:
     """Return the rows of the table of a run."""
-    percent = 100 * report.points_out / report.points_in
-    rows = {"points": f"{report.points_in:,} in, {report.points_out:,} out ({percent:.3g} %)"}
-    for number, file in enumerate(report.levels):
+    percent = 100 * record["points_out"] / record["points_in"]
+    rows = {"points": f"{record['points_in']:,} in, {record['points_out']:,} out ({percent:.3g} %)"}
+    for number, file in enumerate(record["levels"]):
         rows[f"level {number}"] = f"{file['output']}: {file['points_out']:,} points"
-    if report.readings > 1:
-        rows["points on disk"] = f"files read {report.readings} times"
+    if record["readings"] > 1:
+        rows["points on disk"] = f"files read {record['readings']} times"
     rows["method"] = str(result.method)
     limits = {"largest_gap": options.max_gap}
     if options.max_error is not None:
         measure = options.max_error.measure
         limits["largest_error" if measure is None else f"surface_{measure}"] = options.max_error.length.text
-    for name, value in report.diagnostics.items():
+    for name, value in record["diagnostics"].items():
         if name == "noise_in_spacings" and value:
             rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({_effect(value, options)})"
         elif value:
@@ -212,7 +186,7 @@ def _rows(report: RunReport, result: Result, options: Options, unit: str | None)
             text = f"{text_of(value)} {unit}" if unit and is_length else text_of(value)
             limit = f"  (asked: {limits[name]})" if limits.get(name) else ""
             rows[name.replace("_", " ")] = text + limit
-    rows["time"] = time_in_words(report.seconds)
+    rows["time"] = time_in_words(record["seconds"])
     return rows
 
 
