@@ -30,7 +30,7 @@ def section(name: str, title: str) -> report.Section:
     for entry in gppcs.compare(cloud, METHODS, ratio=RATIO):
         figures = entry.report.figures(relative=True)
         values = [f"{factor * figures[key]:.3g}" for key, (_, factor) in FIGURES.items()]
-        rows.append((str(entry.result.method), *values, f"{entry.seconds:.2f}"))
+        rows.append((str(entry.method), *values, f"{entry.seconds:.2f}"))
     return report.Section(
         f"{title}, {len(cloud):,} points",
         ("method", *(heading for heading, _ in FIGURES.values()), "seconds"),

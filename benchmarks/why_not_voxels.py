@@ -76,7 +76,7 @@ def draw(original: gppcs.PointCloud, entries: Sequence[Entry]) -> None:
     for entry in entries:
         values = everything.values[entry.result.indices]
         kept = ColouredCloud(entry.result.cloud.points, values)
-        titles.append(f"{entry.result.method.name}: {len(values):,} points")
+        titles.append(f"{entry.method.name}: {len(values):,} points")
         above.append(view.points(kept, shades.colours_of(values), MAX_POINT_RADIUS))
     clouds = [original, *(entry.result.cloud for entry in entries)]
     compose(titles, [above, [mesh_images(rebuilt_mesh(cloud, original), [camera])[0] for cloud in clouds]])
@@ -116,7 +116,7 @@ def main() -> None:
                 "Other ways to thin, in 1e-4 diagonals",
                 ("method", *(name.replace("_", " ") for name in FIGURES)),
                 [
-                    (str(entry.result.method), *(f"{1e4 * figures[name]:.3g}" for name in FIGURES))
+                    (str(entry.method), *(f"{1e4 * figures[name]:.3g}" for name in FIGURES))
                     for entry, figures in zip(entries, relative, strict=True)
                 ],
             ),

@@ -62,6 +62,20 @@ def test_kept_points_keep_every_bit(scan, method):
         assert result.cloud.attributes[name].tobytes() == values[result.indices].tobytes()
 
 
+@pytest.mark.parametrize(("dtype", "expected"), [("f4", "f4"), (">f4", "f4"), ("f8", "f8"), ("i4", "f8")])
+def test_a_result_can_be_used_as_a_cloud_in_the_precision_of_the_input(tmp_path, dtype, expected):
+    points = (1000 * gppcs.sample("bracket", 800).points).astype(dtype)
+    result = gppcs.simplify(points, n_points=80, method="fps")
+    assert len(result) == 80
+    for array in (result.points, np.asarray(result)):
+        assert array.dtype == np.dtype(expected)
+        np.testing.assert_array_equal(array, points[result.indices])
+    assert gppcs.evaluate(points, result) == gppcs.evaluate(points, result.cloud)
+    gppcs.write(tmp_path / "small.npy", result)
+    assert np.load(tmp_path / "small.npy").dtype == np.dtype(expected)
+    assert gppcs.simplify(result, n_points=5, method="fps").indices.tolist() == list(range(5))
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_as_many_points_as_there_are_come_back_in_order(method):
     points = SMALL["mostly repeats"]

@@ -89,7 +89,7 @@ def beside_the_paper(scans: Mapping[str, Mapping[str, Entry]]) -> report.Section
 
 def counterpart(entry: Entry) -> str:
     """Return the name of the method in the paper; empty if it has none."""
-    return COUNTERPARTS.get(entry.result.method.name, "")
+    return COUNTERPARTS.get(entry.method.name, "")
 
 
 def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, Entry], label: str) -> list[str]:

@@ -41,7 +41,7 @@ def beside_the_paper(made: dict[str, list[Entry]]) -> report.Section:
     """Return the mean surface variation on the NYU frame beside the paper's."""
     rows = []
     for label, (entry,) in made.items():
-        if (paper := PAPER.get(COUNTERPARTS.get(entry.result.method.name, ""))) is not None:
+        if (paper := PAPER.get(COUNTERPARTS.get(entry.method.name, ""))) is not None:
             rows.append((label, f"{paper:.4f}", f"{entry.report.mean_surface_variation:.4f}"))
     header = ("method", "paper, an NYU desk", "here, an NYU basement")
     return report.Section("Mean surface variation beside the paper's", header, rows)

@@ -112,7 +112,7 @@ def begins_at_random(method: gppcs.Method) -> bool:
 def errors(condition: Condition, entry: Entry) -> list[tuple[float, float]]:
     """Return H mean and H max of a method, and of its other seeds if it begins at random."""
     assert condition.mesh
-    clouds, method = [entry.result.cloud], entry.result.method
+    clouds, method = [entry.result.cloud], entry.method
     if begins_at_random(method):
         others = (
             gppcs.simplify(condition.cloud, ratio=condition.ratio, method=method, seed=seed) for seed in SEEDS[1:]
@@ -126,7 +126,7 @@ def beside_the_paper(condition: Condition, made: Mapping[str, list[Entry]]) -> r
     paper = PAPER[condition.name]
     rows = []
     for label, (entry,) in made.items():
-        theirs = [f"{value:.3g}" for value in paper.get(COUNTERPARTS.get(entry.result.method.name), ())] or [""] * 4
+        theirs = [f"{value:.3g}" for value in paper.get(COUNTERPARTS.get(entry.method.name), ())] or [""] * 4
         mean, largest = (with_range(values) for values in zip(*errors(condition, entry), strict=True))
         ours = (mean, largest, f"{entry.report.mean_surface_variation:.4f}", f"{entry.seconds:.2f}")
         pairs = [cell for pair in zip(theirs, ours, strict=True) for cell in pair]

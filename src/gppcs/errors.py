@@ -125,5 +125,6 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
 def nearest_name(name: Any, names: Iterable[str]) -> str:
     """Return the end of an error message about an unknown name."""
     choices = list(names)
-    near = difflib.get_close_matches(name, choices, n=1) if isinstance(name, str) else []
-    return f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(choices)}"
+    lowered = {choice.lower(): choice for choice in choices}
+    near = difflib.get_close_matches(name.lower(), lowered, n=1) if isinstance(name, str) else []
+    return f"; did you mean {lowered[near[0]]!r}?" if near else f"; expected one of {', '.join(choices)}"

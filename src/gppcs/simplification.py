@@ -9,12 +9,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gppcs.amounts.choice import choose_by_options
 from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
 from gppcs.amounts.options import Options, described_options, require
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
+from gppcs.clouds.objects import single_or_double
 from gppcs.clouds.quantities import Scale, count_of, metres_of
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.equality import ComparedByValue
@@ -32,6 +33,9 @@ from gppcs.streaming.workers import map_over_parts
 @dataclass(frozen=True, eq=False)
 class Result(ComparedByValue):
     """A simplified cloud, with the method and the times of the run.
+
+    It can be used wherever a cloud can, as in `gppcs.evaluate(cloud, result)` and `gppcs.write("small.ply", result)`:
+    `len(result)` is M, and `np.asarray(result)` is `result.points`.
 
     Attributes
     ----------
@@ -60,8 +64,8 @@ class Result(ComparedByValue):
     >>> result = gppcs.simplify(gppcs.sample("sphere", n_points=1000), n_points=100, method="random")
     >>> isinstance(result, gppcs.Result)
     True
-    >>> result.indices.shape, len(result.cloud), str(result.method)
-    ((100,), 100, 'random')
+    >>> result.points.shape, len(result), str(result.method)
+    ((100, 3), 100, 'random')
     """
 
     indices: Ints
@@ -73,8 +77,19 @@ class Result(ComparedByValue):
     ranked: bool = field(default=True, repr=False, compare=False)
     points_in: int = field(default=0, repr=False, compare=False)
 
+    @property
+    def points(self) -> NDArray[np.floating[Any]]:
+        """The coordinates of the kept points, (M, 3): float32 if those of the input were, otherwise float64."""
+        return single_or_double(self.cloud)
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.asarray(self.points, dtype)  # which are a copy
+
     def __repr__(self) -> str:
-        return f"Result({len(self.indices):,} points by {self.method} in {in_words(self.seconds)})"
+        return f"Result({len(self):,} points by {self.method} in {in_words(self.seconds)})"
 
     def prefix(self, n_points: int) -> Result:
         """Return the first `n_points` points, a simplification to fewer points, if the method ranks its points.
@@ -84,12 +99,12 @@ class Result(ComparedByValue):
         Examples
         --------
         >>> result = gppcs.simplify(gppcs.sample("bracket", n_points=2000), n_points=200, method="fps")
-        >>> len(result.prefix(50).cloud)
+        >>> len(result.prefix(50))
         50
         """
         count = count_of("n_points", n_points)
-        if count > len(self.indices):
-            raise ParameterError(f"expected at most {len(self.indices):,} points, as the result has, found {count:,}")
+        if count > len(self):
+            raise ParameterError(f"expected at most {len(self):,} points, as the result has, found {count:,}")
         require(self.method, Feature.RANKING)
         if not self.ranked:
             raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")

@@ -40,6 +40,7 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"tolerance": "1:p99"}, "tolerance to end in :mean or :rms or :p95 or :max, found '1:p99'"),
     ({"method": gppcs.SpectralGP}, "expected the name of a method"),
     ({"method": "fpss"}, "did you mean 'fps'"),
+    ({"method": "FPS"}, "did you mean 'fps'"),
     ({"invalid": "ignore"}, "invalid to be 'error' or 'drop', found 'ignore'"),
     ({"seed": -1, "method": "random"}, "expected seed to be at least 0, found -1"),
     ({"spacing": 4.0, "method": "hc"}, "expected a method that supports spacing, found 'hc'; use 'gp' or 'fps'"),

@@ -30,7 +30,7 @@ def markdown_of(entries):
 def test_csv_holds_every_figure_raw_and_relative(entries):
     for row, entry in zip(csv_of(entries), entries, strict=True):
         raw, relative = entry.report.figures(), entry.report.figures(relative=True)
-        assert row["method"] == entry.result.method.name
+        assert row["method"] == entry.method.name
         assert {name: float(row[name]) for name in raw} == raw
         lengths = {name for name in raw if definition_of(name).power} - {"diagonal"}
         assert {name: float(row[f"{name}_relative"]) for name in lengths} == {name: relative[name] for name in lengths}

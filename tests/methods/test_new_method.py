@@ -69,9 +69,7 @@ def test_an_installed_method_simplifies_and_is_compared(run, tmp_path):
     gppcs.write(tmp_path / "cloud.ply", cloud := gppcs.sample("sphere", n_points=600))
     run("simplify", "cloud.ply", "-o", "few.ply", "--points", "60", "--method", "every-nth", "--set", "start=.5")
     assert gppcs.read(tmp_path / "few.ply").points.tolist() == cloud.points[5::10].tolist()
-    code = (
-        "import gppcs; c = gppcs.read('cloud.ply'); print(gppcs.compare(c, ['every-nth'], n_points=9)[0].result.method)"
-    )
+    code = "import gppcs; c = gppcs.read('cloud.ply'); print(gppcs.compare(c, ['every-nth'], n_points=9)[0].method)"
     assert run("-c", code)[0] == "every-nth"
 
 

@@ -32,8 +32,7 @@ Cell = tuple[str, bool]  # a value as text, and whether it is the best of its co
 def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
     """Return the record of a method or a pipeline, as `--json` prints it."""
     if isinstance(entry, Entry):
-        method = entry.result.method
-        record: dict[str, Any] = {"method": method.name, "parameters": dataclasses.asdict(method)}
+        record: dict[str, Any] = {"method": entry.method.name, "parameters": dataclasses.asdict(entry.method)}
     else:
         record = {"pipeline": entry.pipeline}
     return record | {
@@ -46,7 +45,7 @@ def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
 
 def label_of(entry: Entry | MeshEntry) -> str:
     """Return what tables call a method or a pipeline."""
-    return str(entry.result.method) if isinstance(entry, Entry) else entry.pipeline
+    return str(entry.method) if isinstance(entry, Entry) else entry.pipeline
 
 
 def columns_of(records: Sequence[dict[str, Any]]) -> dict[str, list[Cell]]:

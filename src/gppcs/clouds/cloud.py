@@ -66,7 +66,8 @@ class PointCloud(ComparedByValue):
     def __post_init__(self) -> None:
         points = array_of(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"expected points of shape (N, 3), found {points.shape or _described(self.points)}")
+            actual = points.shape or _described(self.points)
+            raise InputError(f"expected points of shape (N, 3), found {actual}{_remedy(points.shape)}")
         _require_numbers(points.dtype, "numbers as coordinates, found an array of")
         object.__setattr__(self, "points", np.ascontiguousarray(points, dtype=np.float64))
         if not (isinstance(self.attributes, Mapping) and all(isinstance(name, str) for name in self.attributes)):
@@ -252,6 +253,15 @@ def array_of(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArr
     except (TypeError, LookupError, AttributeError, RuntimeError) as error:  # of objects that are like no array
         reason = " ".join(str(error).split())
         raise InputError(f"expected {name}, found {_described(values)}, of which NumPy says: {reason}") from error
+
+
+def _remedy(shape: tuple[int, ...]) -> str:
+    """Return what to do about points of a wrong shape, if that can be guessed, as the end of a message."""
+    if len(shape) != 2 or shape[1] < 4:
+        return ""
+    if shape[0] == 3:
+        return "; transpose the array: points.T"
+    return "; pass further columns as attributes: PointCloud(points[:, :3], {'intensity': points[:, 3]})"
 
 
 def _require_numbers(dtype: np.dtype[Any], expected: str) -> None:

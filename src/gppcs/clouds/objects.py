@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.columns import COLOUR, NORMALS, CloudParts, Column, parts_of_columns, unmasked
 from gppcs.engine.extras import require
@@ -144,7 +145,7 @@ def to_open3d(cloud: PointCloud) -> Any:
     if "positions" in cloud.attributes:
         raise InputError("expected other names than 'positions', which Open3D calls the points; rename the attribute")
     arrays = _joined(_native(cloud, "Open3D", "biuf"), OPEN3D)
-    made = open3d.t.geometry.PointCloud(open3d.core.Tensor(_single_or_double(cloud)))
+    made = open3d.t.geometry.PointCloud(open3d.core.Tensor(single_or_double(cloud)))
     for name, values in arrays.items():
         made.point[name] = open3d.core.Tensor(values[:, None] if values.ndim == 1 else values)
     return made
@@ -158,7 +159,7 @@ def to_pyvista(cloud: PointCloud) -> Any:
     """
     pyvista = require("pyvista", "an object of PyVista needs PyVista")
     arrays = _joined(_native(cloud, "PyVista", "biufc"), PYVISTA)
-    made = pyvista.PolyData(_single_or_double(cloud))
+    made = pyvista.PolyData(single_or_double(cloud))
     for name, values in arrays.items():
         made.point_data[name] = values if values.ndim == 1 else _matrix(values)
     if "Normals" in arrays.keys() - cloud.attributes.keys():
@@ -211,9 +212,9 @@ def _matrix(values: Column) -> Column:
     return values.reshape(len(values), math.prod(values.shape[1:]))
 
 
-def _single_or_double(cloud: PointCloud) -> Column:
+def single_or_double(cloud: PointCloud) -> NDArray[np.floating[Any]]:
     """Return a copy of the points, (N, 3), in float32 if the cloud's source has them so, otherwise in float64."""
-    return cloud.points.astype(np.float32 if cloud.coordinate_dtype == np.float32 else np.float64)
+    return cloud.points.astype(np.float32 if cloud.coordinate_dtype.newbyteorder("=") == np.float32 else np.float64)
 
 
 def _native(cloud: PointCloud, library: str, kinds: str) -> dict[str, Column]:

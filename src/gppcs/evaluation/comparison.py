@@ -33,6 +33,11 @@ class Entry:
     seconds: float  # wall time of the simplification, without the compilation of kernels
     failure: str | None = None  # why no surface could be rebuilt
 
+    @property
+    def method(self) -> Method:
+        """The method with all its parameters."""
+        return self.result.method
+
 
 def compare(
     cloud: CloudLike,
