@@ -20,7 +20,7 @@ from gppcs.simplification import simplify_files
 from gppcs.streaming.plan import make_plan
 
 N = 1000
-IN_CHUNKS = [".csv", ".feather", ".las", ".laz", ".copc.laz", ".npy", ".parquet", ".pcd", ".ply", ".pts", ".e57"]
+IN_CHUNKS = [".csv", ".feather", ".las", ".laz", ".copc.laz", ".npy", ".parquet", ".pcd", ".ply", ".pts"]
 LARGE = 120_000  # more than two chunks of a LAZ file
 
 

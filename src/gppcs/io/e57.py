@@ -12,8 +12,7 @@ import re
 import shutil
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from pathlib import Path
@@ -28,8 +27,9 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pye57
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type
-from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import BLOCK, ends_early, reported
+from gppcs.io.format import Format, Reader, keeping, read_at_once
+from gppcs.io.joining import joined
+from gppcs.io.rows import ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -66,60 +66,38 @@ class E57Header(Header):
 
 def open_e57(file: BufferedReader) -> Reader:
     """Open an E57 file to read all scans, each moved by its pose, without points that have no valid position."""
+    require_pye57()
+    return read_at_once(file, _read)
+
+
+def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of all scans, with the attributes that all have, and in words what is left out."""
     pye57 = require_pye57()
     size = os.fstat(file.fileno()).st_size
     _check_xml(file, size)
     is_named = isinstance(file.name, str | os.PathLike) and os.path.isfile(file.name)  # unlike a temporary copy
-    with _reported():
+    errors = (pye57.libe57.E57Exception, RuntimeError, ValueError, TypeError, AttributeError, LookupError)
+    with reported("libE57Format", "a whole E57 file", errors):
         opened = pye57.E57(os.path.abspath(file.name) if is_named else f"/dev/fd/{file.fileno()}")
         root = opened.root
-        scans = [opened.get_header(i) for i in range(len(root["data3D"]) if root.isDefined("data3D") else 0)]
-        dtypes = [_dtypes(scan) for scan in scans]
         crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
-        n_points = sum(scan.point_count for scan in scans)
-    if not scans or n_points > 8 * size:
-        raise FileFormatError(f"expected scans that fit into {size:,} bytes, found {len(scans)} of {n_points:,} points")
-    shared = {
-        field: np.result_type(*(types[field] for types in dtypes))
-        for field in dtypes[0]
-        if not field.startswith(("cartesian", "spherical")) and all(field in types for types in dtypes)
-    }
-
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        kept = shared if attributes else {}
-        with _reported():
-            for number, (scan, types) in enumerate(zip(scans, dtypes, strict=True)):
-                fields = {field: types[field] for field in [*_axes(types), *_state(types), *kept]}
-                for block in _blocks(opened.image_file, scan, fields, min(n, BLOCK)):
-                    for state in _state(types):
-                        block = {field: values[block[state] == 0] for field, values in block.items()}
-                    columns = _coordinates(scan, block, types)
-                    for field, dtype in kept.items():
-                        name = _ATTRIBUTES.get(field, field.removeprefix("gppcs:").replace(":", "_"))
-                        if name in columns:
-                            raise FileFormatError(f"expected fields of different names, found {name!r} twice")
-                        columns[name] = block[field].astype(dtype)
-                    if attributes and len(scans) > 1:
-                        columns["scan"] = np.full(len(columns["x"]), number, np.int32)
-                    yield replace(PointCloud.from_columns(columns), header=E57Header(crs) if crs else None)
-
-    def skipped() -> list[str]:
-        n_invalid = 0
-        for scan, types in zip(scans, dtypes, strict=True):
-            for state in _state(types):
-                blocks = _blocks(opened.image_file, scan, {state: types[state]}, BLOCK)
-                n_invalid += sum(int(np.count_nonzero(block[state])) for block in blocks)
-        fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
-        invalid = [f"points without a valid position ({n_invalid:,})"] if n_invalid else []
-        return [*invalid, *(f"field {field}" for field in sorted(fields - set(shared)))]
-
-    return Reader(chunks, n_points, skipped=skipped)
-
-
-def _reported() -> AbstractContextManager[None]:
-    """Turn the errors that libE57Format and pye57 raise for damaged files into ours."""
-    errors = (require_pye57().libe57.E57Exception, RuntimeError, ValueError, TypeError, AttributeError, LookupError)
-    return reported("libE57Format", "a whole E57 file", errors)
+        scans = [opened.get_header(i) for i in range(len(root["data3D"]) if root.isDefined("data3D") else 0)]
+        count = sum(scan.point_count for scan in scans)
+        if not scans or count > 8 * size:
+            raise FileFormatError(
+                f"expected scans that fit into {size:,} bytes, found {len(scans)} of {count:,} points"
+            )
+        tables = [_table(opened.image_file, scan) for scan in scans]
+    names = [name for name in tables[0] if all(name in table for table in tables)]
+    clouds = [PointCloud.from_columns({name: table[name] for name in names}) for table in tables]
+    cloud = joined(clouds)
+    if len(clouds) > 1:
+        numbers = np.repeat(np.arange(len(clouds), dtype=np.int32), list(map(len, clouds)))
+        cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
+    skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
+    fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
+    skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
+    return replace(cloud, header=E57Header(crs) if crs else None), skipped
 
 
 def _check_xml(file: BufferedReader, size: int) -> None:
@@ -139,81 +117,75 @@ def _check_xml(file: BufferedReader, size: int) -> None:
         raise FileFormatError("expected XML without declarations in the E57 file, found some")
 
 
-def _dtypes(scan: Any) -> dict[str, np.dtype[Any]]:
-    """Return the types of the fields that hold numbers."""
-    libe57 = require_pye57().libe57
-    dtypes = dict[str, np.dtype[Any]]()
-    prototype = libe57.StructureNode(scan.points.prototype())
-    for field in scan.point_fields:
-        node = prototype[field]
-        if isinstance(node, libe57.FloatNode):
-            dtypes[field] = np.dtype("f4" if node.precision() == libe57.E57_SINGLE else "f8")
-        elif isinstance(node, libe57.IntegerNode):
-            bounds = np.array([node.minimum(), node.maximum()], np.int64)
-            integers = (to for to in _TYPES if to.kind in "iu" and np.array_equal(bounds.astype(to), bounds))
-            dtypes[field] = next(integers, np.dtype("f8"))
-        elif isinstance(node, libe57.ScaledIntegerNode):
-            dtypes[field] = np.dtype("f8")
-    if not _axes(dtypes):
+def _table(image: Any, scan: Any) -> dict[str, Column]:
+    """Return the coordinates of the valid points of a scan, moved by its pose, and their other numbers, by name."""
+    prototype = require_pye57().libe57.StructureNode(scan.points.prototype())
+    types = {field: dtype for field in scan.point_fields if (dtype := _dtype(prototype[field]))}
+    axes = next((axes for axes in (_CARTESIAN, _SPHERICAL) if types.keys() >= set(axes)), None)
+    if axes is None:
         listed = ", ".join(map(repr, scan.point_fields)) or "nothing"
         raise FileFormatError(f"expected cartesian or spherical coordinates for each point, found {listed}")
-    return dtypes
-
-
-def _axes(fields: Mapping[str, object]) -> tuple[str, ...]:
-    """Return which fields are the coordinates."""
-    return next((axes for axes in (_CARTESIAN, _SPHERICAL) if set(axes) <= set(fields)), ())
-
-
-def _state(fields: Mapping[str, object]) -> list[str]:
-    """Return the field that is 0 for points with a valid position, if there is one."""
-    state = f"{'cartesian' if _axes(fields) == _CARTESIAN else 'spherical'}InvalidState"
-    return [state] if state in fields else []
-
-
-def _blocks(image: Any, scan: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> Iterator[dict[str, Column]]:
-    """Read fields of all points of a scan, at most n at once."""
-    if not scan.point_count:  # of which libE57Format makes no reader
-        yield {field: np.empty(0) for field in dtypes}
-        return
-    blocks, buffers = _buffers(image, dtypes, n)
-    reader = scan.points.reader(buffers)
-    try:
-        done = 0
-        while done < scan.point_count and (length := reader.read()):
-            yield {field: values[:length].copy() for field, values in blocks.items()}
-            done += length
-    finally:
+    arrays, buffers = _buffers(image, types, scan.point_count)
+    if scan.point_count:  # of none, libE57Format makes no reader
+        reader = scan.points.reader(buffers)
+        length = reader.read()
         reader.close()
-    if done < scan.point_count:
-        raise ends_early("point", done, scan.point_count)
+        if length < scan.point_count:
+            raise ends_early("point", length, scan.point_count)
+    values = {field: array.astype(types[field], copy=False) for field, array in arrays.items()}
+    states = f"{axes[0][:9]}InvalidState"  # 0 of a valid point
+    if states in values:
+        is_valid = values[states] == 0
+        values = {field: array[is_valid] for field, array in values.items()}
+    table = dict(zip("xyz", _moved(scan, [values[axis] for axis in axes], axes == _SPHERICAL), strict=True))
+    for field in values:
+        if not field.startswith(("cartesian", "spherical")):
+            if _name(field) in table:
+                raise FileFormatError(f"expected fields of different names, found {_name(field)!r} twice")
+            table[_name(field)] = values[field]
+    return table
 
 
-def _buffers(image: Any, dtypes: Mapping[str, np.dtype[Any]], n: int) -> tuple[dict[str, Column], Any]:
+def _name(field: str) -> str:
+    """Return the name of the attribute that a field becomes."""
+    return _ATTRIBUTES.get(field, field.removeprefix("gppcs:").replace(":", "_"))
+
+
+def _dtype(node: Any) -> np.dtype[Any] | None:
+    """Return the type of the numbers of a field; None if it holds others."""
+    libe57 = require_pye57().libe57
+    if isinstance(node, libe57.FloatNode):
+        return np.dtype("f4" if node.precision() == libe57.E57_SINGLE else "f8")
+    if isinstance(node, libe57.IntegerNode):
+        bounds = np.array([node.minimum(), node.maximum()], np.int64)
+        integers = (to for to in _TYPES if to.kind in "iu" and np.array_equal(bounds.astype(to), bounds))
+        return next(integers, np.dtype("f8"))
+    return np.dtype("f8") if isinstance(node, libe57.ScaledIntegerNode) else None
+
+
+def _buffers(image: Any, types: Mapping[str, np.dtype[Any]], n: int) -> tuple[dict[str, Column], Any]:
     """Return arrays for n values of each field, and the buffers through which libE57Format fills or reads them."""
     libe57 = require_pye57().libe57
-    blocks = {field: np.empty(n, np.float32 if dtype == np.float32 else np.float64) for field, dtype in dtypes.items()}
+    arrays = {field: np.empty(n, np.float32 if dtype == np.float32 else np.float64) for field, dtype in types.items()}
     buffers = libe57.VectorSourceDestBuffer()
-    for field, values in blocks.items():
+    for field, values in arrays.items():
         buffers.append(libe57.SourceDestBuffer(image, field, values, n, True, True))
-    return blocks, buffers
+    return arrays, buffers
 
 
-def _coordinates(scan: Any, block: Mapping[str, Column], dtypes: Mapping[str, np.dtype[Any]]) -> dict[str, Column]:
-    """Return the coordinates of a block, moved by the pose of its scan; only unmoved Cartesian ones keep their type."""
+def _moved(scan: Any, columns: list[Column], are_spherical: bool) -> list[Column]:
+    """Return coordinates moved by the pose of a scan, in their own type if it has none."""
     pye57 = require_pye57()
-    axes = _axes(dtypes)
-    columns = [block[axis].astype(dtypes[axis]) for axis in axes]
-    if axes == _SPHERICAL:
+    if are_spherical:
         columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1, dtype=np.float64)).T)
     # pye57's own properties take the numbers in the order of the file.
     names = [*(f"pose/rotation/{axis}" for axis in "wxyz"), *(f"pose/translation/{axis}" for axis in "xyz")]
     pose = [scan[name].value() if scan.node.isDefined(name) else float(name.endswith("w")) for name in names]
     if not (np.isfinite(pose).all() and any(pose[:4])):
         raise FileFormatError(f"expected a pose of finite numbers, found {pose}")
-    if pose != [1, 0, 0, 0, 0, 0, 0]:
-        columns = list(pye57.E57.to_global(np.stack(columns, axis=1), np.array(pose[:4]), np.array(pose[4:])).T)
-    return dict(zip("xyz", columns, strict=True))
+    if pose == [1, 0, 0, 0, 0, 0, 0]:
+        return columns
+    return list(pye57.E57.to_global(np.stack(columns, axis=1), np.array(pose[:4]), np.array(pose[4:])).T)
 
 
 def write_e57(file: BinaryIO, cloud: PointCloud) -> None:
@@ -252,13 +224,11 @@ def _write_scan(image: Any, cloud: PointCloud) -> None:
     }
     _fill(image, image.root(), about)
     scans.append(_fill(image, libe57.StructureNode(image), {"guid": guid, **_limits(columns), "points": points}))
-    blocks, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, BLOCK)
+    arrays, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, len(cloud))
+    for field, values in columns.items():
+        arrays[field][:] = values
     writer = points.writer(buffers)
-    for start in range(0, len(cloud), BLOCK):
-        length = min(BLOCK, len(cloud) - start)
-        for field, values in columns.items():
-            blocks[field][:length] = values[start : start + length]
-        writer.write(length)
+    writer.write(len(cloud))
     writer.close()
 
 
