@@ -8,7 +8,7 @@ import trimesh
 
 import gppcs
 from gppcs.errors import FileFormatError
-from gppcs.io import read
+from gppcs.io import CloudFiles, read
 
 TRIANGLES = np.array([[[0, 0, 1], [1, 0, 0], [0, 2, 0]], [[1, 0, 0], [0, 2, 0], [-0.0, 0, 1]], [[5, 5, 5]] * 3])
 CORNERS = [[0, 0, 1], [1, 0, 0], [0, 2, 0], [5, 5, 5]]
@@ -130,3 +130,12 @@ def test_polygons_of_any_size_become_fans(mesh):
     assert found.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [2, 1, 0], [4, 3, 2], [4, 2, 1]]
     with pytest.raises(FileFormatError, match="ends in face 4 of 4"):
         gppcs.read_mesh(mesh(".off", "OFF\n5 4 0\n" + "0 0 0\n" * 5 + faces[:-10]))
+
+
+def test_what_a_gltf_file_has_beside_vertices_and_faces_is_named(mesh):
+    ball = trimesh.creation.icosphere(1)
+    ball.visual = trimesh.visual.TextureVisuals(uv=ball.vertices[:, :2])
+    path = mesh(".glb", ball.export(file_type="glb", include_normals=True))
+    with CloudFiles([path]) as files:
+        assert (len(files.read()), files.n_faces) == (len(ball.vertices), len(ball.faces))
+        assert files.skipped() == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]

@@ -33,10 +33,14 @@ class Output:
         return names if len(names) > 1 else names[0]
 
     @property
+    def input_title(self) -> str:
+        """The name of the first file, and how many others there are."""
+        return f"{self.sources[0]}{f' and {len(self.sources) - 1} more' if len(self.sources) > 1 else ''}"
+
+    @property
     def title(self) -> str:
         """The names of the files."""
-        more = f" and {len(self.sources) - 1} more" if len(self.sources) > 1 else ""
-        return f"{self.sources[0]}{more} → {', '.join(map(str, self.targets))}"
+        return f"{self.input_title} → {', '.join(map(str, self.targets))}"
 
     def check(self, force: bool) -> None:
         """Check before long work that the sources exist and that gppcs can write the targets."""

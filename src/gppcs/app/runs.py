@@ -13,6 +13,7 @@ import numpy as np
 
 from gppcs import io
 from gppcs.amounts.options import Options
+from gppcs.app.inputs import note_unused
 from gppcs.app.outputs import LEVEL, Output
 from gppcs.app.printing import note_left_out, print_error, record_of_run, text_of, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
@@ -64,12 +65,12 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         preview = files.preview
         _check_storable(job, output, preview)
         result, clouds = _simplified(job, output, files, plan, timer)
-        unread = files.skipped()
+        note_unused(output.input_title, files)
     with timer("writing"):
         dropped = _store(job, output, clouds)
-    note_left_out(output.targets[-1], [*unread, *dropped])
+    note_left_out(output.targets[-1], dropped)
     for note in _notes(result, job.options, preview):
-        print_error(f"note: {output.sources[0]}: {note}")
+        print_error(f"note: {output.input_title}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
     levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
     record = {

@@ -4,7 +4,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import FORMATS, format_to_write
 from gppcs.io.format import Format
 from gppcs.io.las import to_laspy
-from gppcs.io.reading import as_cloud, read, read_each
+from gppcs.io.reading import as_cloud, read
 from gppcs.io.streams import check_distinct, check_writable, inner_name, is_standard, whole_output
 from gppcs.io.vpc import files_of
 from gppcs.io.writing import check_storable, store, write
@@ -22,7 +22,6 @@ __all__ = [
     "inner_name",
     "is_standard",
     "read",
-    "read_each",
     "store",
     "to_laspy",
     "whole_output",

@@ -154,14 +154,12 @@ class CloudFiles:
 
     @property
     def n_faces(self) -> int:
-        """The number of faces, of which nothing is read."""
+        """The number of faces, which are no points."""
         return sum(self._of_each(lambda opened: opened.reader.n_faces()))
 
     def skipped(self) -> list[str]:
-        """Return in words what of the files is not read."""
-        n_faces = self.n_faces
-        faces = [f"faces ({n_faces:,})"] if n_faces else []
-        return sum(self._of_each(lambda opened: opened.reader.skipped()), faces)
+        """Return in words what of the files, besides faces, is not read."""
+        return [text for texts in self._of_each(lambda opened: opened.reader.skipped()) for text in texts]
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""

@@ -72,7 +72,7 @@ def open_obj(file: BufferedReader) -> Reader:
     """Open an OBJ file to read its `v` lines (x y z, and perhaps red green blue), and its faces."""
     vertices: list[str] = []
     face_lines: list[tuple[int, str]] = []  # with the number of vertices before them
-    n_normals = 0
+    n_others = {"vn": 0, "vt": 0}
     for line in lines_of(file):
         keyword, _, text = line.partition(" ")
         if keyword not in ("v", "f"):  # few lines begin with blanks, or have tabs
@@ -81,7 +81,8 @@ def open_obj(file: BufferedReader) -> Reader:
             vertices.append(text if text.endswith("\n") else f"{text}\n")
         elif keyword == "f":
             face_lines.append((len(vertices), text))
-        n_normals += keyword == "vn"
+        elif keyword in n_others:
+            n_others[keyword] += 1
 
     def polygon(n_vertices: int, line: str) -> list[int]:
         indices = [int(field.partition("/")[0]) for field in line.split()]
@@ -90,7 +91,8 @@ def open_obj(file: BufferedReader) -> Reader:
     have_colours = vertices and len(vertices[0].split()) == 6
     names = [*default_names(3), *(COLOUR if have_colours else ())]
     cloud = _cloud(read_table(iter(vertices), what="vertex"), names)
-    skipped = [f"normals ({n_normals:,})"] if n_normals else []
+    named = zip(("normals", "texture coordinates"), n_others.values(), strict=True)
+    skipped = [f"{name} ({n:,})" for name, n in named if n]
     return _reader(cloud, len(face_lines), lambda: _triangles(starmap(polygon, face_lines)), skipped)
 
 
@@ -168,9 +170,12 @@ def open_gltf(file: BufferedReader) -> Reader:
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
         colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
         attributes = dict(zip(COLOUR, map(np.ascontiguousarray, colours), strict=False))
+        stored = {name for part in description["meshes"] for item in part["primitives"] for name in item["attributes"]}
+        skipped = [f"attribute {name}" for name in sorted(stored - {"POSITION", "COLOR_0"})]
+        skipped += [f"textures ({len(textures):,})"] if (textures := description.get("textures")) else []
     is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
-    return _reader(cloud, len(faces), lambda: faces, [])
+    return _reader(cloud, len(faces), lambda: faces, skipped)
 
 
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:

@@ -77,12 +77,15 @@ class Query:
 
     def nothing_found(self) -> InputError:
         """Return the error for a cloud without such points."""
+        return InputError(f"expected {self.text}, found none; gppcs info shows where they lie")
+
+    @property
+    def text(self) -> str:
+        """What is asked for, in words."""
         conditions = ["in the box"] if np.isfinite((*self.lower, *self.upper)).any() else []
         conditions += ["inside the polygons"] if self.polygons else []
         conditions += [f"with {self.only.text}"] if self.only else []
-        return InputError(
-            f"expected points {' and '.join(conditions) or 'in the file'}, found none; gppcs info shows where they lie"
-        )
+        return f"points {' and '.join(conditions) or 'in the file'}"
 
 
 def _areas(inside: Any) -> list[Polygons | tuple[list[float], list[float]]]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import ExitStack
 from typing import Any
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.errors import FileFormatError
 from gppcs.io.cloud_files import CloudFiles
 
 
@@ -78,16 +76,3 @@ def read(
 def as_cloud(cloud: CloudLike) -> PointCloud:
     """Return the cloud of a file, if it is a path, or of whatever `PointCloud.from_object` takes."""
     return read(cloud) if isinstance(cloud, str | os.PathLike) else PointCloud.from_object(cloud)
-
-
-def read_each(
-    paths: Sequence[str | os.PathLike[str]],
-    format: str | None = None,  # noqa: A002
-    columns: Sequence[str] | None = None,
-) -> list[tuple[PointCloud, int]]:
-    """Read clouds, each with its number of faces, that a command puts side by side; columns are for tables alone."""
-    with ExitStack() as stack:
-        clouds = [stack.enter_context(CloudFiles([path], format, columns, if_needed=True)) for path in paths]
-        if columns is not None and not any("columns" in kind.options for files in clouds for kind in files.formats()):
-            raise FileFormatError("expected a text table, whose columns can be named, found other files only")
-        return [(files.read(), files.n_faces) for files in clouds]

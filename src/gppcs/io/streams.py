@@ -144,4 +144,4 @@ def _rename_to_new(temporary: Path, target: Path) -> None:
 
 
 def _exists(target: Path) -> OutputError:
-    return OutputError(f"{target} exists already; choose another name, or overwrite it with force")
+    return OutputError(f"{target}: the file exists already; choose another name, or overwrite it with force")

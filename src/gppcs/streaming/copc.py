@@ -47,8 +47,8 @@ def write_beyond_memory(
     timer: Timer,
     force: bool,
     lossy: bool,
-) -> list[str] | None:
-    """Write a COPC file of files, and return in words what it does not hold; None if they fit into memory."""
+) -> tuple[int, list[str]] | None:
+    """Write a COPC file of files; return the number of points and in words what it lacks. None if all fit in memory."""
     preview = files.preview
     size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
     size = size * files.n_points // max(1, len(preview))
@@ -61,8 +61,9 @@ def write_beyond_memory(
             header, changes = _store(target, files, parts, rng, drop, lossy, on_progress)
         with timer("levels and writing"):
             header, digits = _on_one_scale(target, parts, header, lossy)
-            write_octree(file, header.las, _joined(folder / "joined", parts, header.las, rng))
-    return [*files.skipped(), *changes, *digits]
+            points = _joined(folder / "joined", parts, header.las, rng)
+            write_octree(file, header.las, points)
+    return len(points), [*changes, *digits]
 
 
 def _store(

@@ -71,6 +71,7 @@ def compare(
     With --meshes, make a light mesh of the cloud by several pipelines instead.
     """
     from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.app.pages import draw_beside, how_made, named_clouds, named_meshes, rebuilt
     from gppcs.app.tables import as_csv, as_markdown, columns_of, label_of, print_table, record_of
     from gppcs.drawing.colours import Colourable
@@ -97,7 +98,7 @@ def compare(
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)
     surface = gppcs.read_mesh(mesh) if mesh else None
-    original = io.read(cloud, input_format, names_of(columns))
+    original = read_each([cloud], input_format, names_of(columns))[0].cloud
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
     entries = work(original, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, timer=timer)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.printing import names_of, note_left_out, started
+from gppcs.app.printing import names_of, note_left_out, say, started
 from gppcs.errors import ParameterError
 
 EPILOG = (
@@ -46,7 +46,10 @@ def convert(
     For standard input or output, write - as the name. A further suffix .gz compresses the output.
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
     """
+    import numpy as np
+
     from gppcs import io
+    from gppcs.app.inputs import note_empty, note_unused
     from gppcs.app.outputs import check_output
     from gppcs.clouds.quantities import bytes_of
     from gppcs.streaming.copc import write_beyond_memory
@@ -59,17 +62,21 @@ def convert(
     check_output(target, [source, *options.files_of_inside(inside)], force)
     part = (input_format, names_of(columns), inside or None, only, resolution, assume_same_crs)
     with io.CloudFiles([source], *part) as clouds:
+        written = None
         if has_levels and not io.is_standard(source):
             limit = None if memory is None else bytes_of(memory)
-            dropped = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
-            if dropped is not None:
-                note_left_out(target, dropped)
-                return
-        with timer("reading"):
-            cloud, unread = clouds.read(), clouds.skipped()
-    if invalid == "drop" and (n := int((~cloud.is_finite()).sum())):
-        cloud = cloud[cloud.is_finite()]
-        unread = [*unread, f"points with NaN or infinite coordinates ({n:,})"]
-    with timer("levels and writing" if has_levels else "writing"):
-        dropped = io.store(target, cloud, chosen, force, lossy)
-    note_left_out(target, [*unread, *dropped])
+            written = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
+        if written is None:
+            with timer("reading"):
+                cloud = clouds.read()
+            is_usable = cloud.is_finite() if invalid == "drop" else np.ones(len(cloud), np.bool_)
+            n_invalid = int((~is_usable).sum())
+            with timer("levels and writing" if has_levels else "writing"):
+                dropped = io.store(target, cloud[is_usable] if n_invalid else cloud, chosen, force, lossy)
+            unusable = [f"points with NaN or infinite coordinates ({n_invalid:,})"] if n_invalid else []
+            written = len(cloud) - n_invalid, [*unusable, *dropped]
+        note_unused(source, clouds)
+        note_empty(source, clouds, written[0])
+    note_left_out(target, written[1])
+    if not (quiet or io.is_standard(target)):
+        say(f"{source} → {target}: {written[0]:,} points")

@@ -51,7 +51,7 @@ def evaluate(
     as_json: options.Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
-    from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.clouds.quantities import unit_of
 
     timer = started(quiet, threads)
@@ -62,10 +62,10 @@ def evaluate(
     surface = gppcs.read_mesh(mesh) if mesh else None
     judged = gppcs.read_mesh(simplified_mesh) if simplified_mesh else None
     with timer("reading"):
-        read = io.read_each([original, *filter(None, [simplified])], input_format, names_of(columns))
-    if simplified and (faces := read[1][1]):
-        print_error(f"note: {simplified}: only its points are judged; for its {faces:,} faces, use --simplified-mesh")
-    clouds = [cloud[cloud.is_finite()] for cloud, _ in read]
+        read = read_each([original, *filter(None, [simplified])], input_format, names_of(columns))
+    if simplified and read[1].n_faces:
+        print_error(f"note: {simplified}: only its points are judged; its faces are with --simplified-mesh")
+    clouds = [item.cloud[item.cloud.is_finite()] for item in read]
     report: Report | MeshReport
     if judged:
         report = gppcs.evaluate_mesh(clouds[0], judged, surface, timer)

@@ -32,11 +32,15 @@ def info(
     still shown, and the exit code is 2.
     """
     from gppcs import io
+    from gppcs.app.inputs import note_empty, note_unused
     from gppcs.app.outputs import sources_of
 
     def show_info(file: Path) -> None:
         with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
             summary, faces = gppcs.info(clouds.read()), clouds.n_faces
+            note_unused(file, clouds, are_faces_used=True)  # they are counted
+            if clouds.query:
+                note_empty(file, clouds, summary.points)
         emit({"file": str(file), **asdict(summary), "faces": faces}, as_json, False, str(file), _table(summary, faces))
 
     for_each(sources_of(files), show_info)

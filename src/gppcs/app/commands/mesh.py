@@ -65,6 +65,7 @@ def mesh(
     diagonal (0.2%).
     """
     from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import mesh_format_of, write_mesh
@@ -79,7 +80,7 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = (read for read, _ in io.read_each(files, input_format, names_of(columns)))
+        original, *others = (read.cloud for read in read_each(files, input_format, names_of(columns)))
         kept = _indices_of(original, others[0], keep_points) if keep_points else None
     mesh_format.fit(original, output, lossy)
     with naming(cloud):

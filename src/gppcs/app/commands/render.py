@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, note_left_out, print_error, say, started, visible
+from gppcs.app.printing import names_of, print_error, say, started, visible
 from gppcs.errors import ParameterError, shown
 
 EPILOG = (
@@ -41,13 +41,13 @@ def render(
     default, one cloud or mesh has its RGB; a cloud without it, and two clouds, show surface variation.
     """
     from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import different_names, draw_beside
     from gppcs.drawing.single import checked_size, draw_single
     from gppcs.drawing.web.layers import Named
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import mesh_of
 
     started(quiet, threads)
     viewpoint = options.viewpoint_of(view, up)
@@ -57,7 +57,7 @@ def render(
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
-        clouds = [io.read(source, input_format, names_of(columns)) for source in sources]
+        clouds = [item.cloud for item in read_each(sources, input_format, names_of(columns))]
         original, kept = (cloud[cloud.is_finite()] for cloud in clouds)
         first, second = map(visible, different_names(sources))
         caption = f"{len(kept) / max(len(original), 1):.1%} of the points"
@@ -67,13 +67,9 @@ def render(
             say(f"{output}: {len(clouds[0]):,} and {len(clouds[1]):,} points beside each other")
         return
     (source,) = sources
-    with io.CloudFiles([source], input_format, names_of(columns)) as files:
-        cloud, faces, unread = files.read(), files.n_faces, files.skipped()
-    mesh = mesh_of(source, faces)
+    ((cloud, _, mesh),) = read_each(sources, input_format, names_of(columns), use_faces=True)
     with naming(source), io.whole_output(output, force) as file:
         title, excluded, outside = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
-    if faces and mesh is None:
-        note_left_out(output, unread)
     if excluded:
         print_error(f"note: {source}: {excluded:,} points with NaN or infinite coordinates are left out")
     if outside:

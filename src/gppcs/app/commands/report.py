@@ -48,6 +48,7 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
     from gppcs.drawing.web.contents import Named, report_page
@@ -60,7 +61,7 @@ def report(
     if meshes:
         require_pymeshlab()
     with timer("reading"):
-        read = [cloud for cloud, _ in io.read_each(inputs, input_format, names_of(columns))]
+        read = [item.cloud for item in read_each(inputs, input_format, names_of(columns))]
     surfaces: list[Mesh | None] = [None] * len(read)
     finite = [cloud[cloud.is_finite()] for cloud in read]
     names = different_names(inputs)

@@ -41,6 +41,7 @@ def view(
     at an address of this machine, and asks for the points that are looked at until Ctrl-C ends the command.
     """
     from gppcs import io
+    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
     from gppcs.drawing.web.contents import Named, view_page
@@ -49,7 +50,6 @@ def view(
     from gppcs.drawing.web.serving import LevelsServer
     from gppcs.io.copc import nodes_of
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import mesh_of
 
     timer = started(quiet, threads)
     viewpoint = options.viewpoint_of(view, up)
@@ -63,9 +63,9 @@ def view(
                 _serve(LevelsServer(levels), opened, quiet)
                 return
     with timer("reading"):
-        read = io.read_each(inputs, input_format, names_of(columns))
-        named = zip(different_names(inputs), inputs, read, strict=True)
-        clouds = [Named(name, cloud, mesh_of(path, faces)) for name, path, (cloud, faces) in named]
+        read = read_each(inputs, input_format, names_of(columns), use_faces=True)
+        named = zip(different_names(inputs), read, strict=True)
+        clouds = [Named(name, item.cloud, item.mesh) for name, item in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
