@@ -9,7 +9,6 @@ import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError, ParameterError
 from gppcs.io import read, rows, write
-from gppcs.io.cloud_files import CloudFiles
 
 
 @pytest.fixture
@@ -78,20 +77,10 @@ def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
     assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,1e-07,1,0.1\n"
 
 
-@pytest.mark.parametrize(
-    "column",
-    [
-        ["9007199254740993", "1.5"],
-        ["nan", "-9007199254740993"],
-        ["18446744073709551615", "-1"],
-        ["1" * 5000, "1"],
-    ],
-)
-@pytest.mark.parametrize("block", [1, 100])
-def test_whole_numbers_that_no_type_holds_exactly_are_refused(table, monkeypatch, column, block):
-    monkeypatch.setattr(rows, "BLOCK", block)
-    with pytest.raises(FileFormatError, match=r"int64, uint64 or float64 holds exactly.* write this with a decimal"):
-        read(table("".join(f"1 2 3 {value}\n" for value in column)))
+@pytest.mark.parametrize("column", [["18446744073709551615", "-1"], ["1" * 500, "1"]])
+def test_whole_numbers_that_no_type_holds_exactly_stay_text(table, column):
+    values = read(table("".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
+    assert values.tolist() == column
     with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y; subtract an offset"):
         read(table("1 9007199254740993 3\n"))
 
@@ -101,7 +90,6 @@ def test_whole_numbers_that_no_type_holds_exactly_are_refused(table, monkeypatch
     [
         (["9007199254740993", "-5"], np.int64),
         (["5", "18446744073709551615"], np.uint64),
-        (["1" + 22 * "0", "1"], np.float64),
         (["1e300", "nan"], np.float64),
     ],
 )
@@ -253,11 +241,12 @@ def test_missing_numbers_are_nan_in_whichever_row(table, cell):
     assert np.array_equal(cloud.points[:2], [[0, np.nan, 0], [np.nan, 1, 1]], equal_nan=True)
 
 
-def test_text_in_a_later_row_makes_a_column_text_in_all_chunks(tmp_path):
-    rows = "".join(f"{i},0,0,{'ground' if i == 9 else i}\n" for i in range(10))
-    (tmp_path / "a.csv").write_text(f"x,y,z,kind\n{rows}")
-    assert gppcs.read(tmp_path / "a.csv").attributes["kind"].tolist() == [*map(str, range(9)), "ground"]
-    with CloudFiles([tmp_path / "a.csv"]) as files:
-        parts = [cloud.attributes["kind"] for cloud in files.chunks(True, 3)]
-    assert {part.dtype.kind for part in parts} == {"U"}
-    assert np.concatenate(parts).tolist() == [*map(str, range(9)), "ground"]
+def test_text_after_the_first_block_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(rows, "BLOCK", 4)
+    (tmp_path / "a.csv").write_text(
+        "x,y,z,kind\n" + "".join(f"{i},0,0,{'a' if i in (2, 9) else i}\n" for i in range(9))
+    )
+    assert gppcs.read(tmp_path / "a.csv").attributes["kind"].tolist() == ["0", "1", "a", *map(str, range(3, 9))]
+    (tmp_path / "a.csv").write_text("x,y,z,kind\n" + "".join(f"{i},0,0,{'a' if i == 6 else i}\n" for i in range(9)))
+    with pytest.raises(FileFormatError, match="point 7: expected a number, found 'a'"):
+        gppcs.read(tmp_path / "a.csv")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import contextmanager
 from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice, pairwise
 from typing import Any, BinaryIO
@@ -14,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT, Column, check_coordinate, coordinate_names
+from gppcs.clouds.columns import Column, check_coordinate, coordinate_names
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
@@ -116,9 +115,11 @@ def read_rows(
     Without a row, one block is empty: of three columns if no width is given.
     """
     done = 0
-    for block in _blocks(lines, width, count, what, delimiter):
-        yield block.columns(texts)
-        done += len(block.lines)
+    while block := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
+        if kept := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
+            width = width or len(fields_of(kept[0], delimiter))
+            yield _columns(kept, width, delimiter, texts, f"{what} ", done + 1)
+        done += len(kept)
     if count is not None and done < count:
         raise ends_early(what, done, count)
     if not done:
@@ -132,109 +133,59 @@ def read_table(
     return [np.concatenate(parts) for parts in zip(*read_rows(lines, width, count, what), strict=True)]
 
 
-def text_columns(
-    lines: Iterator[str], width: int, delimiter: str | None, texts: Collection[int], numbers: Collection[int]
-) -> set[int]:
-    """Return which columns are text in any row; of some it is known that they are, or that they must be numbers."""
-    texts = set(texts)
-    for block in _blocks(lines, width, None, "point", delimiter):
-        if "".join(block.lines).encode().translate(None, b"0123456789+-.eE,;\t \r\n"):
-            table = block.parsed(texts)
-            uncertain = [i for i in table if i not in numbers and table[i].dtype.kind not in "iuf"]
-            texts |= {i for i in uncertain if not all(is_number(str(value)) for value in table[i].tolist())}
-    return texts
+def text_columns(lines: Iterator[str], width: int, delimiter: str | None) -> set[int]:
+    """Return which columns are text in the first block of rows."""
+    kept = list(islice(filter(is_row, lines), BLOCK))
+    table = _parsed(kept, width, delimiter, (), "point ", 1) if kept else {}
+    return {i for i in table if table[i].dtype.kind not in "iuf"}
 
 
-def _blocks(
-    lines: Iterator[str], width: int | None, count: int | None, what: str, delimiter: str | None
-) -> Iterator[_Block]:
-    """Yield lines without empty ones and comments, block by block, at most as many as counted."""
-    done = 0
-    while block := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
-        if kept := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
-            width = width or len(fields_of(kept[0], delimiter))
-            yield _Block(kept, done, width, delimiter, what)
-        done += len(kept)
+def _columns(
+    lines: list[str], width: int, delimiter: str | None, texts: Collection[int], what: str, first: int
+) -> list[Column]:
+    """Return rows as columns of numbers or text; `what` and the number of the first row name a row in messages."""
+    table = _parsed(lines, width, delimiter, texts, what, first)
+    columns = []
+    for i in table:
+        values = table[i].to_numpy()
+        if i in texts:
+            values = _texts(values.tolist())
+        elif values.dtype.kind not in "iuf":
+            bad = next((k for k, value in enumerate(values.tolist()) if not is_number(str(value))), 0)
+            raise FileFormatError(f"{what}{first + bad}: expected a number, found {shortened(str(values[bad]))}")
+        columns.append(values)
+    return columns
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Rows of a table as lines of text."""
+def _parsed(lines: list[str], width: int, delimiter: str | None, texts: Collection[int], what: str, first: int) -> Any:
+    """Return rows as a table of pandas."""
+    import pandas  # only here, as it is slow to load
 
-    lines: list[str]
-    start: int  # number of rows before these
-    width: int
-    delimiter: str | None
-    what: str  # a row is
-
-    def columns(self, texts: Collection[int]) -> list[Column]:
-        """Return the columns as numbers that are exact, or as text."""
-        table = self.parsed(texts)
-        columns = []
-        for i in table:
-            values = table[i].to_numpy()
-            if i in texts:
-                values = _texts(values.tolist())
-            elif values.dtype.kind not in "iuf" or (values.dtype.kind == "f" and (np.abs(values) >= EXACT).any()):
-                values = self._exact_numbers(i)
-            columns.append(values)
-        return columns
-
-    def parsed(self, texts: Collection[int]) -> Any:
-        """Return the rows as a table of pandas."""
-        import pandas  # only here, as it is slow to load
-
-        # The parser of later versions reads every number to its last digit anyway.
-        exact: Any = {} if pandas.__version__ >= "3.1" else {"float_precision": "round_trip"}
-        try:
-            table = pandas.read_csv(
-                StringIO("".join(self.lines)),
-                sep=self.delimiter or r"\s+",
-                header=None,
-                dtype=dict.fromkeys(texts, str),
-                na_values={i: MISSING for i in range(self.width) if i not in texts},
-                keep_default_na=False,
-                skipinitialspace=True,
-                low_memory=False,
-                **exact,
-            )
-            if table.shape != (len(self.lines), self.width):
-                raise ValueError(f"{len(table):,} rows of {table.shape[1]} columns")
-        except ValueError as error:
-            self._check_widths(range(len(self.lines)))
-            actual = " ".join(str(error).split())[:200]
-            raise FileFormatError(
-                f"expected {len(self.lines):,} rows of {self.width} columns, but pandas reports: {actual}"
-            ) from error
-        last = table[self.width - 1]  # in which fields that lack at the end of a row are empty
-        self._check_widths(np.flatnonzero(last.isna() | (last == "")).tolist())
-        return table
-
-    def _check_widths(self, indices: Iterable[int]) -> None:
-        """Raise an error if some of the rows have another number of fields."""
-        for i in indices:
-            if len(fields_of(self.lines[i], self.delimiter)) != self.width:
-                raise FileFormatError(
-                    f"{self.what} {self.start + i + 1}: expected {self.width} columns, found {shortened(self.lines[i])}"
-                )
-
-    def _exact_numbers(self, column: int) -> Column:
-        """Return a column as integers if all numbers are, else as float64 if that rounds none of the whole numbers."""
-        fields = ["nan" if field in MISSING else field for field in self.parsed([column])[column]]
-        for dtype in (np.int64, np.uint64):
-            with suppress(ValueError, OverflowError):
-                return np.array([int(field) for field in fields], dtype)
-        for i, field in enumerate(fields, self.start + 1):
-            if not is_number(field):
-                raise FileFormatError(f"{self.what} {i}: expected a number, found {shortened(field)}")
-            value = float(field)
-            is_whole = re.fullmatch(r"\s*[+-]?\d+\s*", field)
-            if is_whole and (np.isinf(value) or int(field) != value):
-                raise FileFormatError(
-                    "expected columns of whole numbers that int64, uint64 or float64 holds exactly, found one that "
-                    f"none does, with {shortened(field)}; write this with a decimal point if it may be rounded"
-                )
-        return np.array(fields, np.float64)
+    # The parser of later versions reads every number to its last digit anyway.
+    exact: Any = {} if pandas.__version__ >= "3.1" else {"float_precision": "round_trip"}
+    try:
+        table = pandas.read_csv(
+            StringIO("".join(lines)),
+            sep=delimiter or r"\s+",
+            header=None,
+            dtype=dict.fromkeys(texts, str),
+            na_values={i: MISSING for i in range(width) if i not in texts},
+            keep_default_na=False,
+            skipinitialspace=True,
+            low_memory=False,
+            **exact,
+        )
+        fault = None if table.shape == (len(lines), width) else f"{len(table):,} rows of {table.shape[1]} columns"
+    except ValueError as error:
+        fault = " ".join(str(error).split())[:200]
+    # Fields that lack at the end of a row are empty.
+    uncertain = range(len(lines)) if fault else np.flatnonzero(table[width - 1].isna() | (table[width - 1] == ""))
+    for i in uncertain:
+        if len(fields_of(lines[i], delimiter)) != width:
+            raise FileFormatError(f"{what}{first + i}: expected {width} columns, found {shortened(lines[i])}")
+    if fault:
+        raise FileFormatError(f"expected {len(lines):,} rows of {width} columns, but pandas reports: {fault}")
+    return table
 
 
 def _texts(texts: list[str]) -> Column:

@@ -3,8 +3,8 @@
 - The first row sets the delimiter: semicolon, comma, or whitespace. If tabs stand between all fields, text may contain
   spaces. Text in double quotes may contain the delimiter.
 - A single whole number before the first row is the number of points.
-- A column is text if any of its fields is neither a number nor missing, or if its first field is in quotes while the
-  coordinates are not. All rows count, so that chunks agree. Missing numbers, empty or NA, are NaN.
+- A column is text if one of its first fields is neither a number nor missing, or if its very first one is in quotes
+  while the coordinates are not. Missing numbers, empty or NA, are NaN.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ def open_table(
     preview = _preview(lines_of(file), columns)
     names = _names(preview, columns, names_of_width)
     axes = coordinate_names(names)
-    texts: set[int] | None = None
+    quoted = {i for i, field in enumerate(preview.fields) if field.startswith('"')}
+    coordinates = {names.index(axis) for axis in axes}
+    texts = text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
+    texts |= set() if quoted & coordinates else quoted
 
     def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        nonlocal texts
-        if texts is None:
-            texts = _text_columns(file, preview, [names.index(axis) for axis in axes])
         # Without text, further whitespace beside tabs does no harm.
         delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
         lines = _rows(file, preview)
@@ -151,12 +151,6 @@ def _rows(file: BufferedReader, preview: _Preview) -> Iterator[str]:
     """Yield the lines from the first row on."""
     file.seek(0)
     return islice(lines_of(file), preview.line - 1, None) if preview.line else iter(())
-
-
-def _text_columns(file: BufferedReader, preview: _Preview, axes: list[int]) -> set[int]:
-    quoted = {i for i, field in enumerate(preview.fields) if field.startswith('"')}
-    quoted = set() if quoted & set(axes) else quoted
-    return text_columns(_rows(file, preview), len(preview.fields), preview.delimiter, quoted, axes)
 
 
 def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
