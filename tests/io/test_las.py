@@ -323,9 +323,6 @@ def test_any_cloud(tmp_path_factory, suffix, cloud):
     assert read(path) == found
 
 
-MERGED = "a scale and an offset of X that keep different coordinates different"
-
-
 def bits(number):
     return int.from_bytes(struct.pack("<d", number), "little")
 
@@ -340,8 +337,8 @@ def bits(number):
         ((104, 1), 11, "point format of 0 to 10, found 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),
         ((107, 4), 2**32 - 1, r"file ends in point 301 of 4294967295"),
-        *(((131, 8), bits(scale), MERGED) for scale in (0.0, np.nan, np.inf, 1e-300)),
-        *(((155, 8), bits(offset), MERGED) for offset in (np.nan, 1e300)),
+        *(((131, 8), bits(scale), "finite scales and offsets") for scale in (0.0, np.nan, np.inf)),
+        ((155, 8), bits(np.nan), "finite scales and offsets"),
     ],
 )
 def test_headers_that_lie(tmp_path, place, value, message):

@@ -1,13 +1,11 @@
 """Files are complete or not there and nothing is overwritten unasked; compressed files, standard input and output."""
 
-import errno
 import gzip
 import io
 import os
 import stat
 import subprocess
 import sys
-import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -129,37 +127,7 @@ def test_a_link_stays_a_link(tmp_path):
     assert b"element vertex 3\n" in real.read_bytes()
 
 
-def test_of_two_that_write_at_the_same_time_one_wins(tmp_path):
-    path, both_began = tmp_path / "cloud.xyz", threading.Barrier(8)
-    ends = []
-
-    def run(name):
-        try:
-            with whole_output(path) as file:
-                both_began.wait()  # all have found no file of that name
-                file.write(name)
-            ends.append(name)
-        except OutputError as error:
-            ends.append(str(error))
-
-    runs = [threading.Thread(target=run, args=(bytes([letter]),)) for letter in b"abcdefgh"]
-    for thread in runs:
-        thread.start()
-    for thread in runs:
-        thread.join()
-    (winner,) = [end for end in ends if isinstance(end, bytes)]
-    assert path.read_bytes() == winner
-    assert sum("exists already" in end for end in ends if end != winner) == 7
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("has_links", [True, False])
-def test_a_file_that_appears_during_the_work_is_kept(tmp_path, monkeypatch, has_links):
-    def refuse(*arguments):
-        raise OSError(errno.EPERM, "Operation not permitted")
-
-    if not has_links:
-        monkeypatch.setattr(os, "link", refuse)
+def test_a_file_that_appears_during_the_work_is_kept(tmp_path):
     path = tmp_path / "cloud.xyz"
 
     def late():

@@ -27,7 +27,8 @@ ORDERS = ("order", "random")
 BLOCK = 1 << 20  # Points that are sorted at once.
 FULL = 1 << 16  # Points of a node with others below it. With fewer, these would hold less than some 10,000.
 LARGEST = 100_000  # Points of a node that takes in those of small nodes below it. Viewers load complete nodes.
-DEEPEST = 20  # Octree level whose cells three numbers of 21 bits can name.
+DEEPEST = 20  # Octree level whose cells three numbers of 20 bits name.
+_SPREAD = np.array([sum((i >> bit & 1) << 3 * bit for bit in range(10)) for i in range(1024)])  # two zeros between bits
 
 
 def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str = ORDERS[0]) -> None:
@@ -84,16 +85,13 @@ def _count(header: laspy.LasHeader, records: NDArray[Any]) -> tuple[float, float
     if not len(records):
         header.update([])
         return 0.0, 0.0
-    first, last = np.inf, -np.inf
     for begin in range(0, len(records), BLOCK):
-        block = records[begin : begin + BLOCK]
-        header.grow(laspy.PackedPointRecord(block, header.point_format))
-        first, last = min(first, block["gps_time"].min()), max(last, block["gps_time"].max())
+        header.grow(laspy.PackedPointRecord(records[begin : begin + BLOCK], header.point_format))
     longest = int(np.argmax(header.maxs - header.mins))
     if header.maxs[longest] > header.mins[longest]:
         # copclib takes the cube from these bounds, and adds up the borders of cells, which must not fall short.
         header.maxs[longest] += 4 * np.spacing(max(abs(header.mins[longest]), abs(header.maxs[longest])))
-    return first, last
+    return header.min_gps_time, header.max_gps_time
 
 
 def _hierarchy(keys: list[int], chunks: NDArray[Any]) -> bytes:
@@ -151,15 +149,7 @@ class Octree:
             cells -= points < lower + step * cells  # Readers round borders so: no point may lie beyond by its last bit.
             cells += points >= lower + step * (cells + 1)
             numbers = np.clip(cells, 0, 2**DEEPEST - 1).astype(np.int64)
-            for shift, mask in (  # put two zeros between the bits
-                (32, 0x1F00000000FFFF),
-                (16, 0x1F0000FF0000FF),
-                (8, 0x100F00F00F00F00F),
-                (4, 0x10C30C30C30C30C3),
-                (2, 0x1249249249249249),
-            ):
-                numbers = (numbers | numbers << shift) & mask
-            codes |= numbers << axis
+            codes |= (_SPREAD[numbers >> 10] << 30 | _SPREAD[numbers & 1023]) << axis
         return codes
 
     def _keys_of(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:

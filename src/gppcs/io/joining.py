@@ -30,7 +30,6 @@ class JointColumns:
         self._first: PointCloud | None = None
         self._types: dict[str, set[np.dtype[Any]]] = {}
         self._coordinates: set[np.dtype[Any]] = set()
-        self._signed: set[str] = set()  # attributes with a negative number
 
     @property
     def header(self) -> Header | None:
@@ -57,15 +56,12 @@ class JointColumns:
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
             self._types.setdefault(name, set()).add(values.dtype)
-            if values.dtype == np.int64 and name not in self._signed and values.size and values.min() < 0:
-                self._signed.add(name)
 
     def merge(self, other: JointColumns) -> None:
         """Take note of the parts that another has noted."""
         if other._first is not None:
             self.add(other._first)
         self._coordinates |= other._coordinates
-        self._signed |= other._signed
         for name, types in other._types.items():
             self._types[name] |= types
 
@@ -79,11 +75,7 @@ class JointColumns:
 
     def _column(self, name: str, parts: list[NDArray[Any]]) -> NDArray[Any]:
         """Return the values of an attribute in a type that holds those of all parts exactly."""
-        types = self._types[name]
-        if types == {np.dtype(np.int64), np.dtype(np.uint64)} and name not in self._signed:
-            common = np.dtype(np.uint64)
-        else:
-            common = np.result_type(*types)
+        common = np.result_type(*self._types[name])
         if common.kind == "f" and not all(part.dtype == common or exact_as_double(part) for part in parts):
             raise FileFormatError(
                 f"expected values of {name} that int64, uint64 or float64 holds exactly, found whole numbers beyond "

@@ -37,6 +37,10 @@ def open_las(
 ) -> Reader:
     """Open a LAS, LAZ or COPC file; `select` returns the chunks that are read."""
     las = read_header(file)
+    if not (np.isfinite([las.scales, las.offsets]).all() and las.scales.all()):
+        raise FileFormatError(
+            f"expected finite scales and offsets, found {las.scales} and {las.offsets}; the file may be damaged"
+        )
     header = LasHeader.from_laspy(las)
     skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
@@ -63,17 +67,10 @@ def open_las(
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
-    """Return the coordinates (n, 3) of points as they are stored, after checking that all can be told apart."""
-    points = np.empty((len(block), 3))
+    """Return the coordinates (n, 3) of points as they are stored."""
     with np.errstate(all="ignore"):
-        for axis, values, scale, offset in zip("XYZ", points.T, las.scales, las.offsets, strict=True):
-            values[:] = block[axis] * scale + offset
-            if not np.array_equal(np.rint((values - offset) / scale), block[axis]):
-                raise FileFormatError(
-                    f"expected a scale and an offset of {axis} that keep different coordinates different, found "
-                    f"{scale:g} and {offset:g}; the file may be damaged"
-                )
-    return points
+        axes = zip("XYZ", las.scales, las.offsets, strict=True)
+        return np.stack([block[axis] * scale + offset for axis, scale, offset in axes], axis=1)
 
 
 def attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:

@@ -64,7 +64,6 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
     while "DATA" not in entries:
         line = file.readline(1 << 20)
         keyword, *values = line.decode("utf-8-sig", "replace").split() or [""]
-        keyword = "FIELDS" if keyword == "COLUMNS" else keyword  # the name before version 0.7
         if keyword in _KEYWORDS:
             entries[keyword] = values
         elif not line or (keyword and not keyword.startswith("#")):
@@ -73,11 +72,11 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
         raise FileFormatError(f"expected DATA to be ascii, binary or binary_compressed, found {shortened(encoding)}")
-    keywords = ["POINTS"] if "POINTS" in entries else ["WIDTH", "HEIGHT"]
-    texts = [" ".join(entries.get(keyword, [])) for keyword in keywords]
+    texts = [" ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT")]
     if None in map(as_count, texts):
-        actual = " and ".join(map(shortened, texts))
-        raise FileFormatError(f"expected whole numbers as {' and '.join(keywords)}, found {actual}")
+        raise FileFormatError(
+            f"expected whole numbers as WIDTH and HEIGHT, found {' and '.join(map(shortened, texts))}"
+        )
     return _record(entries), math.prod(map(int, texts)), encoding
 
 

@@ -125,22 +125,11 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
                         shutil.copyfileobj(plain, packed)
             else:
                 yield file
-        if force:
-            os.replace(temporary, target)
-        else:
-            _rename_to_new(temporary, target)
+        if target.exists() and not force:  # it has appeared meanwhile
+            raise _exists(target)
+        os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def _rename_to_new(temporary: Path, target: Path) -> None:
-    """Rename a file, unless one of the name has appeared meanwhile."""
-    with suppress(OSError):  # there is such a file, or the file system has no hard links
-        os.link(temporary, target)
-        return
-    if target.exists():
-        raise _exists(target)
-    os.replace(temporary, target)
 
 
 def _exists(target: Path) -> OutputError:
