@@ -40,6 +40,15 @@ def test_a_group_of_each_point_changes_nothing():
     np.testing.assert_array_equal(gppcs.simplify(numbered, n_points=200, group="id").indices, plain.indices)
 
 
+@pytest.mark.parametrize("n_points", [300, 2900])
+def test_points_of_weight_0_are_left_out_of_their_groups_unless_they_are_to_be_kept(n_points):
+    cloud = pulses(1500)
+    weights = (np.arange(len(cloud)) % 4 > 0).astype(np.float64)
+    result = gppcs.simplify(cloud, n_points=n_points, group="gps_time", weight=weights, keep=[4])
+    assert result.indices[weights[result.indices] == 0.0].tolist() == [4]
+    assert abs(len(result.indices) - min(n_points, weights.sum() + 1)) <= 2
+
+
 def test_at_least_one_group_is_kept_and_at_most_all():
     cloud = gppcs.PointCloud(np.random.default_rng(0).random((90, 3)), {"tree": np.repeat(["oak", "elm", "ash"], 30)})
     assert len(gppcs.simplify(cloud, n_points=2, group="tree").cloud) == 30

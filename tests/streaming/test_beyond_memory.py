@@ -155,13 +155,16 @@ def test_quotas_are_exact(tmp_path, method, outliers):
     assert np.isfinite(found.points).all()
 
 
-def test_groups_stay_whole(tmp_path):
+def test_groups_stay_whole_but_for_points_of_weight_0(tmp_path):
     path = classed(tmp_path, outliers=0.02)
-    options = {"invalid": "drop", "drop_outliers": True}
+    cloud = gppcs.read(path)
+    cloud.attributes["counted"] = (np.arange(len(cloud)) % 5 > 0).astype(np.uint8)
+    gppcs.write(path, cloud, force=True)
+    options = {"invalid": "drop", "drop_outliers": True, "weight": "counted"}
     result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **options)
     assert len(result.indices) == pytest.approx(2_000, abs=4)
-    usable = np.setdiff1d(np.flatnonzero(gppcs.read(path).is_finite()), result.outliers)
-    pulses = gppcs.read(path).attributes["pulse"]
+    usable = np.setdiff1d(np.flatnonzero(cloud.is_finite() & (cloud.attributes["counted"] > 0)), result.outliers)
+    pulses = cloud.attributes["pulse"]
     assert set(result.indices) == set(usable[np.isin(pulses[usable], result.cloud.attributes["pulse"])])
     assert result.diagnostics["groups"] == len(np.unique(result.cloud.attributes["pulse"]))
     assert result.diagnostics["groups_in_cloud"] == len(np.unique(pulses[usable]))

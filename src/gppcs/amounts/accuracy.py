@@ -156,7 +156,7 @@ class _Search:
             if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
                 enough, errors = self._fewest(lambda m: positions[:m], estimate, count, exponent)  # noqa: B023
                 if errors[self.measure] <= self.tolerance:
-                    return _prefix(ranking, enough), errors
+                    return ranking.arranged(ranking.indices[:enough]), errors
             previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
             judged = min(max(round(estimate), count), n - 1)
             spare = 1.2  # longer than estimated, as a ranking that is too short costs another one
@@ -210,16 +210,6 @@ class _Search:
         if error == 0.0:
             return count / MAXIMUM_STEP
         return count * min(max((error / self.tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
-
-
-def _prefix(ranking: Selection, count: int) -> Selection:
-    """Return the first points of a ranking."""
-    return replace(
-        ranking,
-        indices=ranking.indices[:count],
-        points=None if ranking.points is None else ranking.points[:count],
-        attributes={name: values[:count] for name, values in ranking.attributes.items()},
-    )
 
 
 def _exponent(few: int, error_of_few: float, many: int, error: float, lower: float) -> float:

@@ -70,7 +70,7 @@ def choose_by_options(
         else:
             assert max_gap is not None
             selection = rank(_number_of_discs(task.points, scale.inside(max_gap), task.fixed))
-        selection = with_repeats(in_cloud(selection), repeats, task.fixed)
+        selection = _with_repeats(in_cloud(selection), repeats, task.fixed)
     if max_gap is None:
         return selection
     return _without_gaps(points, usable, selection, max_gap, scale, timer)
@@ -95,10 +95,10 @@ def choose_number(
     if options.quotas:
         assert constraints.labels is not None
         selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
-        return extended(with_repeats(selection, repeats, fixed), fill)
-    selection = with_repeats(rank(count - len(repeats)), repeats, fixed)
+        return _extended(_with_repeats(selection, repeats, fixed), fill)
+    selection = _with_repeats(rank(count - len(repeats)), repeats, fixed)
     missing = count - len(selection.indices)
-    return extended(selection, unchosen(selection.indices, missing)) if missing > 0 else selection
+    return _extended(selection, unchosen(selection.indices, missing)) if missing > 0 else selection
 
 
 def check_count(count: int, n_keep: int, n_usable: int) -> None:
@@ -112,34 +112,22 @@ def check_count(count: int, n_keep: int, n_usable: int) -> None:
         )
 
 
-def with_repeats(selection: Selection, repeats: Ints, fixed: int) -> Selection:
+def _with_repeats(selection: Selection, repeats: Ints, fixed: int) -> Selection:
     """Return a selection with repeats to keep after its first `fixed` points, and the number of points to keep."""
     if not fixed:
         return selection
-    position = np.full(len(repeats), fixed)
-    return replace(
-        selection,
-        indices=np.insert(selection.indices, position, repeats),
-        diagnostics={**selection.diagnostics, "points_to_keep": float(fixed + len(repeats))},
-        attributes={name: np.insert(values, position, 0.0) for name, values in selection.attributes.items()},
-    )
+    diagnostics = {**selection.diagnostics, "points_to_keep": float(fixed + len(repeats))}
+    longer = selection.arranged(np.insert(selection.indices, fixed, repeats))
+    return replace(longer, diagnostics=diagnostics)
 
 
-def extended(selection: Selection, indices: Ints) -> Selection:
+def _extended(selection: Selection, indices: Ints) -> Selection:
     """Return a selection with further points at its end, which the method did not choose."""
-    return replace(
-        selection,
-        indices=np.concatenate([selection.indices, indices]),
-        points=None if len(indices) else selection.points,
-        attributes={name: np.pad(values, (0, len(indices))) for name, values in selection.attributes.items()},
-    )
+    return selection.arranged(np.concatenate([selection.indices, indices]))
 
 
 def _groups(constraints: Constraints) -> tuple[Ints, int]:
     """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
-    if constraints.labels is None:
-        groups = group_numbers(constraints.groups)
-        return groups, int(groups.max()) + 1
     usable = constraints.labels != EXCLUDED
     numbers = group_numbers([values[usable] for values in constraints.groups])
     groups = np.full(len(usable), int(numbers.max()) + 1)
@@ -189,5 +177,5 @@ def _without_gaps(
         added, gap = fill_gaps(points[usable], kept, scale.inside(max_gap))
     diagnostics = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(gap)}
     moved = None if selection.points is None else np.concatenate([kept, points[usable[added]]])
-    longer = extended(selection, usable[added])
+    longer = _extended(selection, usable[added])
     return replace(longer, diagnostics={**selection.diagnostics, **diagnostics}, points=moved)

@@ -39,12 +39,13 @@ class Constraints:
     def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
         """Look up what the options require of the points of a cloud at some indices, (n,)."""
         keep = _keep_mask(cloud, options.keep)[indices]
-        weights, usable = None, indices
+        weights, labels, usable = None, None, indices
         if options.weight is not None:
             weights = _weights(cloud, options.weight)[indices]
             usable = indices[keep | (weights > 0.0)]
         columns = {name: values[indices] for name, values in required_columns(cloud, options).items()}
-        labels = quota_labels(cloud, usable, options.quotas)[indices] if options.quotas else None
+        if options.quotas or options.group is not None:
+            labels = quota_labels(cloud, usable, options.quotas)[indices]
         groups = group_columns(cloud, options.group) if options.group is not None else []
         return cls(np.flatnonzero(keep), weights, columns, labels, [values[indices] for values in groups])
 

@@ -58,21 +58,9 @@ def choose_groups(groups: Ints, number: int, fixed: int, count: int, rank: Calla
         length = math.ceil(length * max(1.02, count / totals[-1]))
     minimum = int((first < fixed).sum())  # groups of points to keep
     n_groups = max(minimum, 1 + int(np.argmin(np.abs(totals - count))))
-    return _members(selection, groups, number, ranked[order][:n_groups])
-
-
-def _members(selection: Selection, groups: Ints, number: int, taken: Ints) -> Selection:
-    """Return all points of the groups that are taken, in their order."""
-    rank = np.full(number + 1, len(taken))
-    rank[taken] = np.arange(len(taken))
-    members = np.flatnonzero(rank[groups] < len(taken))
-    members = members[np.argsort(rank[groups[members]], kind="stable")]
-    order = np.argsort(members)
-    positions = order[np.searchsorted(members[order], selection.indices).clip(max=len(members) - 1)]
-    is_member = members[positions] == selection.indices
-    attributes = {}
-    for name, values in selection.attributes.items():
-        attributes[name] = np.zeros(len(members))
-        attributes[name][positions[is_member]] = values[is_member]
-    diagnostics = {**selection.diagnostics, "groups": float(len(taken)), "groups_in_cloud": float(number)}
-    return replace(selection, indices=members, diagnostics=diagnostics, attributes=attributes, ranked=False)
+    rank = np.full(number + 1, n_groups)
+    rank[ranked[order][:n_groups]] = np.arange(n_groups)
+    members = np.flatnonzero(rank[groups] < n_groups)
+    chosen = selection.arranged(members[np.argsort(rank[groups[members]], kind="stable")])
+    diagnostics = {**selection.diagnostics, "groups": float(n_groups), "groups_in_cloud": float(number)}
+    return replace(chosen, diagnostics=diagnostics, ranked=False)

@@ -92,7 +92,7 @@ def choose_quotas(
             break
         growth = min(float((needed / np.maximum(reached, 1)).max()), 4.0)
         length = min(n - 1, math.ceil(1.05 * growth * length))  # a little longer: another ranking costs more
-    selection = replace(_first_of_parts(selection, labels, n_ranked), ranked=False)
+    selection = replace(selection.arranged(_first_of_parts(selection.indices, labels, n_ranked)), ranked=False)
     taken = np.concatenate([selection.indices, repeats])
     missing = numbers - _count(labels[taken], parts)
     fill = [np.setdiff1d(np.flatnonzero(labels == part), taken)[: max(0, k)] for part, k in enumerate(missing)]
@@ -125,13 +125,11 @@ def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Ints) ->
     return numbers
 
 
-def _first_of_parts(selection: Selection, labels: Labels, numbers: Ints) -> Selection:
-    """Return a selection without those points that are more than the number of their part, the last ones."""
-    parts = labels[selection.indices]
+def _first_of_parts(indices: Ints, labels: Labels, numbers: Ints) -> Ints:
+    """Return indices, (M,), without the last ones of each part that are more than its number."""
+    parts = labels[indices]
     order = np.argsort(parts, kind="stable")
     starts = np.searchsorted(parts[order], np.arange(len(numbers)))
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order)) - starts[parts[order]]
-    is_kept = rank < numbers[parts]
-    attributes = {name: values[is_kept] for name, values in selection.attributes.items()}
-    return replace(selection, indices=selection.indices[is_kept], attributes=attributes)
+    return indices[rank < numbers[parts]]

@@ -121,6 +121,21 @@ class Selection(ComparedByValue):
     ranked: bool = True
     normals: Floats | None = None
 
+    def arranged(self, indices: Ints) -> Selection:
+        """Return a selection of other indices, (K,): points that are not of this one have scores of 0."""
+        import numpy as np
+
+        is_chosen, order = np.isin(indices, self.indices), np.argsort(self.indices)
+        positions = order[np.searchsorted(self.indices, indices[is_chosen], sorter=order)]
+        attributes = {name: np.zeros(len(indices)) for name in self.attributes}
+        for name, values in attributes.items():
+            values[is_chosen] = self.attributes[name][positions]
+        points, normals = (
+            None if values is None or not is_chosen.all() else values[positions]
+            for values in (self.points, self.normals)
+        )
+        return dataclasses.replace(self, indices=indices, points=points, attributes=attributes, normals=normals)
+
 
 @dataclass(frozen=True)
 class Method(ABC):

@@ -124,9 +124,9 @@ def _read_chunk(cloud: PointCloud, path: Path, fraction: float, options: Options
     if len(finite) < len(cloud):
         overview.n_bad, overview.first_bad = len(cloud) - len(finite), int(np.argmin(cloud.is_finite()))
     overview.weights = WeightRange.from_weights(constraints.weights)
-    if options.quotas or options.group is not None:
+    if constraints.labels is not None:
         labels = np.full(len(cloud), EXCLUDED)
-        labels[finite] = 0 if constraints.labels is None else constraints.labels
+        labels[finite] = constraints.labels
         overview.labels = [labels]
     if options.group is not None:
         overview.groups = [group_columns(cloud, options.group)]
