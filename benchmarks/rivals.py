@@ -32,7 +32,7 @@ def our_wlop(points: NDArray[np.float64], n_points: int, radius: float) -> float
     start = perf_counter()
     tree = KdTree.build(points)
     first = points[np.random.default_rng(0).permutation(len(points))[:n_points]]
-    nearest_unused(project(points, first, radius, tree=tree), tree)
+    nearest_unused(project(tree, first, radius), tree)
     return perf_counter() - start
 
 

@@ -229,7 +229,7 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
     if options.scores:
         _check_scores(files.preview)
     with (
-        scratch_folder(options.scratch_parent, plan.disk) as folder,
+        scratch_folder(options.scratch, plan.disk) as folder,
         map_over_parts(options.workers, plan.threads) as map_parts,
     ):
         choice = choose_beyond_memory(files, options, plan, folder, map_parts, timer)

@@ -3,6 +3,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from gppcs.methods.wlop.projection import project
+from gppcs.spatial.kdtree import KdTree
 
 
 def plain_project(points, samples, radius, iterations, mu, require_uniform):
@@ -46,7 +47,7 @@ def cgal_wlop(points, percentage, radius, iterations=35, require_uniform=False):
 @pytest.mark.parametrize(("n", "m", "radius"), [(500, 60, 0.15), (500, 60, 0.5), (300, 300, 0.2), (5, 2, 0.1)])
 def test_equals_the_plain_algorithm(n, m, radius, require_uniform):
     points = np.random.default_rng(n).random((n, 3))
-    moved = project(points, points[:m], radius, 5, 0.45, require_uniform)
+    moved = project(KdTree.build(points), points[:m], radius, 5, 0.45, require_uniform)
     np.testing.assert_allclose(moved, plain_project(points, points[:m], radius, 5, 0.45, require_uniform), atol=1e-10)
 
 
@@ -57,6 +58,6 @@ def test_equals_cgal_where_all_points_are_samples(n, radius, require_uniform):
     """Then there is no chance in the start, and five iterations must agree to rounding."""
     points = np.random.default_rng(0).random((n, 3))
     theirs = cgal_wlop(points, 100.0, radius, 5, require_uniform)
-    ours = project(points, points, radius, 5, require_uniform=require_uniform)
+    ours = project(KdTree.build(points), points, radius, 5, require_uniform=require_uniform)
     assert len(theirs) == len(ours)
     assert cKDTree(theirs).query(ours)[0].max() < 1e-10

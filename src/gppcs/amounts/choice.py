@@ -128,6 +128,7 @@ def _extended(selection: Selection, indices: Ints) -> Selection:
 
 def _groups(constraints: Constraints) -> tuple[Ints, int]:
     """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
+    assert constraints.labels is not None
     usable = constraints.labels != EXCLUDED
     numbers = group_numbers([values[usable] for values in constraints.groups])
     groups = np.full(len(usable), int(numbers.max()) + 1)

@@ -58,9 +58,9 @@ def choose_groups(groups: Ints, number: int, fixed: int, count: int, rank: Calla
         length = math.ceil(length * max(1.02, count / totals[-1]))
     minimum = int((first < fixed).sum())  # groups of points to keep
     n_groups = max(minimum, 1 + int(np.argmin(np.abs(totals - count))))
-    rank = np.full(number + 1, n_groups)
-    rank[ranked[order][:n_groups]] = np.arange(n_groups)
-    members = np.flatnonzero(rank[groups] < n_groups)
-    chosen = selection.arranged(members[np.argsort(rank[groups[members]], kind="stable")])
+    turn = np.full(number + 1, n_groups)
+    turn[ranked[order][:n_groups]] = np.arange(n_groups)
+    members = np.flatnonzero(turn[groups] < n_groups)
+    chosen = selection.arranged(members[np.argsort(turn[groups[members]], kind="stable")])
     diagnostics = {**selection.diagnostics, "groups": float(n_groups), "groups_in_cloud": float(number)}
     return replace(chosen, diagnostics=diagnostics, ranked=False)

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown, whole_number
@@ -162,7 +161,9 @@ class Options:
             metres_of(self.unit, None)
         if isinstance(self.keep, str):
             Expression.from_text(self.keep)
-        _ = self.memory_limit, self.scratch_parent
+        _ = self.memory_limit
+        if self.scratch is not None:
+            file_path(self.scratch)
         if self.inside is not None or self.only is not None or self.resolution is not None:
             from gppcs.io.query import Query
 
@@ -244,11 +245,6 @@ class Options:
         from gppcs.clouds.quantities import bytes_of
 
         return None if self.memory is None else bytes_of(self.memory)
-
-    @cached_property
-    def scratch_parent(self) -> Path | None:
-        """The folder for temporary files, if it is named."""
-        return None if self.scratch is None else file_path(self.scratch)
 
     @property
     def constrains_points(self) -> bool:

@@ -68,7 +68,7 @@ class PointCloud(ComparedByValue):
         if points.ndim != 2 or points.shape[1] != 3:
             actual = points.shape or _described(self.points)
             raise InputError(f"expected points of shape (N, 3), found {actual}{_remedy(points.shape)}")
-        _require_numbers(points.dtype, "numbers as coordinates, found an array of")
+        require_numbers(points.dtype, "numbers as coordinates, found an array of")
         object.__setattr__(self, "points", np.ascontiguousarray(points, dtype=np.float64))
         if not (isinstance(self.attributes, Mapping) and all(isinstance(name, str) for name in self.attributes)):
             raise InputError(
@@ -88,7 +88,7 @@ class PointCloud(ComparedByValue):
         except TypeError as error:
             actual = shown(self.coordinate_dtype)
             raise InputError(f"expected a type of NumPy as coordinate_dtype, found {actual}") from error
-        _require_numbers(dtype, "a type of numbers as coordinate_dtype, found")
+        require_numbers(dtype, "a type of numbers as coordinate_dtype, found")
         object.__setattr__(self, "coordinate_dtype", dtype)
         if not isinstance(self.header, Header | None):
             raise InputError(f"expected the header of a cloud that was read, found {shown(self.header)}")
@@ -264,7 +264,8 @@ def _remedy(shape: tuple[int, ...]) -> str:
     return "; pass further columns as attributes: PointCloud(points[:, :3], {'intensity': points[:, 3]})"
 
 
-def _require_numbers(dtype: np.dtype[Any], expected: str) -> None:
+def require_numbers(dtype: np.dtype[Any], expected: str) -> None:
+    """Raise an error unless a type is one of real numbers."""
     if dtype.kind not in "iuf":
         raise InputError(f"expected {expected} {dtype}")
 

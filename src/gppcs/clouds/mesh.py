@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import array_of
+from gppcs.clouds.cloud import array_of, require_numbers
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError
 
@@ -46,7 +45,9 @@ class Mesh(ComparedByValue):
         return f"Mesh(vertices={len(self.vertices)}, triangles={len(self.faces)})"
 
     def __post_init__(self) -> None:
-        vertices, faces = _table(self.vertices, "vertices"), _table(self.faces, "faces")
+        vertices = array_of(self.vertices, "vertices of shape (V, 3)")
+        faces = array_of(self.faces, "faces of shape (F, 3)")
+        require_numbers(vertices.dtype, "numbers as vertices, found an array of")
         if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
             raise InputError(
                 f"expected vertices of shape (V, 3) and faces of shape (F, 3), found {vertices.shape}, {faces.shape}"
@@ -86,11 +87,3 @@ class Mesh(ComparedByValue):
     def _cross_products(self) -> NDArray[np.float64]:
         a, b, c = (self.vertices[corner] for corner in self.faces.T)
         return np.cross(b - a, c - a)
-
-
-def _table(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return values as an array; raise an InputError unless they are real numbers."""
-    table = array_of(values, f"{name} of shape (N, 3)")
-    if not (np.issubdtype(table.dtype, np.floating) or np.issubdtype(table.dtype, np.integer)):
-        raise InputError(f"expected numbers as {name}, found an array of {table.dtype}")
-    return table

@@ -32,6 +32,7 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree, surface_area
 from gppcs.spatial.scaling import Frame, bounds
 from gppcs.spatial.spacing import areas_of_points, paper_radius
+from gppcs.spatial.triangles import qualities
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
@@ -131,10 +132,10 @@ def evaluate_mesh(
     before, frame, mesh = require_original(original, mesh)
     simplified = _local_mesh(simplified, frame)
     with timer_of(timer)("distances"):
-        _require_mesh_near(simplified, before, before, frame)
+        forth = _distances_to_original(simplified, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
-            forth, back = distances_to(simplified, before), LocalSurface.from_points(before).nearest_to(used)[0]
+            back = LocalSurface.from_points(before).nearest_to(used)[0]
         else:
             forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
         intersections = count_self_intersections(simplified)
@@ -151,7 +152,7 @@ def evaluate_mesh(
         non_manifold_edges=topology.non_manifold_edges,
         non_manifold_vertices=topology.non_manifold_vertices,
         self_intersections=intersections,
-        slivers=float((_qualities(simplified) < 0.2).mean()),
+        slivers=float((qualities(simplified.vertices, simplified.faces) < 0.2).mean()),
     )
     return report.in_unit(_unit_in(frame))
 
@@ -165,15 +166,8 @@ def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Fr
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
         mesh = _local_mesh(mesh, frame)
-        _require_mesh_near(mesh, points, points, frame)
+        _distances_to_original(mesh, points, points, frame)
     return points, frame, mesh
-
-
-def _qualities(mesh: Mesh) -> Floats:
-    """Return for each triangle 4 sqrt(3) times its area over the sum of its squared edges, (F,); 0 without edges."""
-    corners = mesh.vertices[mesh.faces]
-    squared = ((np.roll(corners, -1, axis=1) - corners) ** 2).sum(axis=(1, 2))
-    return 4.0 * np.sqrt(3.0) * mesh.face_areas() / np.where(squared > 0.0, squared, np.inf)
 
 
 def judged(
@@ -202,7 +196,7 @@ def judged(
     mesh = _local_mesh(mesh, frame)
     diagonal, failure = _diagonal(before), None
     with timer("rebuilding"):
-        _require_mesh_near(mesh, before, after, frame)
+        _distances_to_original(mesh, before, after, frame)
         try:
             report = dataclasses.replace(report, rebuilt=_rebuilt(after, None, mesh, frame, diagonal))
         except NoSurfaceError as error:
@@ -364,13 +358,12 @@ def _rebuilt(points: Floats, normals: Floats | None, mesh: Mesh, frame: Frame, d
     return figures.in_unit(_unit_in(frame))
 
 
-def _require_mesh_near(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> None:
-    """Raise an error unless the mesh has an area and lies on the original; bounding boxes are compared first."""
+def _distances_to_original(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> Floats:
+    """Return the distances of points (K, 3) to a mesh that has an area and lies on the original, or raise an error."""
     require_area(mesh, "mesh")
-    used = mesh.vertices[np.unique(mesh.faces)]
-    gaps = np.maximum(np.maximum(used.min(axis=0) - after, after - used.max(axis=0)), 0.0)
-    _require_near(np.linalg.norm(gaps, axis=1), "mesh", used, before, frame)
-    _require_near(distances_to(mesh, after), "mesh", used, before, frame)
+    distances = distances_to(mesh, after)
+    _require_near(distances, "mesh", mesh.vertices[np.unique(mesh.faces)], before, frame)
+    return distances
 
 
 def _require_near(distances: Floats, name: str, points: Floats, original: Floats, frame: Frame) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -113,7 +112,7 @@ def checked_pipelines(
     """Check the names of pipelines and the size, as far as the cloud is not needed, and return the names."""
     if isinstance(pipelines, str) or not isinstance(pipelines, Iterable | None) or getattr(pipelines, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of pipelines, such as ['mesh'], found {shown(pipelines)}")
-    chosen = installed_pipelines() if pipelines is None else list(pipelines)
+    chosen = list(filter(is_installed, PIPELINES) if pipelines is None else pipelines)
     if not chosen:
         raise ParameterError("expected at least one pipeline to compare, found none")
     for name in chosen:
@@ -211,11 +210,10 @@ def require_pipeline(name: str) -> None:
         require_cgal("Advancing_front_surface_reconstruction")
 
 
-def installed_pipelines() -> list[str]:
-    """Return the names of the pipelines whose packages are installed."""
-    installed = []
-    for name in PIPELINES:
-        with contextlib.suppress(MissingExtraError):
-            require_pipeline(name)
-            installed.append(name)
-    return installed
+def is_installed(pipeline: str) -> bool:
+    """Return whether a pipeline has its packages."""
+    try:
+        require_pipeline(pipeline)
+    except MissingExtraError:
+        return False
+    return True

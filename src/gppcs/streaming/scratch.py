@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -14,9 +15,9 @@ from gppcs.errors import OutputError
 
 
 @contextmanager
-def scratch_folder(parent: Path | None, size: int) -> Iterator[Path]:
+def scratch_folder(parent: str | os.PathLike[str] | None, size: int) -> Iterator[Path]:
     """Make a folder for temporary files, of this user only and under a new name; remove it at the end of the block."""
-    parent = Path(tempfile.gettempdir()) if parent is None else parent
+    parent = Path(tempfile.gettempdir() if parent is None else parent)
     if not parent.is_dir():
         raise OutputError(f"{parent}: expected an existing folder for temporary files; make it, or name another")
     free = shutil.disk_usage(parent).free

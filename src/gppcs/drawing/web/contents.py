@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.amounts.accuracy import distances_to
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
@@ -27,7 +28,6 @@ from gppcs.evaluation.judge import evaluate
 from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
-from gppcs.surface.local_surface import LocalSurface
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,7 @@ def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSur
 def _distances(points: Floats, simplified: Floats) -> Floats:
     """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
     local, frame = normalised(simplified)
-    surface = LocalSurface.from_points(local[first_occurrences(local)])
-    distances, _ = surface.nearest_to(frame.near(points))
-    return frame.lengths(distances)
+    return frame.lengths(distances_to(local, frame.near(points)))
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:

@@ -11,6 +11,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     KdTree,
+    after,
     first_leaf,
     greater_child,
     greatest_in_leaf,
@@ -136,18 +137,20 @@ def _weigh(first, last, points, lower, upper, radius, limit, weights):
 @kernel
 def _within_radius(lower, upper, n, leaf, radius, limit):
     """Return the leaves within the radius of a leaf, and the number of points in other nodes, within its limit."""
-    around, near = [], 0
-    remaining = [(1, 0, 1)]
-    while remaining:
-        node, j, nodes = remaining.pop()  # the j-th of the nodes of its level
+    leaves, around = first_leaf(lower), []
+    near, node = 0, 1
+    while node:
         if squared_span_of_boxes(lower[node], upper[node], lower[leaf], upper[leaf]) < limit * limit:
-            near += n * (j + 1) // nodes - n * j // nodes
+            first = last = node
+            while first < leaves:
+                first, last = 2 * first, 2 * last + 1
+            near += leaf_range(n, leaves, last)[1] - leaf_range(n, leaves, first)[0]
         elif squared_distance_of_boxes(lower[node], upper[node], lower[leaf], upper[leaf]) <= radius * radius:
-            if node >= first_leaf(lower):
-                around.append(node)
-            else:
-                remaining.append((2 * node, 2 * j, 2 * nodes))
-                remaining.append((2 * node + 1, 2 * j + 1, 2 * nodes))
+            if node < leaves:
+                node *= 2
+                continue
+            around.append(node)
+        node = after(node, 1)
     return around, near
 
 
@@ -160,7 +163,6 @@ def _remove(points, order, lower, upper, position, radius, limit, weights, heavi
     """
     leaves = first_leaf(lower)
     of_near = _term(0.0, 0.0, 0.0, radius, limit)
-    stack = np.empty(64, dtype=np.int64)
     visited = np.empty(leaves, dtype=np.int64)
     for m in range(len(removed)):
         if not heaviest[1] > 0.0:
@@ -168,27 +170,22 @@ def _remove(points, order, lower, upper, position, radius, limit, weights, heavi
         index = removed[m] = candidate[1]
         point = points[:, position[index]].copy()
         weights[position[index]] = REMOVED
-        stack[0] = 1
-        height = 1
-        inner = 0
-        while height:
-            height -= 1
-            node = stack[height]
-            if node >= leaves:
+        node, inner = 1, 0
+        while node:
+            span = squared_span_of_boxes(lower[node], upper[node], point, point)
+            if span < limit * limit and candidate[node] != index:
+                pending[node] += of_near
+                heaviest[node] -= of_near
+            elif squared_distance_of_boxes(lower[node], upper[node], point, point) <= radius * radius:
+                if node < leaves:
+                    visited[inner] = node
+                    inner += 1
+                    node *= 2
+                    continue
                 _lighten(node, points, leaves, weights, point, radius, limit)
                 greatest_in_leaf(node, order, weights, heaviest, candidate)
                 heaviest[node] -= pending[node]
-                continue
-            visited[inner] = node
-            inner += 1
-            for child in (2 * node, 2 * node + 1):
-                reached = squared_span_of_boxes(lower[child], upper[child], point, point)
-                if reached < limit * limit and candidate[child] != index:
-                    pending[child] += of_near
-                    heaviest[child] -= of_near
-                elif squared_distance_of_boxes(lower[child], upper[child], point, point) < radius * radius:
-                    stack[height] = child
-                    height += 1
+            node = after(node, 1)
         for v in range(inner - 1, -1, -1):  # children before their parents
             greater_child(visited[v], heaviest, candidate)
             heaviest[visited[v]] -= pending[visited[v]]

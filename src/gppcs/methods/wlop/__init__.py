@@ -59,7 +59,7 @@ class WLOP(Method):
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
         with timer("projection", self.iterations) as on_progress:
             samples = projection.project(
-                points, start, radius, self.iterations, self.mu, self.require_uniform, tree, on_progress
+                tree, start, radius, self.iterations, self.mu, self.require_uniform, on_progress
             )
         with timer("nearest points"):
             indices = nearest_unused(samples, tree)

@@ -29,16 +29,15 @@ def average_spacing(tree: KdTree) -> float:
 
 
 def project(
-    points: Floats,
+    tree: KdTree,
     samples: Floats,
     radius: float,
     iterations: int = 35,
     mu: float = 0.45,
     require_uniform: bool = False,
-    tree: KdTree | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Floats:
-    r"""Move samples, (M, 3), to the weighted mean of points, (N, 3), and away from each other, repeatedly.
+    r"""Move samples, (M, 3), to the weighted mean of the points of a tree and away from each other, repeatedly.
 
     Let theta(r) = exp(-4 r^2 / h^2) for r up to h, and zero beyond. In each iteration, every sample x moves to
 
@@ -48,8 +47,7 @@ def project(
     distances r_k. These are CGAL's weights, so that results can be compared; those of Huang et al. (2009) differ. As in
     CGAL, fewer than two others within h do not repel, and a point at the position of a sample does not attract.
     """
-    tree = tree or KdTree.build(points)
-    weights = np.ones(len(points), dtype=np.float64)
+    weights = np.ones(len(tree.order), dtype=np.float64)
     if require_uniform:
         weights /= _crowding(*tree.arrays, radius)
     # Samples move little, so their tree stays good if only its boxes are updated.
