@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from formats import load
+from formats import losses
 
 IDS, PLACES = [63390, 7], [[1.67241, 0.292931, 0.609726], [-0.5, 1e-9, 4.0]]
 COLOURS, ERRORS = [[115, 121, 122], [0, 255, 3]], [1.33927, -1.0]
@@ -52,12 +52,13 @@ def test_what_colmap_cannot_hold_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "content"), [("points3D.txt", TEXT.encode()), ("points3D.bin", binary())])
-def test_tracks_are_left_out_if_there_are_any(tmp_path, name, content):
+def test_the_length_of_tracks_is_an_attribute_and_the_tracks_are_left_out_with_a_word(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    gppcs.write(tmp_path / f"other.{name}", gppcs.read(tmp_path / name))
-    assert gppcs.read(tmp_path / f"other.{name}") == gppcs.read(tmp_path / name)
-    assert load(tmp_path / name).unread == ["the tracks of the points"]
-    assert load(tmp_path / f"other.{name}").unread == []
+    cloud = gppcs.read(tmp_path / name, only="track_length >= 2")
+    assert cloud.attributes["track_length"].tolist() == [2]
+    assert losses(f"other.{name}", cloud) == ["the tracks of the points, so that COLMAP's images no longer fit"]
+    gppcs.write(tmp_path / f"other.{name}", cloud)
+    assert "track_length" not in gppcs.read(tmp_path / f"other.{name}").attributes
 
 
 @pytest.mark.parametrize(
@@ -67,8 +68,8 @@ def test_tracks_are_left_out_if_there_are_any(tmp_path, name, content):
         ("points3D.bin", binary()[:-9], "expected 2 points of COLMAP to fill the file"),
         ("points3D.bin", binary() + b"x", "expected 2 points of COLMAP to fill the file"),
         ("points3D.txt", TEXT.replace(" 115 ", " red ").encode(), "point 1: expected a number, found 'red'"),
-        ("points3D.txt", TEXT.replace(" 115 ", " 1.5 ").encode(), "expected whole numbers as POINT3D_ID, R, G and B"),
-        ("points3D.txt", TEXT.replace(" 115 ", " 300 ").encode(), "expected colours from 0 to 255, found 0 to 300"),
+        ("points3D.txt", TEXT.replace(" 115 ", " 1.5 ").encode(), "expected 0 to 255 as red of point 1, found '1.5'"),
+        ("points3D.txt", TEXT.replace(" 115 ", " 300 ").encode(), "expected 0 to 255 as red of point 1, found '300"),
     ],
 )
 def test_damage_is_told(tmp_path, name, content, message):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -11,38 +12,48 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import COLOUR, Column
+from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, keeping, read_at_once
 from gppcs.io.meshes import colours_of
-from gppcs.io.rows import lines_of, read_table, write_rows
+from gppcs.io.rows import cast, is_row, lines_of, read_table, write_rows
 
-ID, ERROR = "point3D_id", "error"
-_TRACKS = "the tracks of the points"
+ID, ERROR, LENGTH = "point3D_id", "error", "track_length"
 TITLE = "# 3D point list with one line of data per point:"
 # A point of the binary file. As many records of 8 bytes follow it as there are images in its track.
 RECORD = np.dtype([("id", "<u8"), ("position", "<f8", 3), ("colour", "u1", 3), ("error", "<f8"), ("track", "<u8")])
 
 
+@dataclass(frozen=True)
+class ColmapHeader(Header):
+    """The points of a COLMAP file have tracks, the images that see each."""
+
+    def contents(self) -> list[str]:
+        """Return in words that tracks are left out."""
+        return ["the tracks of the points, so that COLMAP's images no longer fit"]
+
+
 def _read_text(file: BufferedReader) -> tuple[PointCloud, list[str]]:
-    """Return the points of a text file, and whether tracks are skipped."""
-    has_tracks = False
+    """Return the points of a text file."""
+    lengths: list[int] = []
 
     def without_track(line: str) -> str:
-        nonlocal has_tracks
-        fields = line.split(None, 8)
-        has_tracks |= len(fields) > 8 and not fields[0].startswith("#")
+        fields = line.split()
+        if is_row(line):
+            lengths.append((len(fields) - 8) // 2)
         return " ".join(fields[:8]) + "\n"
 
-    return _cloud(read_table(map(without_track, lines_of(file)), 8)), [_TRACKS] if has_tracks else []
+    columns = read_table(map(without_track, lines_of(file)), 8)
+    return _cloud([*columns, np.array(lengths, np.int64)]), []
 
 
 def _read_binary(file: BufferedReader) -> tuple[PointCloud, list[str]]:
-    """Return the points of a binary file, and whether tracks are skipped."""
+    """Return the points of a binary file."""
     data = np.frombuffer(file.read(), dtype=np.uint8)
     starts = _starts(data)
     records = data[starts[:, np.newaxis] + np.arange(RECORD.itemsize)].reshape(-1).view(RECORD)
-    columns = [records["id"].astype(np.int64), *records["position"].T, *records["colour"].T, records["error"]]
-    return _cloud(columns), [_TRACKS] if records["track"].any() else []
+    colours = records["colour"].T
+    return _cloud([records["id"], *records["position"].T, *colours, records["error"], records["track"]]), []
 
 
 def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -63,19 +74,16 @@ def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 def _cloud(columns: list[Column]) -> PointCloud:
-    """Return a cloud of the columns of a file."""
-    ids, *values, errors = columns
-    colours = np.stack(values[3:])
-    if "f" in (ids.dtype.kind, colours.dtype.kind):
-        raise FileFormatError(
-            "expected whole numbers as POINT3D_ID, R, G and B, found fractions or numbers too large; correct the file"
-        )
-    if ((colours < 0) | (colours > 255)).any():
-        lower, upper = colours.min(), colours.max()
-        raise FileFormatError(f"expected colours from 0 to 255, found {lower:g} to {upper:g}; scale them")
-    channels = dict(zip(COLOUR, colours.astype(np.uint8), strict=True))
-    attributes = {ID: ids.astype(np.int64), **channels, ERROR: errors.astype(np.float64)}
-    return PointCloud(np.stack(values[:3], axis=1), attributes)
+    """Return a cloud of the columns of a file, the last of which is the number of images that see each point."""
+    ids, *values, errors, lengths = columns
+    attributes = {ID: cast(ids, np.dtype(np.int64), "a whole number as POINT3D_ID of point")}
+    for name, channel in zip(COLOUR, values[3:], strict=True):
+        attributes[name] = cast(channel, np.dtype(np.uint8), f"0 to 255 as {name} of point")
+    attributes[ERROR] = errors.astype(np.float64)
+    if not lengths.any():
+        return PointCloud(np.stack(values[:3], axis=1), attributes)
+    attributes[LENGTH] = lengths.astype(np.int64)
+    return PointCloud(np.stack(values[:3], axis=1), attributes, header=ColmapHeader())
 
 
 def write_colmap_text(file: BinaryIO, cloud: PointCloud) -> None:
@@ -105,8 +113,8 @@ def _columns(cloud: PointCloud) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
 
 
 def _stored(cloud: PointCloud) -> PointCloud:
-    """Return a cloud with the attributes that COLMAP has."""
-    names = {ID, ERROR, *(COLOUR if cloud.attributes.keys() >= set(COLOUR) else ())}
+    """Return a cloud with the attributes that COLMAP has; what is written has no tracks."""
+    names = {ID, ERROR, LENGTH, *(COLOUR if cloud.attributes.keys() >= set(COLOUR) else ())}
 
     def holds(name: str, values: NDArray[Any]) -> bool:
         if name not in names or values.ndim > 1 or values.dtype.kind not in "biuf":

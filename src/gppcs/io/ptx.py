@@ -14,7 +14,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, Reader, read_at_once
-from gppcs.io.rows import lines_of, read_table
+from gppcs.io.rows import cast, lines_of, read_table
 
 
 def open_ptx(file: BufferedReader) -> Reader:
@@ -64,10 +64,7 @@ def _columns(table: list[Column], pose: NDArray[np.float64], scan: int) -> dict[
     columns: dict[str, Column] = dict(zip("xyz", points.T, strict=True))
     columns["intensity"] = table[3].astype(np.float64)
     for name, values in zip(("red", "green", "blue"), table[4:], strict=False):
-        wrong = ~((values >= 0) & (values <= 255) & (values == np.rint(values)))
-        if wrong.any():
-            raise FileFormatError(f"expected whole numbers from 0 to 255 as {name}, found {values[np.argmax(wrong)]:g}")
-        columns[name] = values.astype(np.uint8)
+        columns[name] = cast(values, np.dtype(np.uint8), f"whole numbers from 0 to 255 as {name} of point")
     return {**columns, "scan": np.full(len(points), scan, np.int32), "has_return": has_return}
 
 
