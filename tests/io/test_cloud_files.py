@@ -87,9 +87,6 @@ def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix):
             chunks = list(clouds.chunks(n=n))
             assert [len(chunk) for chunk in chunks] == [min(n, N - start) for start in range(0, N, n)]
             assert joined(chunks) == whole
-            bare = list(clouds.chunks(False, n))
-            assert not any(chunk.attributes for chunk in bare)
-            np.testing.assert_array_equal(np.concatenate([chunk.points for chunk in bare]), whole.points)
         assert clouds.read() == whole
 
 

@@ -84,13 +84,12 @@ def test_chunks_of_several_files_are_in_the_box(copc, tmp_path, suffix):
     with CloudFiles(paths, inside=BOX) as files:
         assert files.n_points == len(expected)
         assert len(files.preview)
-        for attributes in (True, False):
-            chunks = list(files.chunks(attributes, 50))
-            assert suffix == ".npz" or max(map(len, chunks)) <= 50
-            assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
+        chunks = list(files.chunks(50))
+        assert suffix == ".npz" or max(map(len, chunks)) <= 50
+        assert np.concatenate([chunk.points for chunk in chunks]).tobytes() == expected.tobytes()
     with CloudFiles(paths, inside=[0, 0, 1, 1]) as files:
         assert files.n_points == len(files.read()) == 0
-        assert not list(files.chunks(True))
+        assert not list(files.chunks())
 
 
 NO_BOXES = (

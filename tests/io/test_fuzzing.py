@@ -167,7 +167,7 @@ def outcome(read):
 def in_chunks(files):
     """Read files in chunks of seven points, as the work beyond memory does."""
     with files:
-        chunks = list(files.chunks(True, 7))
+        chunks = list(files.chunks(7))
         return joined(chunks) if chunks else files.read()
 
 

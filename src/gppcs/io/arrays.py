@@ -52,7 +52,7 @@ def open_npz(file: BufferedReader) -> Reader:
         if values.ndim == 0:
             raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
     cloud = PointCloud.from_columns({**columns, **arrays})
-    return Reader(lambda n, attributes: iter([cloud]), len(cloud), at_once=True)
+    return Reader(lambda n: iter([cloud]), len(cloud), at_once=True)
 
 
 def _reported() -> AbstractContextManager[None]:

@@ -29,7 +29,7 @@ def open_parquet(file: BufferedReader) -> Reader:
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
         count = table.metadata.num_rows
-        return _reader(table.schema_arrow, lambda n, names: table.iter_batches(min(n, _ROWS), columns=names), count)
+        return _reader(table.schema_arrow, lambda n: table.iter_batches(min(n, _ROWS)), count)
 
 
 def open_feather(file: BufferedReader) -> Reader:
@@ -37,28 +37,27 @@ def open_feather(file: BufferedReader) -> Reader:
     with _reported():
         table = require_pyarrow().ipc.open_file(file)
         batches = range(table.num_record_batches)
-        return _reader(table.schema, lambda n, names: (table.get_batch(i).select(names) for i in batches))
+        return _reader(table.schema, lambda n: map(table.get_batch, batches))
 
 
-def _reader(schema: Any, batches: Callable[[int, list[str]], Iterable[Any]], count: int | None = None) -> Reader:
-    """Return a reader of a table, whose `batches` of at most n rows have the columns that are asked for."""
+def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | None = None) -> Reader:
+    """Return a reader of a table, whose batches have at most n rows."""
     names = list(schema.names)
     if len(set(names)) < len(names):
         raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
-    axes = list(coordinate_names(names))
+    coordinate_names(names)
 
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-        kept = names if attributes else axes
+    def chunks(n: int) -> Iterator[PointCloud]:
         done = 0
         with _reported():
-            for batch in batches(n, kept):
+            for batch in batches(n):
                 if batch.num_rows:
                     yield from at_most(n, [_cloud(batch)])
                 done += batch.num_rows
             if count is not None and done != count:
                 raise ends_early("row", done, count)
             if not done:
-                yield _cloud(require_pyarrow().RecordBatch.from_pylist([], schema).select(kept))
+                yield _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     return Reader(chunks, count)
 

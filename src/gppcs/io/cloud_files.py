@@ -53,7 +53,7 @@ class _Opened:
         if self.reader.at_once:
             self.cloud = self.reader.read() if self.cloud is None else self.cloud
             return self.cloud
-        chunks = self.reader.chunks(BLOCK, True)
+        chunks = self.reader.chunks(BLOCK)
         first = next(chunks)
         return first if len(first) else next(filter(len, chunks), first)
 
@@ -65,7 +65,7 @@ class _Opened:
     def count(self, is_part: bool) -> tuple[int, bool]:
         """Return the number of points, or of the part that a query selects, and whether it is exact."""
         if is_part and not self.reader.at_once:
-            return sum(map(len, self.reader.chunks(BLOCK, False))), True
+            return sum(map(len, self.reader.chunks(BLOCK))), True
         if self.reader.n_points is not None and not is_part:
             return self.reader.n_points, True
         first = self.first()
@@ -174,12 +174,12 @@ class CloudFiles:
                 columns.add(clouds[-1])
         return columns.joined(clouds)
 
-    def chunks(self, attributes: bool = True, n: int = 1 << 20) -> Iterator[PointCloud]:
-        """Read all points once, with attributes or without, at most n at once unless a file is read at once."""
+    def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
+        """Read all points once, at most n at once unless a file is read at once."""
         for path in self._paths:
             with self._reading(path) as opened:
                 span = {"span": self._span} if self._span else {}
-                for cloud in opened.reader.chunks(n, attributes, **span):
+                for cloud in opened.reader.chunks(n, **span):
                     if len(cloud):
                         yield self._in_one_system(cloud)
 

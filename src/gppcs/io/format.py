@@ -26,8 +26,8 @@ Span = tuple[int, int]  # the index of the first point of a part of a file, and 
 class Reader:
     """An open file, whose header has been read.
 
-    `chunks(n, attributes)` yields all points in one or more clouds of at most n points, with attributes or without. It
-    can be called again, once the last call is done. If the file has `spans(n)`, parts of about n points that can be
+    `chunks(n)` yields all points in one or more clouds of at most n points. It can be called again, once the last call
+    is done. If the file has `spans(n)`, parts of about n points that can be
     read by themselves, `chunks` also takes one as `span`.
     """
 
@@ -40,19 +40,19 @@ class Reader:
     triangles: Callable[[], NDArray[np.int64]] | None = None  # the faces, of a mesh format
 
     def read(self) -> PointCloud:
-        """Read all points with their attributes."""
-        return joined(self.chunks(sys.maxsize, True))
+        """Read all points."""
+        return joined(self.chunks(sys.maxsize))
 
 
 def read_at_once(file: BufferedReader, read: Callable[[BufferedReader], tuple[PointCloud, list[str]]]) -> Reader:
     """Return a reader of a file of which `read` returns all points, and in words what it skips."""
     skipped: list[str] = []
 
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+    def chunks(n: int) -> Iterator[PointCloud]:
         nonlocal skipped
         file.seek(0)
         cloud, skipped = read(file)
-        yield cloud if attributes else replace(cloud, attributes={})
+        yield cloud
 
     return Reader(chunks, at_once=True, skipped=lambda: skipped)
 

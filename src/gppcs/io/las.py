@@ -44,13 +44,13 @@ def open_las(
     header = LasHeader.from_laspy(las)
     skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
-    def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
+    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         """Read the points in chunks, the first of which has no points."""
         selected = select(file, las)
         if span:
             selected = selected[slice(*np.searchsorted(np.cumsum(selected["count"]), span, side="right"))]
         clouds = (
-            PointCloud(coordinates_of(block, las), attributes_of(block, las) if attributes else {}, header=header)
+            PointCloud(coordinates_of(block, las), attributes_of(block, las), header=header)
             for block in chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
         )
         return at_most(n, clouds)

@@ -34,7 +34,7 @@ Faces = NDArray[np.int64]
 def _reader(cloud: PointCloud, n_faces: int, triangles: Callable[[], Faces], skipped: list[str]) -> Reader:
     """Return a reader of vertices that are in memory."""
     return Reader(
-        lambda n, attributes: at_most(n, [cloud if attributes else replace(cloud, attributes={})]),
+        lambda n: at_most(n, [cloud]),
         len(cloud),
         at_once=True,
         n_faces=lambda: n_faces,

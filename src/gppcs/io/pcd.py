@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from io import BufferedReader
@@ -42,17 +42,16 @@ _START = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?
 def open_pcd(file: BufferedReader) -> Reader:
     """Open a PCD file."""
     record, n_points, encoding = _read_header(file)
-    start, names = file.tell(), record.names or ()
-    axes = coordinate_names(names)
+    start = file.tell()
+    coordinate_names(record.names or ())
 
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+    def chunks(n: int) -> Iterator[PointCloud]:
         file.seek(start)
-        kept = [name for name in names if name in axes or (attributes and not name.startswith(" "))]
         if encoding == "binary":
-            clouds = read_records(file, record, n_points, n, "point", kept)
+            clouds = read_records(file, record, n_points, n)
         else:
             read = _text_columns if encoding == "ascii" else _unpacked_columns
-            clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points, kept)))
+            clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
         return map(_with_channels, clouds)
 
     return Reader(chunks, n_points, at_once=encoding == "binary_compressed")
@@ -100,28 +99,23 @@ def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
         return np.dtype(fields)
 
 
-def _text_columns(
-    file: BufferedReader, record: np.dtype[Any], n_points: int, kept: Collection[str]
-) -> Iterator[dict[str, Column]]:
-    """Yield some columns of a text file, block by block."""
+def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
+    """Yield the columns of a text file, block by block."""
     widths = {name: math.prod(record[name].shape) for name in record.names or ()}
     done = 0
     for numbers in read_rows(lines_of(file), sum(widths.values()), n_points):
         columns, values = {}, iter(numbers)
         for name, width in widths.items():
             parts, dtype = [*islice(values, width)], record[name]
-            if name in kept:
-                what = f"{dtype.base.name} as {name} of point"
-                table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
-                columns[name] = table.reshape(-1, *dtype.shape)
+            what = f"{dtype.base.name} as {name} of point"
+            table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
+            columns[name] = table.reshape(-1, *dtype.shape)
         yield columns
         done += len(numbers[0])
 
 
-def _unpacked_columns(
-    file: BufferedReader, record: np.dtype[Any], n_points: int, kept: Collection[str]
-) -> Iterator[dict[str, Column]]:
-    """Yield some columns of a file that holds them one by one, compressed."""
+def _unpacked_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
+    """Yield the columns of a file that holds them one by one, compressed."""
     n_packed, n_bytes = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
     expected, left = n_points * record.itemsize, bytes_left(file)
     if n_bytes != expected or n_packed > left:
@@ -131,8 +125,7 @@ def _unpacked_columns(
         )
     data, start, columns = _decompressed(file.read(n_packed), n_bytes), 0, {}
     for name in record.names or ():
-        if name in kept:
-            columns[name] = np.frombuffer(data, record[name], n_points, start)
+        columns[name] = np.frombuffer(data, record[name], n_points, start)
         start += n_points * record[name].itemsize
     yield columns
 
@@ -170,7 +163,8 @@ def _may_be_colour(name: str, dtype: np.dtype[Any], ndim: int) -> bool:
 
 
 def _with_channels(cloud: PointCloud) -> PointCloud:
-    """Return a cloud with red, green and blue, and alpha of `rgba`, in place of a field that packs them."""
+    """Return a cloud without padding, with red, green and blue, and alpha of `rgba`, in place of what packs them."""
+    cloud = replace(cloud, attributes={name: cloud.attributes[name] for name in cloud.attributes if name[:1] != " "})
     packed = [name for name, values in cloud.attributes.items() if _may_be_colour(name, values.dtype, values.ndim)]
     if len(packed) != 1 or not _BYTES.keys().isdisjoint(cloud.attributes):
         return cloud

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from itertools import islice
@@ -101,20 +101,18 @@ def open_ply(file: BufferedReader) -> Reader:
         raise FileFormatError(f"expected an element named vertex, found {', '.join(map(repr, by_name)) or 'none'}")
     if vertices.has_lists:
         raise FileFormatError("expected one number as each property of a vertex, found a list; export without it")
-    names = [column.name for column in vertices.properties]
-    axes = coordinate_names(names)
+    coordinate_names(column.name for column in vertices.properties)
     record = vertices.record(order)
     _seek(file, start, order, elements, vertices)
     if order:
         check_length(file, record.itemsize, vertices.count, "vertex")
 
-    def chunks(n: int, attributes: bool, span: Span | None = None) -> Iterator[PointCloud]:
+    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         _seek(file, start, order, elements, vertices)
-        kept = names if attributes else axes
         if order:
-            clouds = read_records(file, record, vertices.count, n, "vertex", kept, span)
+            clouds = read_records(file, record, vertices.count, n, "vertex", span)
         else:
-            clouds = at_most(n, _text_vertices(file, record, vertices.count, kept))
+            clouds = at_most(n, _text_vertices(file, record, vertices.count))
         for cloud in clouds:
             yield replace(cloud, header=PlyHeader(tuple(remarks)) if remarks else None)
 
@@ -181,19 +179,14 @@ def _seek(file: BufferedReader, start: int, order: _Order, elements: list[_Eleme
             file.seek(skipped.count * size, os.SEEK_CUR)
 
 
-def _text_vertices(
-    file: BufferedReader, record: np.dtype[Any], count: int, kept: Collection[str]
-) -> Iterator[PointCloud]:
-    """Yield the vertices of a text file, block by block, with some of their properties."""
+def _text_vertices(file: BufferedReader, record: np.dtype[Any], count: int) -> Iterator[PointCloud]:
+    """Yield the vertices of a text file, block by block."""
     first, names = 0, record.names or ()
     for block in read_rows(lines_of(file), len(names), count, "vertex"):
-        columns = dict(zip(names, block, strict=True))
-        yield PointCloud.from_columns(
-            {
-                name: cast(columns[name], record[name], f"a {_NAMES[record[name]]} as {name} of vertex", first)
-                for name in kept
-            }
-        )
+        columns = {}
+        for name, values in zip(names, block, strict=True):
+            columns[name] = cast(values, record[name], f"a {_NAMES[record[name]]} as {name} of vertex", first)
+        yield PointCloud.from_columns(columns)
         first += len(block[0])
 
 

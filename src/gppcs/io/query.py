@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -68,12 +67,7 @@ class Query:
                 f"expected a COPC file, which alone has levels, found {file_format.name}; leave out resolution"
             )
 
-        def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
-            clouds = reader.chunks(n, attributes or self.only is not None)  # conditions need attributes
-            for cloud in map(self.part, clouds):
-                yield cloud if attributes else replace(cloud, attributes={})
-
-        return replace(reader, chunks=chunks, spans=None)
+        return replace(reader, chunks=lambda n: map(self.part, reader.chunks(n)), spans=None)
 
     def nothing_found(self) -> InputError:
         """Return the error for a cloud without such points."""

@@ -226,12 +226,10 @@ def equal_spans(count: int, n: int) -> list[Span]:
     return list(pairwise([*range(0, max(1, count - n + 1), n), count]))
 
 
-def column_chunks(
-    columns: Mapping[str, Column], n: int, attributes: bool = True, span: Span | None = None
-) -> Iterator[PointCloud]:
+def column_chunks(columns: Mapping[str, Column], n: int, span: Span | None = None) -> Iterator[PointCloud]:
     """Yield the clouds of n values each of columns that are mapped into memory."""
     axes = coordinate_names(columns)
-    kept = [name for name in columns if attributes and name not in axes]
+    kept = [name for name in columns if name not in axes]
     dtype = np.result_type(*(columns[axis].dtype for axis in axes)).newbyteorder("=")
     first, last = span or (0, len(columns[axes[0]]))
     for start in range(first, max(last, first + 1), n):
@@ -255,16 +253,13 @@ def read_records(
     record: np.dtype[Any],
     count: int,
     n: int,
-    what: str,
-    kept: Collection[str],
+    what: str = "point",
     span: Span | None = None,
 ) -> Iterator[PointCloud]:
-    """Read packed records in chunks, with some of their fields."""
+    """Read packed records in chunks."""
     check_length(file, record.itemsize, count, what)
     table = np.memmap(file, record, "r", file.tell(), count) if count else np.empty(0, record)
-    names = record.names or ()
-    axes = coordinate_names(names)
-    return column_chunks({name: table[name] for name in names if name in kept or name in axes}, n, span=span)
+    return column_chunks({name: table[name] for name in record.names or ()}, n, span)
 
 
 def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:

@@ -65,15 +65,12 @@ def open_table(
     texts = text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
     texts |= set() if quoted & coordinates else quoted
 
-    def chunks(n: int, attributes: bool) -> Iterator[PointCloud]:
+    def chunks(n: int) -> Iterator[PointCloud]:
         # Without text, further whitespace beside tabs does no harm.
         delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
         lines = _rows(file, preview)
         for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
-            table = _with_byte_colours(dict(zip(names, block, strict=True)))
-            yield from at_most(
-                n, [PointCloud.from_columns({name: table[name] for name in (names if attributes else axes)})]
-            )
+            yield from at_most(n, [PointCloud.from_columns(_with_byte_colours(dict(zip(names, block, strict=True))))])
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 

@@ -111,7 +111,7 @@ def _read(folder: Path, n: int, fraction: float, options: Options, source: tuple
     """Read a source, and store its usable points."""
     overview = Overview()
     with source[1] as files:
-        for number, cloud in enumerate(files.chunks(True, n)):
+        for number, cloud in enumerate(files.chunks(n)):
             overview.add(_read_chunk(cloud, folder / f"{source[0]}-{number}.raw", fraction, options))
     return replace(overview, source_counts=[])
 
@@ -282,7 +282,7 @@ def _take(task: tuple[CloudFiles, int, Ints, int]) -> PointCloud | None:
         return None
     first, clouds, columns = 0, [], JointColumns()
     with files:
-        for cloud in files.chunks(True, n):
+        for cloud in files.chunks(n):
             begin, end = np.searchsorted(indices, [first, first + len(cloud)])
             columns.add(cloud)
             clouds.append(cloud.take(indices[begin:end] - first))
