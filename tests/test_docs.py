@@ -3,6 +3,7 @@
 import importlib.util
 import re
 import shlex
+import tomllib
 import webbrowser
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ import typer.main
 import gppcs
 from gppcs.app import program
 from gppcs.io import FORMATS
+from gppcs.methods import Feature
 from gppcs.methods.parameters import parameters_of
 
 ROOT = Path(__file__).parents[1]
@@ -141,6 +143,24 @@ def test_the_page_on_methods_has_each_and_names_parameters_that_exist():
     for name, section in sections.items():
         for setting in re.findall(r"`(\w+)=[^`]+`", section):
             assert setting in parameters_of(gppcs.METHODS[name]), (name, setting)
+
+
+def test_the_list_of_methods_that_rank_is_complete():
+    sentence = re.search(r"takes a method that ranks its points: (.*?)\.", text("docs/ask.md"), re.DOTALL)[1]
+    ranking = [name for name, method in gppcs.METHODS.built_in.items() if Feature.RANKING in method.supports]
+    assert re.findall(r"`([\w-]+)`", sentence) == ranking
+    sections = re.findall(r"^## ([\w-]+)\n(.*?)(?=^## |\Z)", text("docs/methods.md"), re.DOTALL | re.MULTILINE)
+    assert [name for name, section in sections if "order is a ranking" in " ".join(section.split())] == ranking
+
+
+def test_the_package_of_the_page_on_methods_declares_the_class_of_the_page():
+    [package] = map(tomllib.loads, blocks("docs/methods.md", "toml"))
+    [(name, entry)] = package["project"]["entry-points"]["gppcs.methods"].items()
+    module, _, cls = entry.partition(":")
+    assert package["tool"]["setuptools"]["py-modules"] == [module]
+    assert f"class {cls}(gppcs.Method):" in text("docs/methods.md")
+    assert f'name = "{name}"' in "".join(blocks("docs/methods.md", "python"))
+    assert {"name", "version", "dependencies"} <= package["project"].keys()
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 import gppcs
 from command_line import FAST, rows_of
+from gppcs.io import files, ply
 
 
 def test_a_tolerance_is_reached_by_evaluate(gppcs_command, record, scan):
@@ -65,3 +67,28 @@ def test_levels_are_nested_files_or_an_attribute(printed, scan, sizes):
     everything = gppcs.read("all.ply")
     assert (everything.points == levels[-1]).all()
     assert np.bincount(everything.attributes["level"]).tolist() == [20, 20, 60]
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_all_files_of_the_levels_are_written_or_none(gppcs_command, scan, monkeypatch, force):
+    command = ("simplify", "scan.ply", "-o", "scan_{level}.ply", "--levels", "20,40,100", "--force", *FAST)
+    if force:
+        assert gppcs_command(*command)[0] == 0
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+    write = ply.FORMAT.write
+
+    def fail(file, cloud, *more, **options):
+        write(file, cloud, *more, **options)
+        if len(cloud) == 100:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files, "FORMATS", [replace(ply.FORMAT, write=fail)])
+    assert gppcs_command(*command)[0] == 2
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+
+
+def test_what_was_asked_for_is_reported_also_if_there_was_nothing_to_do(printed, scan):
+    rows = rows_of(printed("simplify", "scan.ply", "-o", "out.ply", "--points", 50, "--max-gap", 99, *FAST))
+    assert "added in gaps 0" in rows
+    command = ("simplify", "scan.ply", "-o", "out.ply", "--points", 50, "--drop-outliers", "--force")
+    assert "outliers 0" in rows_of(printed(*command, *FAST))

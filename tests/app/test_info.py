@@ -19,7 +19,12 @@ def test_info_prints_the_facts(printed):
     out = printed("info", "scan.ply")
     rows = rows_of(out)
     assert rows[:2] == ["scan.ply", "points 400"]
-    assert {"minimum -50 -30 0", "repeats 1", "non finite 1", "unit the file does not say it"} <= set(rows)
+    assert {
+        "minimum -50 -30 0",
+        "repeats 1",
+        "non finite 1",
+        "unit that of the coordinates, which the file does not say",
+    } <= set(rows)
     assert any(row.startswith("spacing 3.") for row in rows)
 
 
@@ -29,6 +34,8 @@ def test_info_prints_type_and_range_of_each_attribute(printed):
         "time": np.array([0.25, np.nan, 1e9 + 0.5]),
         "nothing": np.full(3, np.nan, np.float32),
         "same": np.full(3, 2**60 + 1),
+        "number_of_returns": np.arange(3),
+        "scan angle": np.arange(3),
     }
     gppcs.write("scan.npz", gppcs.PointCloud(np.eye(3), attributes))
     assert [row for row in rows_of(printed("info", "scan.npz")) if row.startswith("attribute")] == [
@@ -36,7 +43,11 @@ def test_info_prints_type_and_range_of_each_attribute(printed):
         "attribute time float64 0.25 to 1e+09",
         "attribute nothing float32",
         "attribute same int64 1,152,921,504,606,846,977",
+        "attribute number_of_returns int64 0 to 2",
+        'attribute ["scan angle"] int64 0 to 2',
     ]
+    for name in ("number_of_returns", 'attributes["scan angle"]'):  # names work in conditions as they are printed
+        assert "points 1" in rows_of(printed("info", "scan.npz", "--only", f"{name} == 2"))
 
 
 def test_info_json_is_the_summary(record, scan):

@@ -65,8 +65,15 @@ def test_the_run_is_printed_as_a_table(printed, ball):
     title, *rows = rows_of(printed("mesh", "ball.ply", "-o", "small.ply", "--points", 100, "--unit", "mm"))
     assert title == "ball.ply → small.ply"
     assert rows[:3] == ["points in 3,000", "vertices 100", "triangles 196"]
-    assert {"pieces 1", "unit of lengths mm"} <= set(rows)
+    assert {"pieces 1", "unit mm"} <= set(rows)
     assert any(re.fullmatch(r"time \d+\.\d\d s.*", row) for row in rows)
+
+
+def test_the_fraction_of_points_on_no_surface_is_a_percentage(gppcs_command):
+    ball, speck = (gppcs.sample("sphere", n).points for n in (3000, 60))
+    gppcs.write("two.npy", np.vstack([ball, 0.05 * speck + 9]))
+    out = gppcs_command("mesh", "two.npy", "-o", "small.ply", "--points", 100)[1]
+    assert any(re.fullmatch(r"excluded [\d.]+ % of the points", row) for row in rows_of(out)), out
 
 
 def test_points_that_a_method_has_chosen_become_the_vertices(gppcs_command, printed, ball):

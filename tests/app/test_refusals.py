@@ -42,9 +42,12 @@ SIMPLIFY --levels 5,1000 --method fps | level
 POINTS --rato 1 | --rato
 POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours | --set
-POINTS --invalid odd | 'odd'
+POINTS --invalid odd | '--invalid': 'odd'
 POINTS --mark kept --index | index
 POINTS --workers 0 | workers
+simplify - -o out.ply --points 5 --workers 2 | standard input
+POINTS --keep 'z > 5' | quota, or read no others with only
+POINTS --threads x | '--threads': Input should be a valid integer
 POINTS --memory lots | memory
 POINTS --weight red --memory 1MB | memory
 POINTS --denoise --mark kept | mark

@@ -1,7 +1,9 @@
 """`gppcs report` and `gppcs view`."""
 
 import hashlib
+import os
 import webbrowser
+from pathlib import Path
 
 import pytest
 
@@ -48,8 +50,13 @@ def test_the_notes_of_a_report_are_printed_too(gppcs_command, folder, scan):
 
 
 def test_view_opens_a_temporary_page(printed, scan, small, opened, tmp_path_factory, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path_factory.mktemp("temporary")))
+    temporary = tmp_path_factory.mktemp("temporary")
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    earlier = [Path(printed("view", "scan.ply").strip()) for _ in range(2)]
+    opened.clear()
+    os.utime(earlier[0], (0, 0))
     out = printed("view", "scan.ply", "voxel.csv")
+    assert {*temporary.iterdir()} == {earlier[1].parent, Path(out.strip()).parent}  # not the old one
     assert [page.startswith("file://") for page in opened] == [True]
     assert [cloud["role"] for cloud in described(out.strip())["clouds"]] == ["cloud", "cloud"]
     assert files() == ["scan.ply", "small.ply", "voxel.csv"]

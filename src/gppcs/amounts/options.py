@@ -320,7 +320,7 @@ def require(method: Method, feature: Feature) -> None:
     """Check that a method has a feature."""
     if feature in method.supports:
         return
-    alternatives = " or ".join(repr(name) for name, other in METHODS.items() if feature in other.supports)
+    alternatives = " or ".join(repr(name) for name, other in METHODS.built_in.items() if feature in other.supports)
     raise ParameterError(f"expected a method that supports {feature}, found {method.name!r}; use {alternatives}")
 
 
@@ -328,7 +328,7 @@ def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] 
     """Return the method of that name, or the method itself, with a seed and other parameters."""
     if isinstance(method, str):
         if method not in METHODS:
-            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS)}")
+            raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS.names())}")
         method = METHODS[method]()
     if not isinstance(method, Method):
         raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")

@@ -87,11 +87,18 @@ def emit(
     if as_json:
         say(strict_json(record))
     elif not quiet:
-        texts = {visible(name.replace("_", " ")): text_of(value) for name, value in (table or record).items()}
+        # A name with blanks is a title, in which names of attributes are as conditions take them.
+        titles = {name: name if " " in name else name.replace("_", " ") for name in table or record}
+        texts = {visible(titles[name]): text_of(value) for name, value in (table or record).items()}
         width = max(map(len, texts))
         typer.secho(visible(title), bold=True)
         for name, text in texts.items():
             say(f"{name:<{width}}  {text}".rstrip())
+
+
+def unit_text(unit: str | None) -> str:
+    """Return the unit of the lengths in a table."""
+    return unit or "that of the coordinates, which the file does not say"
 
 
 def text_of(value: Any) -> str:

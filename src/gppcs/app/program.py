@@ -72,7 +72,8 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         if not hasattr(error, "format_message"):  # errors of Typer about the command line have it
             raise
-        print_error(error.format_message())
+        # Without what pydantic, by which Typer reads values, adds to messages.
+        print_error(re.sub(r"Value error, |, unable to parse string as an? \w+", "", error.format_message()))
         return BAD_INPUT
     return code if isinstance(code, int) else 0
 

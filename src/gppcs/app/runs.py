@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -150,19 +150,14 @@ def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
 
 
 def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
-    """Write all files of an output, or none; return what they do not hold."""
-    written: list[Path] = []
+    """Write all files of an output, which replace others only when all are complete; return what they do not hold."""
     dropped: list[str] = []
-    try:
+    with ExitStack() as stack:
         for target, cloud in zip(output.targets, clouds, strict=True):
             if output.makes_folders:
                 target.parent.mkdir(parents=True, exist_ok=True)
-            dropped = io.store(target, cloud, io.format_to_write(target, output.format), job.force, job.lossy)
-            written.append(target)
-    except BaseException:
-        for target in written:
-            target.unlink(missing_ok=True)
-        raise
+            file = stack.enter_context(io.whole_output(target, job.force))
+            dropped = io.store_in(file, target, cloud, io.format_to_write(target, output.format), job.lossy)
     return dropped
 
 
@@ -180,9 +175,10 @@ def _rows(record: Mapping[str, Any], result: Result, options: Options, unit: str
         measure = options.max_error.measure
         limits["largest_error" if measure is None else f"surface_{measure}"] = options.max_error.length.text
     for name, value in record["diagnostics"].items():
-        if name == "noise_in_spacings" and value:
-            rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({_effect(value, options)})"
-        elif value:
+        if name == "noise_in_spacings":
+            if value:
+                rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({_effect(value, options)})"
+        else:
             is_length = name.startswith(("surface_", "largest_", "moved_"))
             text = f"{text_of(value)} {unit}" if unit and is_length else text_of(value)
             limit = f"  (asked: {limits[name]})" if limits.get(name) else ""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 import tempfile
+import time
 import webbrowser
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 
@@ -64,9 +66,19 @@ def _embed(page: bytes) -> None:
     display(HTML(f"<div>{frame}</div>"))  # IPython warns of a bare frame
 
 
+def new_page() -> Path:
+    """Return the name of a page for the browser in a new temporary folder, and remove pages that are a day old."""
+    for page in Path(tempfile.gettempdir()).glob("gppcs-*/view.html"):
+        with suppress(OSError):  # such as those of other users
+            if time.time() - page.stat().st_mtime > 24 * 3600:
+                page.unlink()
+                page.parent.rmdir()
+    return Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
+
+
 def _open(page: bytes) -> None:
     """Open a page in the browser, or print where it is."""
-    path = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
+    path = new_page()
     path.write_bytes(page)
     if not webbrowser.open(path.as_uri()):
         print(f"no browser was found; open {path} yourself")  # noqa: T201

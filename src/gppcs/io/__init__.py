@@ -7,7 +7,7 @@ from gppcs.io.las import to_laspy
 from gppcs.io.reading import as_cloud, read
 from gppcs.io.streams import check_distinct, check_writable, inner_name, is_standard, whole_output
 from gppcs.io.vpc import files_of
-from gppcs.io.writing import check_storable, store, write
+from gppcs.io.writing import check_storable, store, store_in, write
 
 __all__ = [
     "FORMATS",
@@ -23,6 +23,7 @@ __all__ = [
     "is_standard",
     "read",
     "store",
+    "store_in",
     "to_laspy",
     "whole_output",
     "write",

@@ -21,7 +21,7 @@ from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
-from gppcs.io.streams import plain_input
+from gppcs.io.streams import is_standard, plain_input
 from gppcs.io.vpc import files_of
 
 T = TypeVar("T")
@@ -151,6 +151,11 @@ class CloudFiles:
                 name, n = opened.format.name, opened.reader.n_points
                 size += opened.size if n is None else 24 * n
         return name, size
+
+    @property
+    def reads_standard_input(self) -> bool:
+        """Whether one of the files is standard input, which no other process can read."""
+        return any(map(is_standard, self._paths))
 
     @property
     def n_faces(self) -> int:

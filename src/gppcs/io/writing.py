@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
+from typing import BinaryIO
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import flag
@@ -70,11 +71,15 @@ def write(
 
 def store(path: str | os.PathLike[str], cloud: PointCloud, chosen: Format, force: bool, lossy: bool) -> list[str]:
     """Write a file of a format, and return in words what it does not hold of the cloud."""
-    force = flag("force", force)
-    fit = chosen.fit(cloud, path, flag("lossy", lossy))
-    with whole_output(path, force) as file:
-        assert chosen.write is not None
-        chosen.write(file, fit.cloud)
+    with whole_output(path, flag("force", force)) as file:
+        return store_in(file, path, cloud, chosen, flag("lossy", lossy))
+
+
+def store_in(file: BinaryIO, path: str | os.PathLike[str], cloud: PointCloud, chosen: Format, lossy: bool) -> list[str]:
+    """Write a cloud to a file that is open under its name, and return in words what the format does not hold."""
+    fit = chosen.fit(cloud, path, lossy)
+    assert chosen.write is not None
+    chosen.write(file, fit.cloud)
     return [*fit.values, *fit.remarks]
 
 

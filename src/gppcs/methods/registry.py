@@ -25,6 +25,10 @@ class Registry(Mapping[str, type[Method]]):
             return self.built_in[name]
         return _load(_entries()[name])
 
+    def names(self) -> list[str]:
+        """Return the names of all methods, without importing a package."""
+        return [*self.built_in, *(name for name in _entries() if name not in self.built_in)]
+
     def __iter__(self) -> Iterator[str]:
         yield from self.built_in
         yield from (name for name in _usable() if name not in self.built_in)

@@ -47,6 +47,8 @@ class Plan:
 
 def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""
+    if options.workers is not None and files.reads_standard_input:
+        raise InputError("expected files that each worker can read, found standard input; name a file, or omit workers")
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
     format_name, size = files.at_once
     if format_name and limit is not None and PROGRAM + size > limit:  # before it is read

@@ -8,7 +8,7 @@ from typing import Annotated
 import gppcs
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.printing import emit, names_of, print_error, started, text_of
+from gppcs.app.printing import emit, names_of, print_error, started, text_of, unit_text
 from gppcs.errors import ParameterError
 from gppcs.evaluation.report import DetailErrors, Figures, MeshReport, Rebuilt, Report, definition_of
 
@@ -88,7 +88,7 @@ def evaluate(
 def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
     """Return the figures with their units, for a table."""
     figures, relative = report.figures(), report.figures(relative=True)
-    table = {} if unit else {"lengths": "in the unit of the coordinates, which the file does not tell"}
+    table = {"unit": unit_text(unit)}
     for name, value in figures.items():
         kind = definition_of(name).unit
         if kind == "length":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import gppcs
 from gppcs.app import options
-from gppcs.app.printing import emit, for_each, names_of, text_of
+from gppcs.app.printing import emit, for_each, names_of, text_of, unit_text
 
 if TYPE_CHECKING:
     from gppcs.clouds.summary import Summary
@@ -48,11 +48,12 @@ def info(
 
 def _table(summary: Summary, faces: int) -> dict[str, Any]:
     """Return the facts about one file, for a table."""
-    table = asdict(summary) | {"unit": summary.unit or "the file does not say it", "faces": faces}
+    table = asdict(summary) | {"unit": unit_text(summary.unit), "faces": faces}
     kinds, ranges = table.pop("attributes"), table.pop("ranges")
     for name in ("minimum", "maximum"):
         table[name] = "  ".join(f"{value:.9g}" for value in table[name])  # may be far away
     for name, limits in ranges.items():
         kind = re.sub(r"^[<>]U\d+", "text", kinds[name])
-        table[f"attribute {name}"] = f"{kind:<8}  {' to '.join(dict.fromkeys(map(text_of, limits or ())))}"
+        title = f"attribute {name}" if name.isidentifier() else f'attribute ["{name}"]'  # as conditions take it
+        table[title] = f"{kind:<8}  {' to '.join(dict.fromkeys(map(text_of, limits or ())))}"
     return {name: value for name, value in table.items() if value is not None}

@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import gppcs
 from gppcs.app import options
 from gppcs.app.options import SIZE, option
-from gppcs.app.printing import emit, names_of, note_left_out, print_error, record_of_run, started, time_in_words
+from gppcs.app.printing import (
+    emit,
+    names_of,
+    note_left_out,
+    print_error,
+    record_of_run,
+    started,
+    time_in_words,
+    unit_text,
+)
 from gppcs.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,7 +110,9 @@ def mesh(
     }
     table = {name: record[name] for name in ("points_in", "vertices", "triangles")}
     table |= {name: value for name, value in diagnostics.items() if value}
-    table |= {"unit of lengths": unit_of(original.header, unit) or "that of the coordinates"}
+    if "excluded" in table:
+        table["excluded"] = f"{100 * table['excluded']:.3g} % of the points"
+    table["unit"] = unit_text(unit_of(original.header, unit))
     emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(result.seconds)})
 
 

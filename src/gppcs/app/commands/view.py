@@ -44,6 +44,7 @@ def view(
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
+    from gppcs.drawing.show import new_page
     from gppcs.drawing.web.contents import Named, view_page
     from gppcs.drawing.web.layers import MOST_SHOWN
     from gppcs.drawing.web.levels import Levels
@@ -68,7 +69,7 @@ def view(
         clouds = [Named(name, item.cloud, item.mesh) for name, item in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
-        output = Path(tempfile.mkdtemp(prefix="gppcs-")) / "view.html"
+        output = new_page()
     with io.whole_output(output, force) as file:
         file.write(page.content())
     is_file = not io.is_standard(output)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gppcs.methods.method import Method, Selection, Task
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -15,11 +15,12 @@ class QEM(Method):
     name = "qem"
     summary = "quadric error metric: merges the pair of neighbours that changes the surface least, again and again"
     description = (
-        "Contracts pairs of neighbours into one of the two, the pair with the smallest quadric error first. A smaller "
-        "selection is the start of a larger one. Exactly flat parts cost nothing, so they lose all their points before "
+        "Contracts pairs of neighbours into one of the two, the pair with the smallest quadric error first. "
+        "Exactly flat parts cost nothing, so they lose all their points before "
         "other parts lose any: models made of planes keep their edges, but their faces are left empty."
     )
     source = "Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997"
+    supports = {Feature.RANKING: RANKING}
     _bytes_per_point = 550
 
     neighbours: int = parameter(
