@@ -9,7 +9,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
 from gppcs.io.vpc import files_of
-
-T = TypeVar("T")
 
 
 @dataclass
@@ -140,7 +138,11 @@ class CloudFiles:
     @cached_property
     def _counts(self) -> list[tuple[int, bool]]:
         """The number of points of each file, and whether it is exact."""
-        return self._of_each(lambda opened: opened.count(self.query is not None))
+        counts = []
+        for path in self._paths:
+            with self._reading(path) as opened:
+                counts.append(opened.count(self.query is not None))
+        return counts
 
     @property
     def at_once(self) -> tuple[str | None, int]:
@@ -160,15 +162,15 @@ class CloudFiles:
     @property
     def n_faces(self) -> int:
         """The number of faces, which are no points."""
-        return sum(self._of_each(lambda opened: opened.reader.n_faces()))
+        return sum(opened.reader.n_faces for opened in map(self._open, self._paths))
 
     def skipped(self) -> list[str]:
         """Return in words what of the files, besides faces, is not read."""
-        return [text for texts in self._of_each(lambda opened: opened.reader.skipped()) for text in texts]
+        return [text for opened in map(self._open, self._paths) for text in opened.reader.skipped]
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        return self._of_each(lambda opened: opened.format)
+        return [opened.format for opened in map(self._open, self._paths)]
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
@@ -194,7 +196,7 @@ class CloudFiles:
         header = self.preview.header if self._assume_same_crs else None
         for path in self._paths:
             with self._reading(path) as opened:
-                spans = opened.reader.spans(n) if opened.reader.spans and not opened.is_copy else []
+                spans = [] if opened.is_copy else opened.reader.spans(n)
             for span in spans if len(spans) > 1 else [None]:
                 part = copy(self)
                 part._paths, part._span, part._header = [path], span, header
@@ -213,14 +215,6 @@ class CloudFiles:
         first = self._header = self._header or cloud.header
         ours, theirs = first.conventions, cloud.header.conventions
         return cloud if any(ours.get(n) != theirs.get(n) for n in cloud.attributes) else replace(cloud, header=first)
-
-    def _of_each(self, function: Callable[[_Opened], T]) -> list[T]:
-        """Return what a function returns for each file."""
-        results = []
-        for path in self._paths:
-            with self._reading(path) as opened:
-                results.append(function(opened))
-        return results
 
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:

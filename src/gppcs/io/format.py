@@ -27,16 +27,15 @@ class Reader:
     """An open file, whose header has been read.
 
     `chunks(n)` yields all points in one or more clouds of at most n points. It can be called again, once the last call
-    is done. If the file has `spans(n)`, parts of about n points that can be
-    read by themselves, `chunks` also takes one as `span`.
+    is done. If there are `spans(n)`, parts of about n points that can be read by themselves, it takes one as `span`.
     """
 
     chunks: Callable[..., Iterator[PointCloud]]
     n_points: int | None = None  # None if only reading tells
     at_once: bool = False  # `chunks` holds all points in memory before it yields
-    n_faces: Callable[[], int] = lambda: 0
-    skipped: Callable[[], list[str]] = list  # in words what of the file, besides faces, is not read
-    spans: Callable[[int], list[Span]] | None = None
+    n_faces: int = 0
+    skipped: list[str] = field(default_factory=list)  # in words what of the file, besides faces, is not read
+    spans: Callable[[int], list[Span]] = lambda n: []
     triangles: Callable[[], NDArray[np.int64]] | None = None  # the faces, of a mesh format
 
     def read(self) -> PointCloud:
@@ -46,15 +45,14 @@ class Reader:
 
 def read_at_once(file: BufferedReader, read: Callable[[BufferedReader], tuple[PointCloud, list[str]]]) -> Reader:
     """Return a reader of a file of which `read` returns all points, and in words what it skips."""
-    skipped: list[str] = []
 
     def chunks(n: int) -> Iterator[PointCloud]:
-        nonlocal skipped
         file.seek(0)
-        cloud, skipped = read(file)
+        cloud, reader.skipped[:] = read(file)
         yield cloud
 
-    return Reader(chunks, at_once=True, skipped=lambda: skipped)
+    reader = Reader(chunks, at_once=True)
+    return reader
 
 
 class Fit(NamedTuple):

@@ -63,7 +63,7 @@ def open_las(
                 begins.append(end)
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-    return Reader(chunks, las.point_count, skipped=lambda: skipped, spans=spans)
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:

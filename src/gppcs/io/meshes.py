@@ -25,7 +25,7 @@ from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import as_count, at_most, ends_early, lines_of, read_table, reported, shortened, write_rows
+from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, shortened, write_rows
 
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
@@ -33,14 +33,7 @@ Faces = NDArray[np.int64]
 
 def _reader(cloud: PointCloud, n_faces: int, triangles: Callable[[], Faces], skipped: list[str]) -> Reader:
     """Return a reader of vertices that are in memory."""
-    return Reader(
-        lambda n: at_most(n, [cloud]),
-        len(cloud),
-        at_once=True,
-        n_faces=lambda: n_faces,
-        skipped=lambda: skipped,
-        triangles=triangles,
-    )
+    return Reader(lambda n: iter([cloud]), len(cloud), True, n_faces, skipped, triangles=triangles)
 
 
 def open_off(file: BufferedReader) -> Reader:

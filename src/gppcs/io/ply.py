@@ -129,9 +129,7 @@ def open_ply(file: BufferedReader) -> Reader:
     skipped = [
         f"element {item.name} ({item.count:,})" for item in elements if item not in (vertices, faces) and item.count
     ]
-    return Reader(
-        chunks, vertices.count, n_faces=lambda: faces.count, skipped=lambda: skipped, spans=spans, triangles=triangles
-    )
+    return Reader(chunks, vertices.count, False, faces.count, skipped, spans, triangles)
 
 
 def _read_header(file: BufferedReader) -> tuple[_Order, list[_Element], list[str]]:
