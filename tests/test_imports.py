@@ -8,7 +8,7 @@ import pytest
 
 import gppcs
 
-HEAVY = ("numba", "scipy", "robust_laplacian", "matplotlib", "pyvista")
+HEAVY = ("numba", "scipy", "matplotlib", "pyvista")
 
 
 def run_python(code):

@@ -12,34 +12,22 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.triangles import circumradius, row
-from gppcs.surface.fans import ON_CIRCLE, lay_out, wrap
+from gppcs.surface.fans import MAX_FAN, ON_CIRCLE, POINTS_AT_ONCE, corners_of_fans
 
-MAX_FAN = 24  # triangles of a fan; the mean is six
+AGREEING = 0.1  # least cosine between the normals of neighbours on one sheet
 STEEPEST = 0.7  # largest sine of the angle between a step to a neighbour and the tangent plane
 
 
 def fans_of(points: Floats, normals: Floats, near: Ints, on_circle: float = ON_CIRCLE[0]) -> tuple[Ints, Ints, Floats]:
     """Return the Delaunay triangles of fans in tangent planes, how many of three fans have each, and their radii."""
     n = len(points)
-    corners = np.full((n, MAX_FAN, 2), -1)
-    on_ranges(_build_fans, n, points, normals, near, on_circle, corners, minimum=128)
+    corners = corners_of_fans(points, normals, near, AGREEING, STEEPEST, on_circle)
     votes = np.zeros((n, MAX_FAN), dtype=np.int8)
     radii = np.zeros((n, MAX_FAN))
-    on_ranges(_count_votes, n, points, corners, votes, radii, minimum=128)
+    on_ranges(_count_votes, n, points, corners, votes, radii, minimum=POINTS_AT_ONCE)
     counted = votes > 0
     triangles = np.column_stack([np.nonzero(counted)[0], corners[counted]])
     return triangles, votes[counted].astype(np.int64), radii[counted]
-
-
-@kernel
-def _build_fans(begin, end, points, normals, near, on_circle, corners):
-    """Fill the corners of the fans, (n, MAX_FAN, 2); other arrays as in `fans_of`."""
-    inverse = np.empty((near.shape[1], 2), dtype=np.float64)
-    index = np.empty(near.shape[1], dtype=np.int64)
-    for i in range(begin, end):
-        # Neighbours whose normals have a cosine below 0.1 lie on two sheets.
-        count = lay_out(points, normals, i, near[i], 0.1, STEEPEST, inverse, index)
-        wrap(inverse, index, count, i, on_circle, corners[i])
 
 
 @kernel(allocates=False)

@@ -4,12 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.triangles import dot, minus, row
 from gppcs.surface.moments import tangents
 
+MAX_FAN = 24  # triangles of a fan; the mean is six
 # Largest squared sine of a turn at which points count as lying on one circle: those of flat grids, and of curved ones.
 ON_CIRCLE = 1e-8, 1e-6
+POINTS_AT_ONCE = 128  # at least, in a range of a thread
+
+
+def corners_of_fans(
+    points: Floats, normals: Floats, near: Ints, agreeing: float, steepest: float, on_circle: float
+) -> Ints:
+    """Return the other corners of the triangles around each point, (n, MAX_FAN, 2); -1 after the last.
+
+    A neighbour is on the same sheet if the cosine between the normals is at least `agreeing` and the sine of the step's
+    angle to the tangent plane at most `steepest`. Shapes: points and normals (n, 3), near (n, k).
+    """
+    corners = np.full((len(points), MAX_FAN, 2), -1)
+    on_ranges(
+        _build_fans, len(points), points, normals, near, agreeing, steepest, on_circle, corners, minimum=POINTS_AT_ONCE
+    )
+    return corners
+
+
+@kernel
+def _build_fans(begin, end, points, normals, near, agreeing, steepest, on_circle, corners):
+    """Fill the corners of the fans, (n, MAX_FAN, 2); other arrays as in `corners_of_fans`."""
+    inverse = np.empty((near.shape[1], 2), dtype=np.float64)
+    index = np.empty(near.shape[1], dtype=np.int64)
+    for i in range(begin, end):
+        count = lay_out(points, normals, i, near[i], agreeing, steepest, inverse, index)
+        wrap(inverse, index, count, i, on_circle, corners[i])
 
 
 @kernel(allocates=False)

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
-import robust_laplacian
 import scipy.linalg
 import scipy.sparse
 import scipy.sparse.linalg
 
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
+from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.kdtree import KdTree, nearest_distances
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.fans import corners_of_fans
+from gppcs.surface.surface_variation import features_of_nearest
+
+PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to
+FAN_NEIGHBOURS = 30  # points that can be corners of a fan; with more, fans reach over gaps, with fewer they stay open
+SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
+ROUNDING = 1e-20  # squared sine of a turn at which points of a flat grid count as lying on one circle
+ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals, whose signs mean nothing
 
 
 @one_blas_thread()
@@ -20,46 +28,49 @@ def eigenpairs(points: Floats, count: int, landmarks: int = 4000, tree: KdTree |
 
     Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions, (N, L),
     have a mean square of one over the surface. A cloud of more than `landmarks` points is represented by that many
-    farthest points. The tufted Laplacian loses area where these are too irregular for their density; their number is
-    then halved. Shapes: points (N, 3).
+    farthest points. Shapes: points (N, 3).
     """
-    number = min(landmarks, len(points))
-    while True:
-        chosen, _ = farthest_points(points, number, tree) if number < len(points) else (np.arange(number), None)
-        operator, mass, is_complete = surface_laplacian(points[chosen])
-        if is_complete or number <= max(500, 2 * count):  # with fewer, halving their number does not help
-            break
-        number //= 2
+    chosen, _ = farthest_points(points, landmarks, tree) if landmarks < len(points) else (np.arange(len(points)), None)
+    chosen = chosen[first_occurrences(points[chosen])]
+    triangles = local_triangles(points[chosen])
+    joined = np.bincount(triangles.ravel(), minlength=len(chosen)) > 0
+    if 2 * np.count_nonzero(joined) < len(chosen):  # most points lie on lines
+        operator, mass = _graph_laplacian(points[chosen])
+    else:
+        chosen, triangles = chosen[joined], (np.cumsum(joined) - 1)[triangles]
+        operator, mass = surface_laplacian(points[chosen], triangles)
     area = mass.sum()
-    eigenvalues, functions = _lowest(operator, mass, min(count, number))
-    functions = functions * np.sqrt(area)
-    if number < len(points):
-        functions = _lift(points[chosen], functions, points)
-    return np.maximum(eigenvalues * area, 0.0), functions
+    eigenvalues, functions = _lowest(operator, mass, min(count, len(chosen)))
+    return np.maximum(eigenvalues * area, 0.0), _lift(points[chosen], functions * np.sqrt(area), points)
 
 
-def surface_laplacian(points: Floats) -> tuple[scipy.sparse.csr_matrix, Floats, bool]:
-    """Return the tufted Laplacian (Sharp and Crane 2020), or of points on a line the neighbour graph's; mass (N,)."""
-    size = np.ptp(points, axis=0).max()
-    if len(points) < 4 or not size > 0:
-        return *_graph_laplacian(points), True
-    scaled = points / size  # the library has absolute thresholds, so it needs points of unit size
-    try:
-        operator, mass = robust_laplacian.point_cloud_laplacian(scaled, n_neighbors=min(30, len(points) - 1))
-    except RuntimeError:  # the library found no triangles
-        return *_graph_laplacian(points), True
-    masses = mass.diagonal()
-    if not (np.isfinite(operator.data).all() and np.isfinite(masses).all()):  # clusters are too far from each other
-        return *_graph_laplacian(points), True
-    is_complete = bool(np.median(masses) >= 0.75 * _disc_area(scaled))  # complete surfaces have 0.83 to 1.9
-    masses = np.maximum(masses, 1e-6 * masses.mean())  # every point needs a positive area
-    return operator, masses, is_complete
+def local_triangles(points: Floats) -> Ints:
+    """Return the triangles, (T, 3), of Delaunay triangulations of each point's neighbours in its tangent plane.
+
+    Where these agree, each triangle occurs three times. Shapes: points (N, 3), distinct.
+    """
+    tree = KdTree.build(points)
+    normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals
+    near, _ = tree.nearest_of(points, min(FAN_NEIGHBOURS + 1, len(points)))
+    corners = corners_of_fans(points, normals, near, ANY_NORMAL, SIN_MAX_SLOPE, ROUNDING)
+    points_with, slots = np.nonzero(corners[:, :, 0] >= 0)
+    return np.column_stack([points_with, corners[points_with, slots]])
 
 
-def _disc_area(points: Floats) -> float:
-    """Estimate the area that a point represents from the spacing of the points, as a median over them."""
-    k = min(16, len(points) - 1)
-    return float(np.pi / k * np.median(nearest_distances(KdTree.build(points), k)) ** 2)
+def surface_laplacian(points: Floats, triangles: Ints) -> tuple[scipy.sparse.csr_matrix, Floats]:
+    """Return a third of the sums of linear finite elements, (N, N), and of areas, (N,), as triangles occur three times.
+
+    The stiffness of a triangle of area A, whose edges are the vectors e_i opposite to its corners, is e_i . e_j / (4 A)
+    (Dziuk 1988). Shapes: points (N, 3), triangles (T, 3).
+    """
+    edges = points[np.roll(triangles, 1, axis=1)] - points[np.roll(triangles, -1, axis=1)]
+    inner = np.einsum("tic,tjc->tij", edges, edges)
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
+    areas = np.maximum(areas, 1e-6 * inner.max(axis=(1, 2)))  # without this, needles would be infinitely stiff
+    stiffness = inner / (12 * areas[:, np.newaxis, np.newaxis])
+    ends = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, 3).ravel()
+    operator = scipy.sparse.csr_matrix((stiffness.ravel(), ends), shape=(len(points), len(points)))
+    return operator, np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)) / 9
 
 
 def _graph_laplacian(points: Floats) -> tuple[scipy.sparse.csr_matrix, Floats]:
@@ -88,6 +99,8 @@ def _lowest(operator: scipy.sparse.csr_matrix, mass: Floats, count: int) -> tupl
 def _lift(landmarks: Floats, functions: Floats, points: Floats) -> Floats:
     """Interpolate functions, (landmarks, L), at points, (N, 3), by a partition of unity (Nasikun et al. 2018)."""
     nearest, squared = KdTree.build(landmarks).nearest_of(points, min(8, len(landmarks)))
+    if not squared[:, 0].any():  # all points are landmarks
+        return functions[nearest[:, 0]]
     # The radius is slightly larger, since landmarks that are all equally far would all have the weight zero.
     x = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))
     weights = 1.0 - x * x * (3.0 - 2.0 * x)
