@@ -19,7 +19,6 @@ from scipy.stats import spearmanr
 
 import gppcs
 import report
-from gppcs.engine.extras import require_pyvista
 
 CASES = (  # cloud, mesh, ratio
     ("bunny", "bunny", 0.05),
@@ -134,7 +133,6 @@ def correlations(cloud: gppcs.PointCloud, mesh: gppcs.Mesh, ratio: float) -> dic
 
 def main() -> None:
     """Print and write the table."""
-    require_pyvista()
     of_case = {}
     for name, mesh, ratio in CASES:
         print(f"{name} at {ratio}", file=sys.stderr)

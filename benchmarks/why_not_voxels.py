@@ -1,6 +1,6 @@
 """Why not thin by voxels: the sample scan `medallion`, thinned to the same number of points by `voxel` and by `gp`.
 
-Run as `python benchmarks/why_not_voxels.py`; needs the extras `evaluate` and `view`, and no data. It writes the table
+Run as `python benchmarks/why_not_voxels.py`; needs the extras `evaluate` and `picture`, no data. It writes the table
 results/why_not_voxels.md and the picture docs/why-not-voxels.png, which the README shows.
 """
 

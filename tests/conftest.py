@@ -9,8 +9,6 @@ import pytest
 from hypothesis import settings
 
 import gppcs
-from gppcs.engine.extras import require_pyvista
-from gppcs.errors import MissingExtraError
 
 # A busy machine is no failure. Each run draws other examples, so few are enough.
 settings.register_profile("gppcs", deadline=None, max_examples=20, derandomize=False)
@@ -24,15 +22,6 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no real clouds at {folder}; set GPPCS_DATA to their folder")
     return folder
-
-
-@pytest.fixture(scope="session")
-def opengl() -> None:
-    """Skip tests that draw meshes where that is impossible."""
-    try:
-        require_pyvista()
-    except MissingExtraError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="session")

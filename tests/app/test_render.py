@@ -46,7 +46,6 @@ def test_what_the_picture_does_not_show_is_told(gppcs_command, folder, scan):
     assert [line.split(":")[:3] for line in err.splitlines()] == [["gppcs", " note", " more.npy"]] * 2
 
 
-@pytest.mark.usefixtures("opengl")
 def test_a_file_with_triangles_is_drawn_as_a_mesh(printed, folder):
     gppcs.write_mesh("tent.ply", gppcs.Mesh([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]],
                                             [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))  # fmt: skip

@@ -11,7 +11,7 @@ BOX = Mesh(CORNERS, np.vstack([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]]))
 
 
 @pytest.fixture(scope="module")
-def camera(opengl):
+def camera():
     return Camera.towards(CORNERS, 120, (80, 150))
 
 
@@ -46,3 +46,13 @@ def test_a_balloon_does_not_hide_what_it_does_not_cover(camera):
     mesh = Mesh(np.vstack([CORNERS, balloon]), np.vstack([BOX.faces, [[8, 9, 10]]]))
     one, other = (mesh_images(drawn, [camera])[0] for drawn in (mesh, BOX))
     assert np.abs(one - other).mean() < 0.01
+
+
+def test_the_nearer_of_two_triangles_is_seen_from_either_side():
+    camera = Camera(np.eye(3), np.zeros(2), 10.0, (40, 40))
+    corners = np.array([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]])
+    mesh = Mesh(np.vstack([corners, corners + np.eye(3)[2]]), np.array([[0, 1, 2], [5, 4, 3]]))
+    colours = np.repeat([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], 3, axis=0)
+    (image,) = mesh_images(mesh, [camera], colours)
+    assert image[..., 1].min() > 0.5
+    assert image[..., [0, 2]].max() == 0.0

@@ -59,7 +59,6 @@ def test_the_roughest_place_is_framed_and_enlarged(original, camera):
     assert [np.ptp(pixels[~marked]) for pixels in (rows, columns)] == pytest.approx([CLOSE_UP, CLOSE_UP], abs=3)
 
 
-@pytest.mark.usefixtures("opengl")
 def test_meshes_stand_under_their_clouds(original, camera, kept):
     image = picture(original, kept, replace(kept, mesh=TRIANGLE))
     row = TOP + camera.size[1] + CLOSE_UP + 3 * BETWEEN

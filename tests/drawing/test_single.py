@@ -95,7 +95,6 @@ def test_place_and_unit_of_a_cloud_do_not_matter(offset, factor):
     assert np.abs(one - other).mean() < 0.01
 
 
-@pytest.mark.usefixtures("opengl")
 def test_a_mesh_is_white_or_has_the_colours_of_its_vertices():
     cloud = PointCloud(TRIANGLES.vertices)
     image, drawn = picture(cloud, TRIANGLES)

@@ -88,12 +88,17 @@ class Camera:
         pixels = size * SUPERSAMPLING
         return Camera(self.axes, centre, self.scale * pixels / side, (pixels, pixels), pixels / side)
 
+    def positions(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return the positions (N, 2) of points (N, 3) in the picture, and their depths (N,), in pixels."""
+        seen = points @ self.axes.T
+        positions = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
+        return positions, -seen[:, 2] * self.scale
+
     def pixels(self, points: Floats) -> tuple[Ints, Floats]:
         """Return the pixels (N, 2) of points (N, 3) in the picture, and their depths (N,)."""
-        seen = points @ self.axes.T
-        pixels = (seen[:, :2] - self.centre) * self.scale * (1.0, -1.0) + np.array(self.shape) / 2.0
+        positions, depth = self.positions(points)
         # Distant outliers must not exceed the range of integers.
-        return np.clip(pixels, -1e6, 1e6).astype(np.int64), -seen[:, 2] * self.scale
+        return np.clip(positions, -1e6, 1e6).astype(np.int64), depth
 
     def clipped(self, pixels: Ints) -> tuple[Ints, Ints]:
         """Return the rows and columns (N,) of the pixels of the panel that are nearest to some pixels (N, 2)."""

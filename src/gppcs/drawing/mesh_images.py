@@ -1,50 +1,90 @@
-"""Draws meshes, by PyVista."""
+"""Draws meshes: triangles with a depth buffer, shaded by smooth normals between sharp edges."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.topology import connected
 from gppcs.drawing.camera import Camera, averaged
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.kernels import kernel
+
+GREY = 0.88
+SHARP = math.radians(40.0)  # no smooth shading across edges with a larger angle between their faces
+AMBIENT = 0.12
+LIGHTS = (  # right, up, to the viewer; intensity: a key light, one at the viewer, a fill light
+    ((-0.6, 0.7, 0.4), 0.85),
+    ((0.0, 0.0, 1.0), 0.3),
+    ((0.8, -0.1, 0.6), 0.15),
+)
 
 
 def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Floats | None = None) -> list[Floats]:
     """Return the pictures, (height, width, 3) each, of a mesh with the colours (V, 3), seen by several cameras."""
-    import pyvista
+    split, vertices = _split_at_sharp_edges(mesh)
+    paint = np.full((len(vertices), 3), GREY) if colours is None else colours[vertices]
+    return [_image(split, paint, camera) for camera in cameras]
 
-    first = cameras[0]
-    seen = mesh.vertices @ first.axes.T
-    # Use pixels of the first camera around its centre, since PyVista stores vertices in single precision.
-    seen = (seen - [*first.centre, seen[:, 2].max()]) * first.scale
-    surface = pyvista.PolyData.from_regular_faces(seen.astype(np.float32), mesh.faces)
-    paint: dict[str, object] = {"color": "#ebebe9"}
-    if colours is not None:
-        surface.point_data["colours"] = np.round(255.0 * colours).astype(np.uint8)
-        paint = {"scalars": "colours", "rgb": True}
-    surface = surface.compute_normals(
-        cell_normals=False, split_vertices=True, feature_angle=40.0, consistent_normals=False
-    )
 
-    def photograph(camera: Camera) -> Floats:
-        plotter = pyvista.Plotter(off_screen=True, window_size=list(camera.shape), lighting="none")
-        plotter.set_background("white")
-        # A key light on the upper left, one at the viewer, a fill light on the right.
-        lights = (((-0.35, 0.7, 0.62), 0.62), ((0.0, 0.0, 1.0), 0.25), ((0.8, -0.1, 0.6), 0.15))
-        for position, intensity in lights:
-            plotter.add_light(pyvista.Light(position=position, light_type="camera light", intensity=intensity))
-        material = {"ambient": 0.2, "diffuse": 1.0, "specular": 0.05, "specular_power": 15.0}
-        plotter.add_mesh(surface, smooth_shading=True, **material, **paint)
-        right, up = (camera.centre - first.centre) * first.scale
-        plotter.camera_position = [(right, up, 1.0), (right, up, 0.0), (0.0, 1.0, 0.0)]
-        plotter.enable_parallel_projection()
-        plotter.camera.parallel_scale = 0.5 * camera.shape[1] * first.scale / camera.scale
-        plotter.camera.clipping_range = (0.5, 2.0 - surface.bounds.z_min)
-        image = plotter.screenshot(return_img=True) / 255.0
-        plotter.close()
-        return averaged(image)
+def _split_at_sharp_edges(mesh: Mesh) -> tuple[Mesh, Ints]:
+    """Return a mesh in which sharp edges part the faces, and which vertex of the first each of its vertices was."""
+    from trimesh import Trimesh
 
-    with pyvista.vtk_verbosity("off"):  # it would report on stderr that there is no display
-        return [photograph(camera) for camera in cameras]
+    drawn = Trimesh(mesh.vertices, mesh.faces, process=False)
+    smooth = drawn.face_adjacency[drawn.face_adjacency_angles < SHARP]
+    count, patches = connected(smooth[:, 0], smooth[:, 1], len(mesh.faces))
+    corners, faces = np.unique(mesh.faces * count + patches[:, None], return_inverse=True)
+    vertices = corners // count
+    return Mesh(mesh.vertices[vertices], faces.reshape(-1, 3)), vertices
+
+
+def _image(mesh: Mesh, colours: Floats, camera: Camera) -> Floats:
+    """Return the picture of a mesh with the colours (V, 3)."""
+    positions, depth = camera.positions(mesh.vertices)
+    shape = camera.shape[::-1]
+    nearest, weights = np.full(shape, -1), np.zeros((*shape, 3))
+    _rasterise(positions, depth, mesh.faces, np.full(shape, np.inf), nearest, weights)
+    covered = nearest >= 0
+    corners, weight = mesh.faces[nearest[covered]], weights[covered]
+    seen = np.einsum("kc,kcx->kx", weight, (mesh.vertex_normals() @ camera.axes.T)[corners])
+    seen /= np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), np.finfo(float).tiny)
+    seen *= np.where(seen[:, 2:] < 0.0, -1.0, 1.0)  # both sides are lit
+    light = np.full(len(seen), AMBIENT)
+    for direction, intensity in LIGHTS:
+        light += intensity * np.clip(seen @ (np.array(direction) / np.linalg.norm(direction)), 0.0, 1.0)
+    image = np.ones((*shape, 3))
+    image[covered] = np.clip(np.einsum("kc,kcx->kx", weight, colours[corners]) * light[:, None], 0.0, 1.0)
+    return averaged(image)
+
+
+@kernel(allocates=False)
+def _rasterise(positions, depth, faces, buffer, nearest, weights):
+    """Enter into each pixel the nearest face and the barycentric weights of its corners."""
+    height, width = nearest.shape
+    for index in range(len(faces)):
+        a, b, c = faces[index]
+        x, y = positions[a]
+        x_b, y_b = positions[b, 0] - x, positions[b, 1] - y
+        x_c, y_c = positions[c, 0] - x, positions[c, 1] - y
+        doubled = x_b * y_c - x_c * y_b
+        if doubled == 0.0:
+            continue
+        top, bottom = y + min(0.0, y_b, y_c), y + max(0.0, y_b, y_c)
+        left, right = x + min(0.0, x_b, x_c), x + max(0.0, x_b, x_c)
+        for row in range(max(int(top), 0), min(int(bottom) + 1, height)):
+            for column in range(max(int(left), 0), min(int(right) + 1, width)):
+                dx, dy = column + 0.5 - x, row + 0.5 - y
+                of_b = (dx * y_c - x_c * dy) / doubled
+                of_c = (x_b * dy - dx * y_b) / doubled
+                of_a = 1.0 - of_b - of_c
+                if of_a < 0.0 or of_b < 0.0 or of_c < 0.0:
+                    continue
+                z = of_a * depth[a] + of_b * depth[b] + of_c * depth[c]
+                if z < buffer[row, column]:
+                    buffer[row, column] = z
+                    nearest[row, column] = index
+                    weights[row, column, 0], weights[row, column, 1], weights[row, column, 2] = of_a, of_b, of_c

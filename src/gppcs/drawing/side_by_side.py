@@ -15,7 +15,7 @@ from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
 from gppcs.engine.arrays import Floats
-from gppcs.engine.extras import require_matplotlib, require_pyvista
+from gppcs.engine.extras import require_matplotlib
 
 GAP, BETWEEN = 28, 8  # pixels between columns, and between a panel and its close-ups
 TITLE, TEXT, BAR = 32, 25, 120  # pixels: letters of titles, letters of other text, height for the colour bar
@@ -50,8 +50,6 @@ def draw_comparison(
     """
     require_matplotlib()
     with_meshes = any(column.mesh for column in columns)
-    if with_meshes:
-        require_pyvista()
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / 6))  # at most six
     width = min(560 if close_ups else 776, (2400 - GAP) // per_row - GAP)  # pixels

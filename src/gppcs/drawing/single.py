@@ -15,7 +15,7 @@ from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Origin
 from gppcs.drawing.colours import RGB, Colourable, Legend
 from gppcs.drawing.mesh_images import mesh_images
 from gppcs.engine.arrays import Floats
-from gppcs.engine.extras import require_matplotlib, require_pyvista
+from gppcs.engine.extras import require_matplotlib
 from gppcs.errors import InputError, ParameterError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
@@ -40,8 +40,6 @@ def draw_single(
     so far from all others that they are outside the picture.
     """
     require_matplotlib()
-    if mesh is not None:
-        require_pyvista()
     width, height = checked_size(size)
     indices = np.flatnonzero(cloud.is_finite())
     if len(indices) == 0:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import importlib
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -41,16 +38,6 @@ def require_cgal(module: str) -> Any:
     return require(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal", extra="cgal")
 
 
-def require_pyvista() -> None:
-    """Check that PyVista can draw meshes, so that a long run does not fail at its end."""
-    require("pyvista", "a picture of meshes needs PyVista", extra="view")
-    if not _opengl_works():
-        raise MissingExtraError(
-            "a picture of meshes needs OpenGL, and PyVista found none; software rendering suffices, "
-            "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri libx11-6"
-        )
-
-
 def require_all(*checks: Callable[[], object]) -> None:
     """Check for several packages, and raise one error that names all that are missing."""
     missing = []
@@ -61,10 +48,3 @@ def require_all(*checks: Callable[[], object]) -> None:
             missing.append(str(error))
     if missing:
         raise MissingExtraError("\n".join(missing))
-
-
-@functools.cache
-def _opengl_works() -> bool:
-    """Draw in a separate process: without OpenGL, VTK ends the process instead of raising an error."""
-    code = "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Cube()); p.screenshot()"
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

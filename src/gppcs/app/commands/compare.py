@@ -76,7 +76,7 @@ def compare(
     from gppcs.app.tables import as_csv, as_markdown, columns_of, label_of, print_table, record_of
     from gppcs.drawing.colours import Colourable
     from gppcs.drawing.web.contents import Named, report_page
-    from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab, require_pyvista
+    from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab
     from gppcs.evaluation.comparison import checked_methods
     from gppcs.evaluation.mesh_comparison import checked_pipelines, require_pipeline
 
@@ -87,7 +87,7 @@ def compare(
         raise ParameterError("expected a picture for --colour, --view and --up; leave out --no-picture")
     if picture:
         needed = [partial(require_pipeline, name) for name in chosen or ()]
-        require_all(require_pymeshlab, require_matplotlib, require_pyvista, *needed)
+        require_all(require_pymeshlab, require_matplotlib, *needed)
     work: Any
     if meshes:
         work = partial(gppcs.compare_meshes, pipelines=checked_pipelines(chosen, ratio, points))
