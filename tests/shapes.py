@@ -143,3 +143,19 @@ KINDS = {
     "clump": lambda rng, n: np.where(np.arange(n)[:, None] % 3 == 0, 1.0, 1e-9) * rng.random((n, 3)),
     "dot": lambda rng, n: np.where(rng.random((n, 1)) < 0.5, 1.0, 0.05) * rng.random((n, 3)),
 }
+
+
+def metres_of_degrees(longitude, latitude):
+    """The lengths of a degree of longitude and of latitude on WGS 84, from distances in space."""
+
+    def in_space(east, north):
+        east, north, square = np.radians(longitude + east), np.radians(latitude + north), 0.00669437999014
+        radius = 6378137 / np.sqrt(1 - square * np.sin(north) ** 2)
+        across = radius * np.cos(north)
+        return np.array([across * np.cos(east), across * np.sin(east), radius * (1 - square) * np.sin(north)])
+
+    step = 0.001
+    return [
+        np.linalg.norm(in_space(east, north) - in_space(-east, -north)) / (2 * step)
+        for east, north in ((step, 0), (0, step))
+    ]

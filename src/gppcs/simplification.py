@@ -16,7 +16,7 @@ from gppcs.amounts.constraints import Constraints, WeightRange, check_constraint
 from gppcs.amounts.options import Options, described_options, require
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.objects import single_or_double
-from gppcs.clouds.quantities import Scale, count_of, metres_of
+from gppcs.clouds.quantities import Scale, count_of, units_of
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
@@ -24,6 +24,7 @@ from gppcs.errors import InputError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
+from gppcs.spatial.units import Units
 from gppcs.streaming.beyond_memory import choose_beyond_memory
 from gppcs.streaming.plan import Plan, make_plan
 from gppcs.streaming.scratch import scratch_folder
@@ -240,6 +241,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     """Simplify a cloud in memory: prepare its points, choose among them, and add what the options ask for."""
     from gppcs.spatial.scaling import Frame, bounds
 
+    units = units_of(options.unit, cloud.header)
     with timer("preparation"):
         if options.scores:
             _check_scores(cloud)
@@ -248,7 +250,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         indices = None if np.isfinite([lower, upper]).all() else _finite_indices(cloud, options.invalid)
     outliers = None
     if options.drop_outliers:
-        indices, outliers = _without_outliers(cloud, indices, timer)
+        indices, outliers = _without_outliers(cloud, indices, units, timer)
     with timer("preparation"):
         constraints = Constraints()
         if options.constrains_points:
@@ -258,10 +260,10 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         if indices is not None:
             points = points[indices]
             lower, upper = bounds(points)
-        frame = Frame.from_bounds(lower, upper)
+        frame = Frame.from_bounds(lower, upper, units)
         points = frame.local(points)
         diagonal = float(np.linalg.norm(frame.local(upper[np.newaxis])))
-        scale = Scale(diagonal, metres_of(options.unit, cloud.header), frame.exponent)
+        scale = Scale(diagonal, units, frame.exponent)
     selection = choose_by_options(points, options, constraints, scale, timer)
     kept = cloud.take(selection.indices if indices is None else indices[selection.indices])
     if options.denoises:
@@ -285,12 +287,14 @@ def _finite_indices(cloud: PointCloud, invalid: str) -> Ints:
     return np.delete(np.arange(len(cloud)), bad)
 
 
-def _without_outliers(cloud: PointCloud, indices: Ints | None, timer: Timer) -> tuple[Ints | None, Ints]:
+def _without_outliers(
+    cloud: PointCloud, indices: Ints | None, units: Units | None, timer: Timer
+) -> tuple[Ints | None, Ints]:
     """Return the indices without those of outliers, and the latter."""
-    from gppcs.surface.outliers import find_outliers
+    from gppcs.surface.outliers import find_in_units
 
     with timer("outliers"):
-        outliers = np.flatnonzero(find_outliers(cloud))
+        outliers = np.flatnonzero(find_in_units(cloud, units))
     if len(outliers):
         usable = np.arange(len(cloud)) if indices is None else indices
         indices = np.setdiff1d(usable, outliers, assume_unique=True)

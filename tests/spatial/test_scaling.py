@@ -4,6 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.scaling import bounds, normalised
+from gppcs.spatial.units import Units
+from shapes import metres_of_degrees
 
 
 def plainly(points):
@@ -11,7 +13,7 @@ def plainly(points):
     local = points - corner
     _, exponent = np.frexp(local.max())
     local = np.ldexp(local, -exponent)
-    return np.where(local < 1e-100, 0.0, local), corner, exponent
+    return np.where(local < 1e-100, 0.0, local), corner, exponent, np.ones(3)
 
 
 @given(
@@ -42,3 +44,20 @@ def test_one_bad_coordinate_shows_in_the_bounds(bad, place):
     points = np.random.default_rng(0).random((5_000, 3))
     points[place, 1] = bad
     assert (np.isfinite(bounds(points)).all(axis=0) == [True, False, True]).all()
+
+
+@pytest.mark.parametrize("degrees", [[7.0, 47.0], [-179.5, -89.0], [12.0, 0.0]])
+def test_an_angle_is_as_long_as_on_the_ellipsoid(degrees):
+    box = np.add([*degrees, 0.0], [[-0.01, -0.01, 0], [0.01, 0.01, 0]])
+    factors = Units(np.pi / 180, 0.3048, is_geographic=True).factors(*box)
+    np.testing.assert_allclose(factors, [*metres_of_degrees(*degrees), 0.3048], rtol=1e-7)
+
+
+@pytest.mark.parametrize("units", [Units(1.0, 0.3048), Units(np.pi / 200, 1.0, is_geographic=True)])
+def test_coordinates_come_back_from_lengths(units):
+    points = np.random.default_rng(0).random((100, 3)) * [0.01, 0.02, 300] + [7, 50, 1000]
+    local, frame = normalised(points, units)
+    np.testing.assert_allclose(frame.world(local), points, rtol=1e-14)
+    np.testing.assert_allclose(frame.near(points), local, rtol=1e-12)
+    lengths = (points - points.min(axis=0)) * units.factors(*bounds(points))
+    np.testing.assert_allclose(frame.lengths(local), lengths, rtol=1e-12)

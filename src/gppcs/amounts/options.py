@@ -148,7 +148,7 @@ class Options:
 
     def __post_init__(self) -> None:
         from gppcs.clouds.expressions import Expression
-        from gppcs.clouds.quantities import metres_of
+        from gppcs.clouds.quantities import units_of
 
         one_of("invalid", self.invalid, ("error", "drop"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
@@ -158,7 +158,7 @@ class Options:
         self._check_size()
         self._check_features()
         if self.unit is not None:
-            metres_of(self.unit, None)
+            units_of(self.unit, None)
         if isinstance(self.keep, str):
             Expression.from_text(self.keep)
         _ = self.memory_limit

@@ -7,7 +7,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,6 +17,9 @@ from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
 from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.errors import GppcsError, InputError
+
+if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
 
 BAD_INPUT = 2
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
@@ -41,6 +44,24 @@ def note_left_out(path: Path, names: list[str]) -> None:
     """Print on stderr what was left out."""
     if names:
         print_error(f"note: {path}: left out: {', '.join(names)}")
+
+
+def note_units(path: Path | str, cloud: PointCloud, unit: str | None = None) -> None:
+    """Print on stderr what is measured if axes have different units, or if `unit` is not that of the file."""
+    from gppcs.clouds.quantities import names_of_units
+    from gppcs.spatial.scaling import bounds
+
+    if cloud.units is None or not len(finite := cloud.points[cloud.is_finite()]):
+        return
+    names = horizontal, vertical = names_of_units(cloud.units)
+    in_words = horizontal if horizontal == vertical else f"{horizontal} in x and y, and {vertical} in z"
+    if unit is not None and names != (unit, unit):
+        print_error(f"note: {path}: its coordinate system says that the unit is {in_words}; --unit {unit} is used")
+    elif unit is None and cloud.units.is_geographic and not cloud.units.are_angles(*bounds(finite)):
+        print_error(f"note: {path}: coordinates are no {horizontal}, as its coordinate system says; metres are assumed")
+    elif unit is None and horizontal != vertical:
+        lengths = "m, around the middle of the cloud" if cloud.units.is_geographic else horizontal
+        print_error(f"note: {path}: {in_words}: distances are measured in {lengths}; coordinates stay as they are")
 
 
 def print_failure(error: BaseException, source: Path | None = None) -> None:

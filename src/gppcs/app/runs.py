@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -15,9 +14,9 @@ from gppcs import io
 from gppcs.amounts.options import Options
 from gppcs.app.inputs import note_unused
 from gppcs.app.outputs import LEVEL, Output
-from gppcs.app.printing import note_left_out, print_error, record_of_run, text_of, time_in_words
+from gppcs.app.printing import note_left_out, note_units, print_error, record_of_run, text_of, time_in_words
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.quantities import metres_of, name_of_unit, unit_of
+from gppcs.clouds.quantities import unit_of
 from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
@@ -69,7 +68,8 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
     with timer("writing"):
         dropped = _store(job, output, clouds)
     note_left_out(output.targets[-1], dropped)
-    for note in _notes(result, job.options, preview):
+    note_units(output.input_title, preview, job.options.unit)
+    for note in _notes(result, job.options):
         print_error(f"note: {output.input_title}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
     levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
@@ -196,7 +196,7 @@ def _effect(noise: float, options: Options) -> str:
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 
-def _notes(result: Result, options: Options, preview: PointCloud) -> Iterator[str]:
+def _notes(result: Result, options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
     kept, fraction = len(result.indices), len(result.indices) / result.points_in
     if isinstance(options.size, int) and kept < options.size and options.group is None:
@@ -206,7 +206,3 @@ def _notes(result: Result, options: Options, preview: PointCloud) -> Iterator[st
         yield f"this tolerance takes {fraction:.0%} of the points; it is below what their spacing and noise resolve"
     if result.diagnostics.get("moved_largest") == 0.0:
         yield "--denoise moved no point: no noise was found, or none that differs from detail"
-    in_file, used = metres_of(None, preview.header), metres_of(options.unit, preview.header)
-    if in_file is not None and used is not None and not math.isclose(in_file, used, rel_tol=1e-9):
-        name = name_of_unit(in_file)
-        yield f"its coordinate system says that the unit is {name}; --unit {options.unit} is used"

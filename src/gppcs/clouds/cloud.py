@@ -16,6 +16,7 @@ from gppcs.clouds.columns import Column, parts_of_columns, unmasked
 from gppcs.clouds.header import Header
 from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
+from gppcs.spatial.units import Units
 
 ACCEPTED = "a PointCloud, an object of Open3D, PyVista, trimesh, pandas or laspy, or an (N, 3) array of coordinates"
 
@@ -208,6 +209,11 @@ class PointCloud(ComparedByValue):
     to_pyvista = objects.to_pyvista
     to_trimesh = objects.to_trimesh
     to_pandas = objects.to_pandas
+
+    @property
+    def units(self) -> Units | None:
+        """The units of the axes, if the header tells them."""
+        return self.header.units if self.header else None
 
     def is_finite(self) -> NDArray[np.bool_]:
         """Return for which points, (N,), all coordinates are finite."""

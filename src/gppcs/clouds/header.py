@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 
 from gppcs.engine.equality import ComparedByValue
+from gppcs.spatial.units import Units
 
 
 class Header(ComparedByValue):
@@ -20,8 +21,8 @@ class Header(ComparedByValue):
         return None
 
     @property
-    def metres(self) -> float | None:
-        """The unit of the coordinates in metres, if the coordinate system tells it; None if it is not known."""
+    def units(self) -> Units | None:
+        """The units of the axes, if the coordinate system tells them; None if they are not known."""
         return None
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 
 from gppcs.clouds.header import Header
 from gppcs.errors import InputError, ParameterError, nearest_name, number, shown, whole_number
+from gppcs.spatial.units import Units
 
 Measure: TypeAlias = Literal["mean", "rms", "p95", "max"]
 MEASURES: tuple[Measure, ...] = get_args(Measure)
@@ -110,18 +111,18 @@ class Length:
             raise ParameterError(f"expected {name} to be a length above 0, found {shown(value)}")
         return cls(name, str(value), amount, unit)
 
-    def in_cloud(self, diagonal: float, metres: float | None) -> float:
-        """Return the length in the unit of a cloud, given the diagonal of its box, and that unit in metres if known."""
+    def in_cloud(self, diagonal: float, units: Units | None) -> float:
+        """Return the length in the unit of lengths of a cloud, given the diagonal of its box in it, and its units."""
         if self.unit == PERCENT:
             return self.amount / 100.0 * diagonal
         if not self.unit:
             return self.amount
-        if metres is None:
+        if units is None:
             raise InputError(
                 f"the cloud does not say in which unit its coordinates are, so it is not known how much {self.text} "
                 f"is; give unit, such as 'm', or {self.name} without a unit, in that of the coordinates"
             )
-        return self.amount * METRES[self.unit] / metres
+        return self.amount * METRES[self.unit] / units.length
 
 
 @dataclass(frozen=True)
@@ -148,13 +149,13 @@ class Scale(NamedTuple):
     """How lengths that somebody asks for become lengths in the coordinates of a method."""
 
     diagonal: float  # Of the bounding box, in the coordinates of the method
-    metres: float | None  # The unit of the cloud in metres, if it is known
+    units: Units | None  # of the cloud, if they are known
     exponent: int  # The unit of the method's coordinates is two to this power, in the unit of the cloud
 
     def inside(self, length: Length) -> float:
         """Return a length in the coordinates of the method, between bounds whose squares are floats."""
         with np.errstate(over="ignore", under="ignore"):
-            scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.metres), -self.exponent))
+            scaled = float(np.ldexp(length.in_cloud(self.outside(self.diagonal), self.units), -self.exponent))
         return min(max(scaled, 1e-100), 1e100)
 
     def outside(self, length: float) -> float:
@@ -163,13 +164,13 @@ class Scale(NamedTuple):
             return float(np.ldexp(length, self.exponent))
 
 
-def metres_of(unit: Any, header: Header | None) -> float | None:
-    """Return the unit of the coordinates in metres: the named one, or that of the header; None if both lack it."""
+def units_of(unit: Any, header: Header | None) -> Units | None:
+    """Return the units of the axes: the named one for all of them, or those of the header; None if both lack them."""
     if unit is None:
-        return header.metres if header else None
+        return header.units if header else None
     if not (isinstance(unit, str) and unit in METRES):
         raise ParameterError(f"expected the name of a unit of length, found {shown(unit)}{nearest_name(unit, METRES)}")
-    return METRES[unit]
+    return Units(METRES[unit], METRES[unit])
 
 
 def name_of_unit(metres: float) -> str:
@@ -178,5 +179,13 @@ def name_of_unit(metres: float) -> str:
 
 
 def unit_of(header: Header | None, unit: str | None = None) -> str | None:
-    """Return the name of the unit of the coordinates: the one that is given, or that of the header, if it has one."""
-    return unit or (name_of_unit(header.metres) if header and header.metres else None)
+    """Return the name of the unit of lengths: the one that is given, or that of the header, if it has one."""
+    units = units_of(unit, header)
+    return name_of_unit(units.length) if units else None
+
+
+def names_of_units(units: Units) -> tuple[str, str]:
+    """Return the names of the units of x and y, and of z."""
+    degrees = math.degrees(units.horizontal)
+    angle = "degrees" if math.isclose(degrees, 1.0, rel_tol=1e-7) else f"{degrees:g} degrees"
+    return angle if units.is_geographic else name_of_unit(units.horizontal), name_of_unit(units.vertical)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.clouds.quantities import unit_of
+from gppcs.clouds.quantities import names_of_units, unit_of
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,10 @@ class Summary:
     crs : str or None
         The coordinate reference system, if the file of the cloud names one.
     unit : str or None
-        The unit of the coordinates, such as "m" or "us-ft", if the coordinate reference system tells it.
+        The unit of lengths, such as "m" or "us-ft", if the coordinate reference system tells it: that of x and y, or
+        the metre if these are degrees.
+    coordinate_units : tuple of str or None
+        The units of x and y and of z, such as ("degrees", "m").
     ranges : mapping of str to (number, number) or None
         The minimum and maximum of each attribute by name, without NaN and infinity; None if there is no such
         value, or the attribute is no number. An attribute with several numbers per point has one range for all.
@@ -56,6 +59,7 @@ class Summary:
     attributes: Mapping[str, str]
     crs: str | None = None
     unit: str | None = None
+    coordinate_units: tuple[str, str] | None = None
     ranges: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
 
 
@@ -88,10 +92,14 @@ def info(cloud: CloudLike) -> Summary:
 
     cloud = PointCloud.from_object(cloud)
     points = cloud.points[np.flatnonzero(cloud.is_finite())]
+    corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
     first = first_occurrences(points)
+    measured = points[first]
+    if cloud.units and len(points):
+        measured = measured * cloud.units.factors(*corners)
     # In units of a power of two, which round nothing, no difference and no square of one overflows.
-    exponent = math.frexp(np.abs(points).max(initial=0.0))[1] + 1
-    distinct = np.ldexp(points[first], -exponent)
+    exponent = math.frexp(np.abs(measured).max(initial=0.0))[1] + 1
+    distinct = np.ldexp(measured, -exponent)
     diagonal = spacing = math.nan
     if len(distinct):
         distinct -= distinct.min(axis=0)
@@ -100,7 +108,6 @@ def info(cloud: CloudLike) -> Summary:
         spacing = float(np.median(nearest_distances(KdTree.build(distinct), 1)))
     with np.errstate(over="ignore"):
         diagonal, spacing = np.ldexp((diagonal, spacing), exponent).tolist()
-    corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
     minimum, maximum = map(tuple, corners.tolist())
     return Summary(
         points=len(cloud),
@@ -117,6 +124,7 @@ def info(cloud: CloudLike) -> Summary:
         },
         crs=cloud.header.crs if cloud.header else None,
         unit=unit_of(cloud.header),
+        coordinate_units=names_of_units(cloud.units) if cloud.units else None,
         ranges={name: _range(values) for name, values in cloud.attributes.items()},
     )
 

@@ -21,7 +21,7 @@ def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[s
     Both clouds have finite coordinates.
     """
     ranges = [AttributeRange.from_cloud(original, name) for name in names]
-    points, frame = normalised(simplified.points)
+    points, frame = normalised(simplified.points, original.units)
     first = first_occurrences(points)
     kept = simplified.take(np.flatnonzero(first))
     surface = LocalSurface.from_points(points[first])

@@ -159,9 +159,10 @@ def evaluate_mesh(
 
 def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Frame, Mesh | None]:
     """Return the distinct points of a cloud, (N, 3), and its surface, in a frame; or raise an error about them."""
-    points = usable(as_cloud(original), "original cloud")
+    original = as_cloud(original)
+    points = usable(original, "original cloud")
     _require_measurable(points, "original cloud")
-    frame = Frame.from_bounds(*bounds(points))
+    frame = Frame.from_bounds(*bounds(points), original.units)
     points = frame.near(points[first_occurrences(points)])
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
@@ -182,7 +183,7 @@ def judged(
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
         normals = _carried_normals(simplified)
-    frame = Frame.from_bounds(*bounds(before))
+    frame = Frame.from_bounds(*bounds(before), original.units)
     counts, first = (len(before), len(after)), first_occurrences(after)
     before, after = (frame.near(points) for points in (before[first_occurrences(before)], after[first]))
     with timer("distances"):
@@ -371,7 +372,7 @@ def _require_near(distances: Floats, name: str, points: Floats, original: Floats
     middle, diagonal = float(np.median(distances)), _diagonal(original)
     limit = 0.1 * diagonal  # clouds farther from each other show different objects
     if diagonal == 0.0:  # rounding to float32 may move a point
-        limit = math.ldexp(np.finfo(np.float32).eps * np.abs(frame.corner).max(), -frame.exponent)
+        limit = math.ldexp(np.finfo(np.float32).eps * np.abs(frame.corner * frame.factors).max(), -frame.exponent)
     elif len(points) >= 10 and _spread(points) < 0.5 * _spread(original):  # probably in another unit
         limit = min(limit, 0.05 * _spread(points))
     if middle <= limit:

@@ -158,7 +158,7 @@ def _poisson(points: Floats, normals: Floats) -> Mesh:
 
 def _of_kept(cloud: PointCloud, n_vertices: int, timer: Timer, join: Callable[[Floats, Floats], Mesh]) -> Mesh:
     """Join the points that `gp` keeps, with normals of the surface of all."""
-    points, frame = normalised(cloud.points)
+    points, frame = normalised(cloud.points, cloud.units)
     vertices = points[simplify(cloud, n_points=n_vertices, timer=timer).indices]
     with timer("normals"):
         normals = estimate_normals(points, vertices)
@@ -169,7 +169,7 @@ def _of_kept(cloud: PointCloud, n_vertices: int, timer: Timer, join: Callable[[F
 
 def _decimated(cloud: PointCloud, n_vertices: int, timer: Timer) -> Mesh:
     """Join all points, and thin the mesh."""
-    points, frame = normalised(cloud.points)
+    points, frame = normalised(cloud.points, cloud.units)
     with timer("normals"):
         normals = estimate_normals(points)
     with timer("Poisson reconstruction"):

@@ -6,7 +6,6 @@ The chunks of the points are checked in laz.py (`checked_chunks`).
 from __future__ import annotations
 
 import logging
-import re
 import struct
 from copy import deepcopy
 from dataclasses import dataclass
@@ -17,7 +16,9 @@ import numpy as np
 
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
+from gppcs.io.crs import in_one_line, name_of_wkt, units_of_keys, units_of_wkt
 from gppcs.io.rows import reported
+from gppcs.spatial.units import Units
 
 if TYPE_CHECKING:
     import laspy
@@ -81,15 +82,14 @@ class LasHeader(Header):
     @property
     def crs(self) -> str | None:
         """The coordinate reference system, by its name and code; None if it is not known."""
-        by_wkt, by_keys = _crs_of_wkt(self.wkt), self._crs_of_keys()
+        by_wkt, by_keys = name_of_wkt(self.wkt), self._crs_of_keys()
         return (by_wkt or by_keys) if self.las.global_encoding.wkt else (by_keys or by_wkt)
 
     @property
-    def metres(self) -> float | None:
-        """The unit of x and y in metres; None if it is not known, or if they are angles."""
-        location, _, unit = self._geo_keys().get(3076, (0, 0, 0))  # ProjLinearUnitsGeoKey
-        units = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}  # metre, foot, foot of the US survey
-        by_wkt, by_keys = metres_of_wkt(self.wkt), None if location else units.get(unit)
+    def units(self) -> Units | None:
+        """The units of the axes; None if they are not known."""
+        by_wkt = units_of_wkt(self.wkt)
+        by_keys = units_of_keys({key: value for key, (location, _, value) in self._geo_keys().items() if not location})
         return (by_wkt or by_keys) if self.las.global_encoding.wkt else (by_keys or by_wkt)
 
     def _geo_keys(self) -> dict[int, tuple[int, int, int]]:
@@ -102,7 +102,7 @@ class LasHeader(Header):
         keys, texts = self._geo_keys(), self._projection(_GEO_TEXTS)
         citations = [keys[key] for key in (3073, 1026, 2049) if key in keys]  # projected, of all, geographic
         names = [texts[start : start + count].split(b"\0")[0] for location, count, start in citations if location]
-        name = next((_in_one_line(name.decode("utf-8", "replace").strip("| ")) for name in names), None)
+        name = next((in_one_line(name.decode("utf-8", "replace").strip("| ")) for name in names), None)
         codes = [keys[key][2] for key in (3072, 2048) if key in keys]  # projected, geographic
         code = next((f"EPSG:{code}" for code in codes if 1024 <= code <= 32766), None)
         return f"{name} ({code})" if name and code else name or code
@@ -129,31 +129,6 @@ class LasHeader(Header):
 def kind_of(record: laspy.VLR) -> tuple[str, int]:
     """Return the user that has defined a variable-length record, and its number among the user's kinds."""
     return record.user_id, record.record_id
-
-
-def _crs_of_wkt(text: str) -> str | None:
-    name = re.match(r'\w+\s*[\[(]\s*"([^"]+)"', text)
-    code = re.search(r'(?:AUTHORITY|ID)\s*[\[(]\s*"(\w+)"\s*,\s*"?(\w+)"?\s*[\])]\s*[\])]$', text)
-    return name and _in_one_line(f"{name[1]} ({code[1]}:{code[2]})" if code else name[1])
-
-
-def _in_one_line(text: str) -> str:
-    return re.sub(r"[\s\x00-\x1f\x7f-\x9f]+", " ", text)
-
-
-def metres_of_wkt(text: str) -> float | None:
-    """Return the unit of the axes of a projected system, which is the first unit of length after the geographic one."""
-    begin = re.search(r"PROJC(S|RS)\b", text)
-    if not begin:
-        return None
-    axes = re.search(r"CS\s*[\[(]\s*Cartesian", text)  # as WKT 2 says; ellipsoid and projection have units before it
-    units = re.findall(r'(?:LENGTHUNIT|UNIT)\s*[\[(]\s*"([^"]*)"\s*,\s*([\d.eE+-]+)', text[(axes or begin).start() :])
-    lengths = [factor for name, factor in units if not re.search("degree|grad|radian|gon", name, re.IGNORECASE)]
-    try:
-        metres = float(lengths[0]) if lengths else 0.0
-    except ValueError:
-        return None
-    return metres if 0.0 < metres < np.inf else None
 
 
 def read_header(file: BufferedReader) -> laspy.LasHeader:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gppcs.clouds.quantities import Length, Tolerance, count_of, metres_of, ratio_of
+from gppcs.clouds.quantities import Length, Tolerance, count_of, ratio_of, units_of
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
 from gppcs.errors import NoSurfaceError, ParameterError, shown, whole_number
@@ -45,7 +45,7 @@ class Size:
         names = [name for name, value in values.items() if value is not None]
         if len(names) != 1:
             raise ParameterError(f"expected exactly one of {', '.join(values)}, found {' and '.join(names) or 'none'}")
-        metres_of(unit, None)
+        units_of(unit, None)
         allowed = None if tolerance is None else Tolerance.from_value(tolerance)
         if allowed and allowed.measure not in (None, "mean"):
             raise ParameterError(

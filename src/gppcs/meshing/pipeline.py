@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.quantities import Scale, metres_of
+from gppcs.clouds.quantities import Scale, units_of
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer, timer_of
@@ -131,11 +131,12 @@ def mesh(
         bad = np.flatnonzero(~cloud.is_finite())
         one_of("invalid", invalid, ("error", "drop"))
         check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-        points, frame = normalised(cloud.points[finite] if len(bad) else cloud.points)
+        units = units_of(unit, cloud.header)
+        points, frame = normalised(cloud.points[finite] if len(bad) else cloud.points, units)
         fixed = indices_to_keep(keep, finite, points, len(cloud))
         n_vertices = size.n_vertices(len(points)) or len(fixed)
         require_surface(points)
-    scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), metres_of(unit, cloud.header), frame.exponent)
+    scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), units, frame.exponent)
     hole_size = scale.inside(size.fill_holes) if size.fill_holes else None
     moved = moved or size.bounds_largest
     request = _Request(points, 2.0**frame.exponent, fixed, moved, effort, hole_size, timer)

@@ -11,6 +11,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
 from gppcs.errors import InputError
+from gppcs.spatial.units import Units
 
 POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least
 
@@ -24,44 +25,49 @@ def bounds(points: Floats) -> tuple[Floats, Floats]:
 
 
 class Frame(NamedTuple):
-    """A shift and a scale that bring points to about unit size. The scale is a power of two, so it does not round."""
+    """A shift and scales that bring points to about unit size, and all axes to one unit.
+
+    Without different units, the scale is a power of two, so it does not round.
+    """
 
     corner: Floats  # (3,), what becomes the origin: the lower corner of the bounding box
-    exponent: int  # Points are divided by two to this power
+    exponent: int  # Lengths are divided by two to this power
+    factors: Floats  # (3,), by which coordinates become lengths; 1 if all axes have one unit
 
     @classmethod
-    def from_bounds(cls, lower: Floats, upper: Floats) -> Frame:
-        """Return the frame of a bounding box. Shapes: low, high (3,)."""
+    def from_bounds(cls, lower: Floats, upper: Floats, units: Units | None = None) -> Frame:
+        """Return the frame of a bounding box, with corners (3,), whose axes have these units."""
+        factors = units.factors(lower, upper) if units else np.ones(3)
         with np.errstate(over="ignore"):
-            size = float((upper - lower).max())
+            size = float(((upper - lower) * factors).max())
         if not math.isfinite(size):
             raise InputError("expected coordinates whose differences are finite, found a range that overflows")
-        return cls(lower, math.frexp(size)[1])  # zero for a size of zero
+        return cls(lower, math.frexp(size)[1], factors)  # an exponent of zero for a size of zero
 
     def local(self, points: Floats) -> Floats:
         """Shift and scale points in the box. Shapes: points (n, 3); returns (n, 3)."""
         half = -self.exponent // 2
         local = np.empty(points.shape)  # allocated here because NumPy, unlike Numba, asks for large memory pages
-        scale, again = math.ldexp(1.0, half), math.ldexp(1.0, -self.exponent - half)
-        on_ranges(_shift_and_scale, len(points), points, self.corner, scale, again, local, minimum=POINTS_AT_ONCE)
+        scales, again = np.ldexp(self.factors, half), math.ldexp(1.0, -self.exponent - half)
+        on_ranges(_shift_and_scale, len(points), points, self.corner, scales, again, local, minimum=POINTS_AT_ONCE)
         return local
 
     def near(self, points: Floats) -> Floats:
         """Shift and scale points, (n, 3), that may lie outside the box."""
-        return np.ldexp(points - self.corner, -self.exponent)
+        return np.ldexp((points - self.corner) * self.factors, -self.exponent)
 
     def world(self, local: Floats) -> Floats:
         """Return points, (n, 3), by local ones."""
-        return np.ldexp(local, self.exponent) + self.corner
+        return np.ldexp(local, self.exponent) / self.factors + self.corner
 
     def lengths(self, local: Floats) -> Floats:
         """Return lengths by local ones."""
         return np.ldexp(local, self.exponent)
 
 
-def normalised(points: Floats) -> tuple[Floats, Frame]:
+def normalised(points: Floats, units: Units | None = None) -> tuple[Floats, Frame]:
     """Shift the lower corner of the points, (N, 3), to the origin and scale them to about unit size."""
-    frame = Frame.from_bounds(*bounds(points))
+    frame = Frame.from_bounds(*bounds(points), units)
     return frame.local(points), frame
 
 
@@ -90,9 +96,9 @@ def _widen(points, lower, upper):
 
 
 @kernel
-def _shift_and_scale(begin, end, points, corner, scale, again, local):
-    """Fill `local`, (N, 3), with (points - corner) * scale * again; one power of two alone could overflow."""
+def _shift_and_scale(begin, end, points, corner, scales, again, local):
+    """Fill `local`, (N, 3), with (points - corner) * scales * again; one power of two alone could overflow."""
     for i in range(begin, end):
         for axis in range(3):
-            value = (points[i, axis] - corner[axis]) * scale * again
+            value = (points[i, axis] - corner[axis]) * scales[axis] * again
             local[i, axis] = value if value >= 1e-100 else 0.0  # squares of smaller offsets would underflow

@@ -12,7 +12,7 @@ from gppcs.amounts.constraints import Constraints, check_constraints, check_fini
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import EXCLUDED
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.quantities import Scale, metres_of
+from gppcs.clouds.quantities import Scale, units_of
 from gppcs.engine.arrays import Ints
 from gppcs.engine.timer import Timer
 from gppcs.io.cloud_files import CloudFiles
@@ -21,6 +21,7 @@ from gppcs.spatial.boxes import MapParts
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import Frame
 from gppcs.spatial.stored import StoredPoints, without
+from gppcs.spatial.units import Units
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.scan import Overview, read_all, sorted_by_boxes, take
 from gppcs.surface.outliers import outliers_in_parts
@@ -38,14 +39,15 @@ def choose_beyond_memory(
     overview = read_all(sources, folder, plan.points_in, options, map_parts, timer)
     check_finite(overview.count, overview.n_bad, overview.first_bad, options.invalid)
     check_constraints(options, len(overview.keep), overview.weights)
-    frame = Frame.from_bounds(overview.lower, overview.upper)
+    units = units_of(options.unit, overview.columns.header)
+    frame = Frame.from_bounds(overview.lower, overview.upper, units)
     stored = sorted_by_boxes(overview, folder, frame, options, map_parts, timer)
     outliers = None
     if options.drop_outliers:
         with timer("outliers", len(stored)) as on_progress:
             outliers = outliers_in_parts(stored, map_parts, on_progress)
         stored = without(stored, outliers, map_parts)
-    selection = _chosen(stored, overview, outliers, options, frame, map_parts, timer)
+    selection = _chosen(stored, overview, outliers, options, units, frame, map_parts, timer)
     kept = take(sources, overview, selection.indices, map_parts, timer)
     if selection.points is not None:
         kept = kept.moved(frame.world(selection.points))
@@ -57,6 +59,7 @@ def _chosen(
     overview: Overview,
     outliers: Ints | None,
     options: Options,
+    units: Units | None,
     frame: Frame,
     map_parts: MapParts,
     timer: Timer,
@@ -81,7 +84,7 @@ def _chosen(
     )
     if options.spacing is not None:
         diagonal = float(np.linalg.norm(frame.local(overview.upper[None])))
-        scale = Scale(diagonal, metres_of(options.unit, overview.columns.header), frame.exponent)
+        scale = Scale(diagonal, units, frame.exponent)
         spacing = scale.inside(options.lengths["spacing"])
         return options.algorithm(replace(task, spacing=spacing))
 

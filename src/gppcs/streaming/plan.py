@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gppcs.amounts.constraints import Constraints, required_columns
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.quantities import metres_of
+from gppcs.clouds.quantities import units_of
 from gppcs.engine.memory import available_memory, size_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
@@ -108,11 +108,11 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
         keep, weight = (value if isinstance(value, str) else None for value in (options.keep, options.weight))
         named = replace(options, keep=keep, weight=weight)  # without arrays, which describe all points
         Constraints.from_cloud(preview, np.flatnonzero(preview.is_finite()), named)
-    metres = metres_of(options.unit, preview.header)
+    units = units_of(options.unit, preview.header)
     for length in options.lengths.values():
-        length.in_cloud(1.0, metres)
+        length.in_cloud(1.0, units)
     if options.max_error:
-        options.max_error.length.in_cloud(1.0, metres)
+        options.max_error.length.in_cloud(1.0, units)
 
 
 def _bytes_of_row(cloud: PointCloud) -> int:

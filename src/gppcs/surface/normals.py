@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, usable
+from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
@@ -73,9 +73,10 @@ def estimate_normals(
     """
     if neighbours is not None:
         neighbours = whole_number("the number of neighbours", neighbours, 3)
+    cloud = PointCloud.from_object(cloud)
     points = usable(cloud, "cloud")
     queries = None if at is None else usable(at, "cloud of places")
-    points, frame = normalised(points)
+    points, frame = normalised(points, cloud.units)
     tree = KdTree.build(points[first_occurrences(points)])
     queries = points if queries is None else _near(queries, frame)
     neighbours = neighbours or _points_of_fits(tree)

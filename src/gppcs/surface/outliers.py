@@ -16,6 +16,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.queries import has_others, medians, others_within
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.stored import StoredPoints
+from gppcs.spatial.units import Units
 
 NEIGHBOURS = 16  # More than there are points in a clump of outliers.
 PART = 1 << 17  # Points of a part on disk at most.
@@ -53,10 +54,15 @@ def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
     array([1000])
     """
     cloud = PointCloud.from_object(cloud)
+    return find_in_units(cloud, cloud.units)
+
+
+def find_in_units(cloud: PointCloud, units: Units | None) -> Flags:
+    """Find the outliers of a cloud whose axes have these units."""
     finite = np.flatnonzero(cloud.is_finite())
     mask = np.zeros(len(cloud), dtype=np.bool_)
     if len(finite):
-        mask[finite] = outliers_among(normalised(cloud.points[finite])[0])
+        mask[finite] = outliers_among(normalised(cloud.points[finite], units)[0])
     return mask
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, usable
+from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
@@ -108,7 +108,8 @@ def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
     True
     """
     neighbours = whole_number("the number of neighbours", neighbours, 1)
-    points, _ = normalised(usable(cloud, "cloud"))
+    cloud = PointCloud.from_object(cloud)
+    points, _ = normalised(usable(cloud, "cloud"), cloud.units)
     tree = KdTree.build(points)
     first = first_occurrences(points)
     distinct = tree if first.all() else KdTree.build(points[first])

@@ -12,7 +12,7 @@ import typer
 import gppcs
 from gppcs.app import options
 from gppcs.app.options import LOOK, METHOD, option
-from gppcs.app.printing import emit, names_of, print_error, say, started
+from gppcs.app.printing import emit, names_of, note_units, print_error, say, started
 from gppcs.errors import OutputError, ParameterError
 from gppcs.methods import METHODS
 
@@ -101,6 +101,7 @@ def compare(
     original = read_each([cloud], input_format, names_of(columns))[0].cloud
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
+    note_units(cloud, original)
     entries = work(original, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, timer=timer)
     kind, labels, records = "pipeline" if meshes else "method", [*map(label_of, entries)], [*map(record_of, entries)]
     if not (meshes or methods) and (missing := METHODS.keys() - {record["method"] for record in records}):

@@ -8,7 +8,7 @@ from typing import Annotated
 import gppcs
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.printing import emit, names_of, print_error, started, text_of, unit_text
+from gppcs.app.printing import emit, names_of, note_units, print_error, started, text_of, unit_text
 from gppcs.errors import ParameterError
 from gppcs.evaluation.report import DetailErrors, Figures, MeshReport, Rebuilt, Report, definition_of
 
@@ -78,6 +78,7 @@ def evaluate(
         "figures": report.figures(),
         "relative": report.figures(relative=True),
     }
+    note_units(original, clouds[0])
     table = _table(report, unit_of(clouds[0].header))
     emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", table)
     for rebuilt in (report.rebuilt, report.rebuilt_carried) if isinstance(report, Report) else ():

@@ -49,6 +49,9 @@ def info(
 def _table(summary: Summary, faces: int) -> dict[str, Any]:
     """Return the facts about one file, for a table."""
     table = asdict(summary) | {"unit": unit_text(summary.unit), "faces": faces}
+    horizontal, vertical = table.pop("coordinate_units") or ("", "")
+    if horizontal != vertical:
+        table["unit"] = f"{horizontal} in x and y, {vertical} in z; of lengths: {summary.unit}"
     kinds, ranges = table.pop("attributes"), table.pop("ranges")
     for name in ("minimum", "maximum"):
         table[name] = "  ".join(f"{value:.9g}" for value in table[name])  # may be far away

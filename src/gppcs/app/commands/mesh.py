@@ -14,6 +14,7 @@ from gppcs.app.printing import (
     emit,
     names_of,
     note_left_out,
+    note_units,
     print_error,
     record_of_run,
     started,
@@ -97,6 +98,7 @@ def mesh(
     with timer("writing"):
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, dropped)
+    note_units(cloud, original, unit)
     for note in _notes(result.diagnostics, len(result.indices), task.n_points, bool(moved or effort)):
         print_error(f"note: {cloud}: {note}")
     diagnostics = {name: value for name, value in asdict(result.diagnostics).items() if value is not None}
