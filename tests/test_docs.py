@@ -127,11 +127,12 @@ def test_options_exist(page):
         assert option in options() | {"--help", "--version", "--install-completion", "--show-completion"}, option
 
 
-def test_the_page_on_usage_has_the_options_of_the_parser_and_every_format():
-    spec = importlib.util.spec_from_file_location("options", ROOT / "docs" / "_site" / "options.py")
+def test_pages_have_the_options_of_the_parser_the_public_names_and_every_format():
+    spec = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "_site" / "tables.py")
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
-    assert made.with_table(text("docs/usage.md")) == text("docs/usage.md")
+    for path in made.TABLES:
+        assert made.with_table(path) == path.read_text()
     for known in FORMATS:
         for suffix in known.suffixes:
             assert f"`{suffix}`" in text("docs/usage.md")
@@ -153,13 +154,13 @@ def test_the_list_of_methods_that_rank_is_complete():
     assert [name for name, section in sections if "order is a ranking" in " ".join(section.split())] == ranking
 
 
-def test_the_package_of_the_page_on_methods_declares_the_class_of_the_page():
-    [package] = map(tomllib.loads, blocks("docs/methods.md", "toml"))
+def test_the_package_of_the_page_for_researchers_declares_the_class_of_the_page():
+    [package] = map(tomllib.loads, blocks("docs/evaluation.md", "toml"))
     [(name, entry)] = package["project"]["entry-points"]["gppcs.methods"].items()
     module, _, cls = entry.partition(":")
     assert package["tool"]["setuptools"]["py-modules"] == [module]
-    assert f"class {cls}(gppcs.Method):" in text("docs/methods.md")
-    assert f'name = "{name}"' in "".join(blocks("docs/methods.md", "python"))
+    assert f"class {cls}(gppcs.Method):" in text("docs/evaluation.md")
+    assert f'name = "{name}"' in "".join(blocks("docs/evaluation.md", "python"))
     assert {"name", "version", "dependencies"} <= package["project"].keys()
 
 
