@@ -67,6 +67,20 @@ def test_what_is_no_cloud_is_refused(tmp_path, content, message):
         read(path)
 
 
+@pytest.mark.parametrize(("name", "names"), [("kitti", ["intensity"]), ("nuscenes", ["intensity", "ring"])])
+def test_bare_records(tmp_path, name, names):
+    table = np.arange(2 * (3 + len(names)), dtype="<f4").reshape(2, -1) / 8
+    table.tofile(tmp_path / "scan.bin")
+    cloud = read(tmp_path / "scan.bin", name)
+    assert (cloud.points.tolist(), cloud.coordinate_dtype) == (table[:, :3].tolist(), np.float32)
+    assert {key: values.tolist() for key, values in cloud.attributes.items()} == dict(
+        zip(names, table[:, 3:].T.tolist(), strict=True)
+    )
+    table.ravel()[:-1].tofile(tmp_path / "scan.bin")
+    with pytest.raises(FileFormatError, match="bytes behind the last"):
+        read(tmp_path / "scan.bin", name)
+
+
 def test_attributes_with_awkward_names(tmp_path):
     path = tmp_path / "cloud.npz"
     names = ["file", "allow_pickle", "a", "a.npy", "with space"]

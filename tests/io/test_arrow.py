@@ -68,6 +68,23 @@ def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize(
+    "column",
+    [
+        pa.array([[1.0, 2, 3], [4, 5, 6]], pa.list_(pa.float64(), 3)),
+        pa.array([{"x": 1.0, "y": 2.0, "z": 3.0}, {"x": 4.0, "y": 5.0, "z": 6.0}]),
+    ],
+)
+def test_a_column_of_points_holds_the_coordinates(folder, suffix, column):
+    path = stored(
+        folder / f"points{suffix}", pa.table({"geometry": column, "Intensity": pa.array([7, 8], pa.uint16())})
+    )
+    cloud = read(path)
+    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert {name: values.tolist() for name, values in cloud.attributes.items()} == {"Intensity": [7, 8]}
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(
     ("name", "column", "message"),
     [
         ("a", pa.array([1, None, 3]), "a value for each point in 'a', found 1 missing"),

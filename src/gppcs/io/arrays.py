@@ -1,8 +1,12 @@
-"""Reads and writes NumPy's files, NPY and NPZ. Pickled objects, which could run code, are refused."""
+"""Reads and writes NumPy's files, NPY and NPZ, and reads the bare records of KITTI and nuScenes.
+
+Pickled objects, which could run code, are refused.
+"""
 
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from functools import partial
 from io import BufferedReader
@@ -15,8 +19,8 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import column_chunks, equal_spans, reported
+from gppcs.io.format import Format, Reader, Span, keeping
+from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
 
 
 def open_npy(file: BufferedReader) -> Reader:
@@ -53,6 +57,23 @@ def open_npz(file: BufferedReader) -> Reader:
             raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
     cloud = PointCloud.from_columns({**columns, **arrays})
     return Reader(lambda n: iter([cloud]), len(cloud), at_once=True)
+
+
+def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
+    """Open a file of one float32 number for each name and point, without a header."""
+    record = np.dtype([(name, "<f4") for name in names])
+    n_points, rest = divmod(bytes_left(file), record.itemsize)
+    if rest:
+        raise FileFormatError(
+            f"expected points of {record.itemsize} bytes, found {rest} bytes behind the last; get the whole file "
+            "again, or name another format"
+        )
+
+    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
+        file.seek(0)
+        return read_records(file, record, n_points, n, span=span)
+
+    return Reader(chunks, n_points, spans=partial(equal_spans, n_points))
 
 
 def _reported() -> AbstractContextManager[None]:
@@ -97,4 +118,6 @@ _stored = partial(keeping, holds=lambda name, values: not values.dtype.hasobject
 FORMATS = (
     Format("NPY", (".npy",), open_npy, write_npy, lambda start, size: start.startswith(b"\x93NUMPY"), _stored),
     Format("NPZ", (".npz",), open_npz, write_npz, lambda start, size: start.startswith(b"PK\x03\x04"), _stored),
+    Format("KITTI", (".kitti",), partial(open_records, names=("x", "y", "z", "intensity"))),
+    Format("nuScenes", (".nuscenes",), partial(open_records, names=("x", "y", "z", "intensity", "ring"))),
 )

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, coordinate_names
+from gppcs.clouds.columns import Column
 from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
@@ -45,7 +45,7 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | N
     names = list(schema.names)
     if len(set(names)) < len(names):
         raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
-    coordinate_names(names)
+    empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:
         done = 0
@@ -57,23 +57,27 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | N
             if count is not None and done != count:
                 raise ends_early("row", done, count)
             if not done:
-                yield _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
+                yield empty
 
     return Reader(chunks, count)
 
 
 def _cloud(batch: Any) -> PointCloud:
-    """Return the cloud of some rows of a table whose schema has been checked."""
+    """Return the cloud of some rows of a table, which has x, y and z, or one column of points, as GeoArrow has it."""
     batch.validate(full=True)  # damaged texts would crash what reads them
-    names = batch.schema.names
-    return PointCloud.from_columns(
-        {name: _values(name, column) for name, column in zip(names, batch.columns, strict=True)}
-    )
+    columns = {name: _values(name, column) for name, column in zip(batch.schema.names, batch.columns, strict=True)}
+    points = [name for name, values in columns.items() if values.shape[1:] == (3,) and values.dtype.kind == "f"]
+    if len(points) == 1 and not {"x", "y", "z"} & {name.lower() for name in columns}:
+        columns |= zip("xyz", columns.pop(points[0]).T, strict=True)
+    return PointCloud.from_columns(columns)
 
 
 def _values(name: str, column: Any) -> Column:
     """Return a block of a column as an array."""
     types = require_pyarrow().types
+    column = getattr(column, "storage", column)  # of a type that another library has registered
+    if types.is_struct(column.type) and [part.name for part in column.type] == ["x", "y", "z"]:
+        return np.stack([_values(name, part) for part in column.flatten()], axis=1)
     if types.is_dictionary(column.type):
         column = column.dictionary_decode()
     kind = column.type
