@@ -221,7 +221,7 @@ def test_what_is_no_ranking_has_no_prefixes():
         (np.concatenate([points, [[np.nan] * 3]]), {"n_points": 200, "invalid": "drop"}),
         (points, {"n_points": 100, "weight": np.arange(200) >= 100}),
     ):
-        with pytest.raises(gppcs.ParameterError, match="all points were kept"):
+        with pytest.raises(gppcs.ParameterError, match="all points"):
             gppcs.simplify(cloud_or_points, **options).prefix(10)
     with pytest.raises(gppcs.ParameterError, match="at most 50 points, as the result has, found 51"):
         gppcs.simplify(cloud, n_points=50, method="fps").prefix(51)
@@ -239,3 +239,25 @@ def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_s
         assert radii[0] < 1.2 * radii[1]
     else:
         assert (long.indices[:100] == short.indices).all()
+
+
+@pytest.mark.parametrize("beyond_memory", [False, True])
+def test_the_same_points_come_in_the_order_asked_for(tmp_path, beyond_memory):
+    cloud = gppcs.sample("bracket", n_points=3000)
+    times = np.random.default_rng(0).integers(0, 500, 3000) / 8  # with repeats
+    gppcs.write(tmp_path / "a.ply", gppcs.PointCloud(cloud.points, {"gps_time": times}))
+    path, options = tmp_path / "a.ply", {"n_points": 300, "scores": True}
+    if beyond_memory:
+        options["workers"] = 1
+    ranking = gppcs.simplify(path, **options)
+    for order, positions in (
+        ("input", np.argsort(ranking.indices)),
+        ("gps_time", np.lexsort([ranking.indices, times[ranking.indices]])),
+    ):
+        result = gppcs.simplify(path, order=order, **options)
+        assert result.indices.tolist() == ranking.indices[positions].tolist()
+        assert result.cloud == ranking.cloud.take(positions)
+        with pytest.raises(gppcs.ParameterError, match="another one"):
+            result.prefix(10)
+    with pytest.raises(gppcs.InputError, match="no attribute 'gps_time'"):
+        gppcs.simplify(cloud, n_points=300, order="gps_time")

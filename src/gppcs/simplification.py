@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from gppcs.amounts.choice import choose_by_options
 from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
 from gppcs.amounts.options import Options, described_options, require
+from gppcs.amounts.order import check_order, in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.objects import single_or_double
 from gppcs.clouds.quantities import Scale, count_of, units_of
@@ -41,7 +42,7 @@ class Result(ComparedByValue):
     Attributes
     ----------
     indices : (M,) array, int64
-        The indices of the kept points in the input: unique, in the order chosen.
+        The indices of the kept points in the input: unique, in the order chosen, or that of the option `order`.
     cloud : PointCloud
         The kept points in that order, with all their attributes. If the method moves points, these are the moved ones.
     method : Method
@@ -54,8 +55,8 @@ class Result(ComparedByValue):
     outliers : (n,) array, int64, or None
         The indices of the points that were dropped as outliers, ascending. None if none were looked for.
     ranked : bool
-        Whether the first points are a simplification to fewer points: if the method ranks its points, and not all but
-        repeats were kept.
+        Whether the first points are a simplification to fewer points: if the method ranks its points, not all but
+        repeats were kept, and the order is that of importance.
     points_in : int
         Number of points among which was chosen: those of the input that were not dropped; 0 if that is not known.
 
@@ -108,7 +109,10 @@ class Result(ComparedByValue):
             raise ParameterError(f"expected at most {len(self):,} points, as the result has, found {count:,}")
         require(self.method, Feature.RANKING)
         if not self.ranked:
-            raise ParameterError("all points were kept, in the order of the cloud, which is no ranking; ask for fewer")
+            raise ParameterError(
+                "expected points in the order of importance, found another one, or all points in the order of the "
+                "cloud; ask for fewer points, and for no other order"
+            )
         return replace(self, indices=self.indices[:count], cloud=self.cloud.take(np.arange(count)))
 
 
@@ -133,6 +137,7 @@ def simplify(
     normals: bool = False,
     scores: bool = False,
     denoise: bool = False,
+    order: Literal["importance", "input", "gps_time"] = "importance",
     format: str | None = None,  # noqa: A002  # as NumPy and pandas say
     columns: Sequence[str] | None = None,
     inside: Sequence[Any] | str | os.PathLike[str] | None = None,
@@ -227,6 +232,7 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
+    check_order(files.preview, options.order)
     if options.scores:
         _check_scores(files.preview)
     with (
@@ -243,6 +249,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
 
     units = units_of(options.unit, cloud.header)
     with timer("preparation"):
+        check_order(cloud, options.order)
         if options.scores:
             _check_scores(cloud)
         points = cloud.points
@@ -350,8 +357,11 @@ def _result(
     """Return the result of a choice among n points."""
     if options.scores:
         kept = _with_scores(kept, selection)
-    method, diagnostics = options.algorithm, dict(selection.diagnostics)
+    method, diagnostics, indices = options.algorithm, dict(selection.diagnostics), selection.indices
     if outliers is not None:
         diagnostics["outliers"] = float(len(outliers))
-    is_ranked = Feature.RANKING in method.supports and selection.ranked
-    return Result(selection.indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)
+    is_ranked = Feature.RANKING in method.supports and selection.ranked and options.order == "importance"
+    if options.order != "importance":
+        positions = in_order(kept, indices, options.order)
+        indices, kept = indices[positions], kept.take(positions)
+    return Result(indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)

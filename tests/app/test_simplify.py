@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, files, write_scan_with
+from command_line import FAST, files, rows_of, write_scan_with
 
 
 @pytest.mark.parametrize("method", ["gp", "voxel"])
@@ -68,6 +68,50 @@ def test_the_row_of_each_kept_point_is_added(printed, case):
     kept = gppcs.read("out.ply")
     assert kept.attributes["index"].tolist() == rows.tolist()
     assert (kept.points == read.points[rows]).all()
+
+
+@pytest.mark.parametrize(
+    ("suffix", "order"), [("laz", None), ("las", "importance"), ("ply", None), ("ply", "gps_time"), ("copc.laz", None)]
+)
+def test_las_keeps_the_order_of_the_input(printed, folder, suffix, order):
+    cloud = gppcs.sample("bracket", 3000)
+    times = np.random.default_rng(0).permutation(3000) * 0.5
+    gppcs.write("scan.ply", gppcs.PointCloud(cloud.points.round(4), {"gps_time": times}))
+    options = ("--order", order) if order else ()
+    command = ("simplify", "scan.ply", "--levels", "400,50", "--index", "--rank", "--lossy", *FAST, *options)
+    for name in (f"out.{suffix}", f"out_{{level}}.{suffix}"):
+        printed(*command, "-o", name)
+    ranking = gppcs.simplify("scan.ply", n_points=400, method="fps").indices
+    by_rank = {"importance": np.arange(400), "input": np.argsort(ranking), "gps_time": np.argsort(times[ranking])}
+    expected = by_rank[order or ("input" if suffix == "laz" else "importance")]
+    for name, count in ((f"out.{suffix}", 400), (f"out_0.{suffix}", 50), (f"out_1.{suffix}", 400)):
+        attributes = gppcs.read(name).attributes
+        ranks = attributes["rank"].astype(int)
+        if suffix != "copc.laz":  # whose points are sorted by its levels
+            assert ranks.tolist() == expected[expected < count].tolist()
+        assert (attributes["index"] == ranking[ranks]).all()
+        assert (attributes["gps_time"] == times[ranking[ranks]]).all()
+
+
+def test_an_order_needs_its_attribute_and_a_ranking(refused, scan):
+    command = ("simplify", "scan.ply", "-o", "out.ply", "--points", 9)
+    refused((*command, "--order", "gps_time"), "no attribute 'gps_time'")
+    refused((*command, "--rank", "--method", "voxel"), "ranking")
+    refused((*command, "--mark", "kept", "--order", "input"), "mark without order")
+
+
+def test_what_matters_is_printed(printed, folder):
+    for noise, is_printed in ((0.0, False), (0.5, True)):
+        gppcs.write("scan.ply", gppcs.sample("bracket", 20_000, noise=noise), force=True)
+        command = ("simplify", "scan.ply", "-o", "out.ply", "--points", 2_000, "--force")
+        rows = rows_of(printed(*command, "--only", "z > 0"))
+        assert any(row.startswith("noise ") for row in rows) == is_printed
+        assert not any("times" in row for row in rows)
+    assert "files read 2 times" in rows_of(printed(*command, "--only", "z > 0", "--memory", "8GB"))
+    rows = rows_of(
+        printed("simplify", "scan.ply", "-o", "out.ply", "--max-gap", "2cm", "--unit", "mm", *FAST, "--force")
+    )
+    assert any(row.endswith("(asked: 2cm = 20 mm)") for row in rows)
 
 
 def test_all_points_are_written_with_a_mark_for_those_kept(printed, case):

@@ -54,7 +54,7 @@ def fewest_points(
         timer=timer,
     )
     selection, errors = search.among_prefixes() if is_ranking else search.among_numbers()
-    diagnostics = {}
+    diagnostics = {"tolerance": scale.outside(search.tolerance)}
     if tolerance.measure is None:
         diagnostics["largest_error"] = scale.outside(errors["max"])
         if outliers.any() and errors["max"]:

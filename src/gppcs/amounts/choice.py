@@ -177,6 +177,7 @@ def _without_gaps(
     with timer("gaps"):
         added, gap = fill_gaps(points[usable], kept, scale.inside(max_gap))
     diagnostics = {"added_in_gaps": float(len(added)), "largest_gap": scale.outside(gap)}
+    diagnostics["max_gap"] = scale.outside(scale.inside(max_gap))
     moved = None if selection.points is None else np.concatenate([kept, points[usable[added]]])
     longer = _extended(selection, usable[added])
     return replace(longer, diagnostics={**selection.diagnostics, **diagnostics}, points=moved)

@@ -27,6 +27,9 @@ def _option(default: Any, text: str, for_files: bool = False) -> Any:
     return field(default=default, metadata={"help": text, "for_files": for_files})
 
 
+ORDERS = ("importance", "input", "gps_time")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Options:
     """Options of a simplification, validated as far as possible without the cloud."""
@@ -112,6 +115,11 @@ class Options:
         "Move the kept points onto the surface that all points observe with noise. They keep their attributes, but get "
         "normals of that surface if the input has normals (method gp).",
     )
+    order: Literal["importance", "input", "gps_time"] = _option(
+        "importance",
+        "Order of the points of the result: that of importance, whose first points are a good smaller result if the "
+        "method ranks them, that of the input, or that of gps_time.",
+    )
     format: str | None = _option(None, "Format of the files, by its suffix. By default, the content tells.", True)
     columns: Sequence[str] | None = _option(None, "Names of the columns of a text table, with x, y and z.", True)
     inside: Sequence[Any] | str | os.PathLike[str] | None = _option(
@@ -151,6 +159,7 @@ class Options:
         from gppcs.clouds.quantities import units_of
 
         one_of("invalid", self.invalid, ("error", "drop"))
+        one_of("order", self.order, ORDERS)
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
             flag(name, getattr(self, name))
         if self.group is not None and not isinstance(self.group, str):

@@ -12,6 +12,7 @@ import numpy as np
 
 from gppcs import io
 from gppcs.amounts.options import Options
+from gppcs.amounts.order import check_order, in_order
 from gppcs.app.inputs import note_unused
 from gppcs.app.outputs import LEVEL, Output
 from gppcs.app.printing import note_left_out, note_units, print_error, record_of_run, text_of, time_in_words
@@ -33,6 +34,8 @@ class Job:
     options: Options
     sizes: tuple[float, ...]  # of the levels, from coarse to fine; none without --levels
     index: bool  # whether to add the index of each kept point
+    rank: bool  # and its place in the order of importance
+    order: str | None  # of the points; None if the format of the output tells it
     mark: str | None  # the attribute that marks the kept points among all
     force: bool
     lossy: bool
@@ -101,10 +104,24 @@ def _simplified(
     result = simplify_files(files, job.options, plan, timer)
     counts = _level_counts(result, job.sizes) if job.sizes else [len(result.indices)]
     attributes: dict[str, Any] = {"index": result.indices} if job.index else {}
+    if job.rank:
+        attributes["rank"] = np.arange(len(result.indices), dtype=np.uint32)
     if job.sizes and len(output.targets) == 1:
         attributes[LEVEL] = np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
     cloud = _with_attributes(result.cloud, attributes)
-    return result, [cloud] if len(output.targets) == 1 else [cloud.take(np.arange(count)) for count in counts]
+    if len(output.targets) == 1:
+        counts = [len(cloud)]
+    order = _order(job, output)
+    if order == "importance":
+        return result, [cloud.take(np.arange(count)) if count < len(cloud) else cloud for count in counts]
+    positions = in_order(cloud, result.indices, order)
+    return result, [cloud.take(positions[positions < count]) for count in counts]
+
+
+def _order(job: Job, output: Output) -> str:
+    """Return the order of the points in the files of an output."""
+    is_las = io.format_to_write(output.targets[-1], output.format).name in ("LAS", "LAZ")
+    return job.order or ("input" if is_las else "importance")
 
 
 def _check_storable(job: Job, output: Output, cloud: PointCloud) -> None:
@@ -114,8 +131,11 @@ def _check_storable(job: Job, output: Output, cloud: PointCloud) -> None:
     names = (NORMALS if job.options.normals else ()) + (SCORES if job.options.scores else ())
     cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, np.zeros(len(cloud), np.float32))})
     added: dict[str, Any] = {} if job.mark is None else {job.mark: np.uint8}
+    check_order(cloud, _order(job, output))
     if job.index:
         added["index"] = np.int64
+    if job.rank:
+        added["rank"] = np.uint32
     if job.sizes and len(output.targets) == 1:
         added[LEVEL] = np.uint8
     cloud = _with_attributes(cloud, {name: np.zeros(len(cloud), dtype) for name, dtype in added.items()})
@@ -167,32 +187,37 @@ def _rows(record: Mapping[str, Any], result: Result, options: Options, unit: str
     rows = {"points": f"{record['points_in']:,} in, {record['points_out']:,} out ({percent:.3g} %)"}
     for number, file in enumerate(record["levels"]):
         rows[f"level {number}"] = f"{file['output']}: {file['points_out']:,} points"
-    if record["readings"] > 1:
-        rows["points on disk"] = f"files read {record['readings']} times"
+    if record["readings"] > 1 and options.memory is not None:
+        rows["files"] = f"read {record['readings']} times"
     rows["method"] = str(result.method)
-    limits = {"largest_gap": options.max_gap}
+    limits = {"largest_gap": options.lengths.get("max_gap")}
     if options.max_error is not None:
         measure = options.max_error.measure
-        limits["largest_error" if measure is None else f"surface_{measure}"] = options.max_error.length.text
+        limits["largest_error" if measure is None else f"surface_{measure}"] = options.max_error.length
+
+    def length(value: float) -> str:
+        return f"{text_of(value)} {unit}" if unit else text_of(value)
+
     for name, value in record["diagnostics"].items():
         if name == "noise_in_spacings":
-            if value:
-                rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({_effect(value, options)})"
-        else:
-            is_length = name.startswith(("surface_", "largest_", "moved_"))
-            text = f"{text_of(value)} {unit}" if unit and is_length else text_of(value)
-            limit = f"  (asked: {limits[name]})" if limits.get(name) else ""
-            rows[name.replace("_", " ")] = text + limit
+            if effect := _effect(value, options):
+                rows["noise"] = f"{100 * value:.2g} % of the spacing of the kept points ({effect})"
+        elif name not in ("tolerance", "max_gap"):
+            text = length(value) if name.startswith(("surface_", "largest_", "moved_")) else text_of(value)
+            if limit := limits.get(name):
+                in_cloud = f" = {length(record['diagnostics'][limit.name])}" if limit.unit else ""
+                text += f"  (asked: {limit.text}{in_cloud})"
+            rows[name.replace("_", " ")] = text
     rows["time"] = time_in_words(record["seconds"])
     return rows
 
 
 def _effect(noise: float, options: Options) -> str:
-    """Return what noise, relative to the spacing of the kept points, means for the result."""
-    if options.denoises:
+    """Return what noise, relative to the spacing of the kept points, means for the result; nothing if it is little."""
+    if noise and options.denoises:
         return "after --denoise"
     if noise <= 0.04:
-        return "little: it does not change the choice"
+        return ""
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from gppcs.amounts.options import Options
 from gppcs.app import options
@@ -94,6 +94,16 @@ def simplify(
         bool,
         option("Add the index of each kept point among those that are read, from 0, as index.", ATTRIBUTES, "--index"),
     ] = False,
+    rank: Annotated[
+        bool,
+        option("Add the place of each kept point in the order of importance, from 0, as rank.", ATTRIBUTES, "--rank"),
+    ] = False,
+    order: Annotated[
+        Literal["importance", "input", "gps_time"] | None,
+        option(
+            f"{HELP['order']} By default that of the input in LAS and LAZ files, else that of importance.", ATTRIBUTES
+        ),
+    ] = None,
     mark: Annotated[
         str | None,
         option(
@@ -134,11 +144,13 @@ def simplify(
         "format": input_format,
     }
     sizes = () if levels is None else _sizes(levels)
-    _check_together(arguments | {"levels": levels, "index": index, "mark": mark})
-    if sizes:
+    _check_together(arguments | {"levels": levels, "index": index, "rank": rank, "mark": mark})
+    del arguments["order"]  # which follows from the format of each output if it is not given
+    if sizes or rank:
         require(arguments["method"], Feature.RANKING)
+    if sizes:
         arguments |= {"ratio": sizes[-1]} if sizes[-1] < 1 else {"n_points": round(sizes[-1])}
-    job = Job(Options(**arguments), sizes, index, mark, force, lossy)
+    job = Job(Options(**arguments), sizes, index, rank, order, mark, force, lossy)
     if dry_run and job.options.size is None:
         raise ParameterError("expected ratio or n_points with --dry-run, as other options need the points themselves")
     if mark is not None and job.options.algorithm.moves_points:
@@ -168,7 +180,7 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
     if arguments["mark"] == "":
         raise ParameterError("expected mark with the name of an attribute, found nothing")
     sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group")
-    for name, excluded in {"mark": ("index", "normals", "scores"), "levels": (*sizes, "mark")}.items():
+    for name, excluded in {"mark": ("index", "rank", "order", "normals", "scores"), "levels": (*sizes, "mark")}.items():
         for other in excluded:
             if arguments[name] and arguments[other]:
                 raise ParameterError(f"expected {name} without {other}, found both")
