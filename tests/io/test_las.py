@@ -128,12 +128,18 @@ def test_scaled_extra_bytes_are_their_physical_values(tmp_path, stored):
     np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "d.las")["height"]), moved.attributes["height"])
 
 
-def test_extra_bytes_that_no_record_describes(tmp_path):
-    path = save(random_las("1.2", 0, extra=("u4",)), tmp_path / "in.las")
+@pytest.mark.parametrize(("kind", "shape"), [("u4", (300, 8)), ("u1", (300, 5)), ("", (300,))])
+def test_extra_bytes_that_no_record_describes(tmp_path, kind, shape):
+    original = random_las("1.2", 0, extra=(kind,)) if kind else laspy.LasData(laspy.LasHeader(point_format=0))
+    if not kind:
+        original.header.add_extra_dim(laspy.ExtraBytesParams("one", "u1"))
+        original = laspy.LasData(original.header)
+        original.x = original.y = original.z = np.arange(300.0)
+    path = save(original, tmp_path / "in.las")
     content = path.read_bytes().replace(b"LASF_Spec\0", b"SomeSpec\0\0")
     path.write_bytes(content)
     cloud = read(path)
-    assert cloud.attributes["ExtraBytes"].shape == (300, 8)
+    assert cloud.attributes["ExtraBytes"].shape == shape
     write(tmp_path / "out.las", cloud)
     assert (tmp_path / "out.las").read_bytes()[100:] == content[100:]
 
@@ -236,6 +242,36 @@ def test_the_point_format_is_one_that_holds_the_attributes(tmp_path, attributes,
     for name, values in attributes.items():
         assert np.array_equal(np.asarray(found[name]), values)
     assert np.array_equal(found.xyz, [[1.5, 2, 3], [4, 5, 6]])
+
+
+def test_names_of_pdal_and_cloudcompare_become_dimensions(tmp_path):
+    """Names without regard to case, blanks and underscores; whole floats count as whole numbers."""
+    (tmp_path / "a.csv").write_text(
+        "X,Y,Z,Intensity,ReturnNumber,Scalar_Classification,GpsTime,Red,Green,Blue,Deviation\n"
+        "1,2,3,120.0,1,2,12.5,1000,2000,3000,7\n4,5,6,121.0,2,6,12.6,1100,2100,3100,8\n"
+    )
+    cloud = read(tmp_path / "a.csv")
+    assert losses("a.las", cloud)[0] == "the name 'Intensity' (it becomes intensity)"
+    write(tmp_path / "a.las", cloud)
+    found = laspy.read(tmp_path / "a.las")
+    assert list(found.point_format.extra_dimension_names) == ["Deviation"]
+    assert (found.intensity.tolist(), found.classification.array.tolist()) == ([120, 121], [2, 6])
+    assert (found.gps_time.tolist(), found.green.tolist()) == ([12.5, 12.6], [2000, 2100])
+
+
+def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
+    fractions = {"intensity": np.array([0.25, 0.5, 1])}
+    path = tmp_path / "a.las"
+    with pytest.raises(OutputError, match=r"intensity \(0.25 to 1 become 16384 to 65535\)"):
+        write(path, PointCloud(np.eye(3), fractions))
+    write(path, PointCloud(np.eye(3), fractions), lossy=True)
+    assert laspy.read(path).intensity.tolist() == [16384, 32768, 65535]
+    colours = {name: np.array([0, 51, k], np.float32) / 255 for k, name in enumerate(("red", "green", "blue"))}
+    write(path, PointCloud(np.eye(3), colours), force=True)  # nothing is lost beyond 16 bits
+    assert laspy.read(path).blue.tolist() == [0, 51 * 257, 2 * 257]
+    assert (
+        losses("a.las", PointCloud(np.eye(3), colours))[0] == "the scale of attribute red (0 to 0.2 become 0 to 13107)"
+    )
 
 
 @pytest.mark.parametrize(

@@ -184,3 +184,17 @@ def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, suffix):
     assert losses(f"a{suffix}", cloud) == ([] if suffix == ".ply" else ["comments (1)"])
     write(tmp_path / f"a{suffix}", cloud)
     assert len(read(tmp_path / f"a{suffix}")) == 1
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".pts"])
+@pytest.mark.parametrize("full", [1, 255])
+def test_floats_that_bytes_hold_become_bytes_as_colours(tmp_path, suffix, full):
+    colours = {name: np.array([0, 117, 51 + k]) * (full / 255) for k, name in enumerate(("red", "green", "blue"))}
+    write(tmp_path / f"a{suffix}", PointCloud(np.eye(3), colours))
+    found = read(tmp_path / f"a{suffix}").attributes
+    assert {str(values.dtype) for values in found.values()} == {"uint8"}
+    assert found["blue"].tolist() == [0, 117, 53]
+    fractions = dict.fromkeys(colours, np.array([0.1, 0.25, 1]))
+    if suffix != ".pts":
+        write(tmp_path / f"a{suffix}", PointCloud(np.eye(3), fractions), force=True)
+        assert read(tmp_path / f"a{suffix}").attributes["red"].tolist() == [0.1, 0.25, 1]

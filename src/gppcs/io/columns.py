@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, exact_as_double
+from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
+from gppcs.clouds.columns import COLOUR, Column, exact_as_double
 from gppcs.errors import OutputError
 
 
@@ -46,6 +48,18 @@ def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
             check_name(column, columns)
             columns[column] = part
     return columns
+
+
+def with_byte_colours(cloud: PointCloud) -> PointCloud:
+    """Return a cloud whose colours are bytes, as other programs expect them, if these hold its floats."""
+    names = [name for name in (*COLOUR, "alpha") if name in cloud.attributes]
+    columns = [cloud.attributes[name] for name in names]
+    if not set(COLOUR) <= set(names) or any(column.dtype.kind != "f" or column.ndim > 1 for column in columns):
+        return cloud
+    table: Column = np.column_stack(columns)
+    if not (len(table) and np.isfinite(table).all() and full_scale(table) <= 255 and fit_eight_bits(table)):
+        return cloud
+    return replace(cloud, attributes={**cloud.attributes, **dict(zip(names, eight_bits(table).T, strict=True))})
 
 
 def column_name(attribute: str) -> str:

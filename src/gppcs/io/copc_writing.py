@@ -217,5 +217,5 @@ FORMAT = Format(
     copc.is_copc,
     stored,
     frozenset({"query", "levels_by"}),
-    {"scan_angle_rank": "scan_angle"},
+    lambda name: "scan_angle" if name == "scan_angle_rank" else las.las_name(name),
 )

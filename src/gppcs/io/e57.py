@@ -26,7 +26,7 @@ from gppcs.clouds.columns import COLOUR, Column
 from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pye57
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.columns import column_name, columns_of, exact_type
+from gppcs.io.columns import column_name, columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping, read_at_once
 from gppcs.io.joining import joined
 from gppcs.io.rows import ends_early, reported
@@ -289,7 +289,7 @@ def _stored(cloud: PointCloud) -> PointCloud:
         is_name = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", column_name(name))
         return 0 not in values.shape[1:] and exact_type(values, _TYPES) is not None and is_name is not None
 
-    return keeping(cloud, holds, E57Header, plain_names=True)
+    return keeping(with_byte_colours(cloud), holds, E57Header, plain_names=True)
 
 
 FORMAT = Format("E57", (".e57",), open_e57, write_e57, lambda start, _: start.startswith(b"ASTM-E57"), _stored)

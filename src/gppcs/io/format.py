@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from io import BufferedReader
 from typing import NamedTuple
@@ -74,7 +74,7 @@ class Format:
     recognises: Callable[[bytes, int], bool] = lambda start, size: False  # the first bytes of a file, and its size
     stored: Callable[[PointCloud], PointCloud] = lambda cloud: cloud  # a cloud as `write` stores it
     options: frozenset[str] = frozenset()  # of `open`: columns, query; of `write`: the others
-    renames: Mapping[str, str] = field(default_factory=dict)  # names that attributes get in `stored`
+    renamed: Callable[[str], str] = column_name  # the name that an attribute may get in `stored`
 
     def fit(self, cloud: PointCloud, path: str | os.PathLike[str] = "", lossy: bool = True) -> Fit:
         """Compare a cloud with what `write` can store of it. Lost values are an error for a file, unless `lossy`."""
@@ -85,12 +85,15 @@ class Format:
             kept = same.contents() if same else []
             remarks += [item for item in cloud.header.contents() if item not in kept]
         for name, column in cloud.attributes.items():
-            new = name if name in stored.attributes else self.renames.get(name, column_name(name))
+            new = name if name in stored.attributes else self.renamed(name)
             if new in stored.attributes:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
-                elif not _are_equal(column, stored.attributes[name]):
-                    values.append(f"the exact values of attribute {name}")
+                if (new == name or column.dtype.kind == "f") and not _are_equal(column, stored.attributes[new]):
+                    limits, is_scale = _scaling(column, stored.attributes[new])
+                    (remarks if is_scale else values).append(
+                        f"the {'scale' if is_scale else 'exact values'} of attribute {name}{limits}"
+                    )
             elif part := next((part for part in (name, new) if f"{part}_0" in stored.attributes), None):
                 remarks.append(f"attribute {name} under one name (its numbers become {part}_0, {part}_1 and so on)")
             else:
@@ -135,6 +138,16 @@ def keeping(
 def _are_equal(values: Column, stored: Column) -> bool:
     """Return whether an attribute is stored exactly."""
     return values is stored or np.array_equal(values, stored, equal_nan=values.dtype.kind == "f")
+
+
+def _scaling(values: Column, stored: Column) -> tuple[str, bool]:
+    """Return in words which numbers the least and the largest become, and whether all lie as exactly between these."""
+    if not len(values) or values.dtype.kind != "f" or stored.dtype.kind not in "iu":
+        return "", False
+    (lower, upper), (first, last) = ((float(part.min()), float(part.max())) for part in (values, stored))
+    between = first + (values - lower) * ((last - first) / ((upper - lower) or 1.0))
+    is_scale = bool((np.abs(between - stored) <= 4e-6 * max(abs(first), abs(last))).all())
+    return f" ({lower:g} to {upper:g} become {first:g} to {last:g})", is_scale
 
 
 def _rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:

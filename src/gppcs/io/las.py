@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from copy import deepcopy
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from io import BufferedReader
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -15,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, exact_as_double
+from gppcs.clouds.colours import full_scale
+from gppcs.clouds.columns import COLOUR, Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 _LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 # Point formats for clouds of other sources, in the order of preference: none has waveforms, COPC has the last three.
 POINT_FORMATS = (0, 1, 2, 3, 6, 7, 8)
+_SYNONYMS = {"class": "classification", "infrared": "nir", "nearinfrared": "nir", "numreturns": "number_of_returns"}
 
 
 def open_las(
@@ -88,13 +92,14 @@ def attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column
 
 def _physical(values: NDArray[Any], dimension: DimensionInfo) -> Column:
     """Return the values that stored numbers of a dimension stand for."""
+    values = values[:, 0] if values.shape[1:] == (1,) else values  # of one byte that no record describes
     return values * dimension.scales + dimension.offsets if dimension.is_scaled else values
 
 
 def _stored(values: Column, dimension: DimensionInfo) -> Column | None:
     """Return an attribute as the numbers that a dimension stores; None if these would not give it back exactly."""
     dtype = np.dtype(np.uint8) if dimension.dtype is None else dimension.dtype  # of a bit field
-    if values.dtype.kind not in "biuf" or values.shape[1:] != dtype.shape:
+    if values.dtype.kind not in "biuf" or values.shape[1:] != (dtype.shape if dtype.shape != (1,) else ()):
         return None
     if dtype.base.kind == "f" and values.dtype.kind in "iu" and not exact_as_double(values):
         return None
@@ -150,10 +155,12 @@ def records_of(cloud: PointCloud, las: laspy.LasHeader) -> NDArray[Any]:
     for dimension in las.point_format.dimensions[3:]:
         if dimension.name in cloud.attributes:
             values = _stored(cloud.attributes[dimension.name], dimension)
+            assert values is not None
             if dimension.dtype is None:
                 record[dimension.name][:] = values
             else:
-                record.array[dimension.name] = values
+                stored = record.array[dimension.name]
+                stored[:] = np.reshape(values, stored.shape)
     return record.array
 
 
@@ -199,12 +206,49 @@ def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, wi
     numbers for each point; wider ones become several.
     """
     check_coordinates(cloud.points)
+    cloud = cloud if isinstance(cloud.header, LasHeader) else _in_las_terms(cloud)
     las = deepcopy(cloud.header.las) if isinstance(cloud.header, LasHeader) else _new_header(cloud, point_formats)
     attributes = _fit_attributes(cloud, las, widest)
     for i, values in enumerate(cloud.points.T):
         las.scales[i], las.offsets[i] = scale_and_offset(partial(list, [values]), las.scales[i], las.offsets[i])
     points = multiples(cloud.points, las.scales, las.offsets)
     return PointCloud(points, attributes, header=LasHeader.from_laspy(las))
+
+
+@cache
+def _dimensions() -> dict[str, DimensionInfo]:
+    """Return the dimensions of all point formats by their names without underscores."""
+    import laspy
+
+    return {d.name.replace("_", ""): d for number in (3, 8) for d in laspy.PointFormat(number).dimensions[3:]}
+
+
+def las_name(name: str) -> str:
+    """Return the name of the dimension that a name stands for, or the same if there is none."""
+    plain = re.sub(r"[\s_]", "", name.lower()).removeprefix("scalar")
+    dimension = _dimensions().get(_SYNONYMS.get(plain, plain))
+    return dimension.name if dimension else name
+
+
+def _in_las_terms(cloud: PointCloud) -> PointCloud:
+    """Return a cloud with the names of LAS, and with fractions as intensities and colours in 16 bits."""
+    columns: dict[str, Column] = {}
+    for name, values in cloud.attributes.items():
+        new = las_name(name)
+        columns[name if new in cloud.attributes or new in columns else new] = values
+    for group in (("intensity",), COLOUR):
+        floats = [columns[name] for name in group if name in columns and columns[name].dtype.kind == "f"]
+        if len(floats) == len(group) and all(column.ndim == 1 for column in floats):
+            table: NDArray[Any] = np.stack(floats)
+            if (table >= 0).all() and not np.array_equal(table, np.rint(table)):
+                scaled = np.rint(np.minimum(table * (65535 / full_scale(table)), 65535)).astype(np.uint16)
+                columns |= zip(group, scaled, strict=True)
+    dimensions = {dimension.name: dimension for dimension in _dimensions().values()}
+    attributes = {}
+    for (name, values), (new, column) in zip(cloud.attributes.items(), columns.items(), strict=True):
+        fits = new in dimensions and _stored(column, dimensions[new]) is not None
+        attributes[new if fits else name] = column if fits else values
+    return replace(cloud, attributes=attributes)
 
 
 def check_coordinates(points: NDArray[np.float64]) -> None:
@@ -332,7 +376,9 @@ def _format(name: str, suffix: str, compressed: bool) -> Format:
     def recognises(start: bytes, size: int) -> bool:
         return start.startswith(b"LASF") and len(start) > 104 and bool(start[104] & 0b11000000) == compressed
 
-    return Format(name, (suffix,), open_las, partial(write_las, compressed=compressed), recognises, stored)
+    return Format(
+        name, (suffix,), open_las, partial(write_las, compressed=compressed), recognises, stored, renamed=las_name
+    )
 
 
 FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))

@@ -16,7 +16,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.columns import check_name, columns_of, exact_type
+from gppcs.io.columns import check_name, columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import (
     as_count,
@@ -237,6 +237,6 @@ FORMAT = Format(
     open_pcd,
     write_pcd,
     lambda start, size: _START.match(start) is not None,
-    lambda cloud: keeping(cloud, _holds, plain_names=True),
+    lambda cloud: keeping(with_byte_colours(cloud), _holds, plain_names=True),
     frozenset({"ascii"}),
 )

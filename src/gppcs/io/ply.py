@@ -18,7 +18,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import columns_of, exact_type
+from gppcs.io.columns import columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, Span, keeping
 from gppcs.io.meshes import NO_FACES, triangles_of
 from gppcs.io.rows import (
@@ -266,6 +266,6 @@ FORMAT = Format(
     open_ply,
     write_ply,
     lambda start, size: re.match(rb"ply[ \t]*\r?\n", start) is not None,
-    lambda cloud: keeping(cloud, _holds, PlyHeader, plain_names=True),
+    lambda cloud: keeping(with_byte_colours(cloud), _holds, PlyHeader, plain_names=True),
     frozenset({"ascii", "faces"}),
 )

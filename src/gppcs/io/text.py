@@ -22,7 +22,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import columns_of, default_names
+from gppcs.io.columns import columns_of, default_names, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import (
     MISSING,
@@ -181,6 +181,7 @@ def _numbers_and_text(cloud: PointCloud) -> PointCloud:
 
 def _usual_in_pts(cloud: PointCloud) -> PointCloud:
     """Return a cloud with those attributes that PTS files may have."""
+    cloud = with_byte_colours(cloud)
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
     kept = next((names for names in reversed(_PTS_ATTRIBUTES.values()) if numbers >= set(names)), [])
     return replace(cloud, attributes={name: cloud.attributes[name] for name in kept}, header=None)

@@ -94,6 +94,10 @@ def _store(
             # All coordinates get one scale together, later.
             at_origin = replace(cloud, points=np.zeros_like(cloud.points), header=header or cloud.header)
             fit = FORMAT.fit(at_origin, target, lossy)
+            if any(" become " in text for text in (*fit.values, *fit.remarks)):  # by the numbers of each chunk
+                raise InputError(
+                    "expected whole numbers as intensities and colours, found fractions; raise memory, or scale them"
+                )
             if header is not None and fit.cloud.header != header:
                 raise InputError(
                     "expected attributes of types that hold all their values in all files, found others; "
