@@ -19,6 +19,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple, TypeVar
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,11 @@ import gppcs
 import report
 from gppcs.clouds.cloud import NORMALS
 from gppcs.engine.threads import number_of_threads
-from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
-from gppcs.evaluation.judge import judged
-from gppcs.evaluation.reconstruction import distances_to, estimated_normals, reconstruct
-from gppcs.evaluation.report import Rebuilt
+from gppcs.evaluation import reconstruction
+from gppcs.evaluation.reconstruction import distances_to, estimated_normals, exact_normals, reconstruct
 from gppcs.scans import SCENES
+from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 
 SQUARES = 20  # along the edge of the gridded cube
@@ -67,6 +67,8 @@ class Column(NamedTuple):
 
 H_MEAN = Column("H mean, 1e-4 diagonals", "hausdorff_mean", 1e4)
 H_MAX = Column("H max, 1e-3 diagonals", "hausdorff_max", 1e3)
+ESTIMATED_H_MEAN = Column("H mean with estimated normals, 1e-4 diagonals", "estimated_hausdorff_mean", 1e4)
+ESTIMATED_H_MAX = Column("H max with estimated normals, 1e-3 diagonals", "estimated_hausdorff_max", 1e3)
 VARIATION = Column("mean surface variation", "mean_surface_variation", digits=4)
 COVER = Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3)
 SURFACE = Column("mean distance to the local surface, 1e-4 diagonals", "surface_mean", 1e4)
@@ -77,9 +79,10 @@ SURFACE_P95_BY_AREA = Column("95th percentile of these distances, by area, 1e-4 
 COVER_P999 = Column("99.9th percentile of the distance to a kept point, 1e-3 diagonals", "covering_p999", 1e3)
 FEATURES = Column("feature error, 1e-5 diagonals", "feature_error", 1e5)
 SECONDS = Column("seconds", "seconds")
-COLUMNS = (H_MEAN, H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS)
-REBUILT = tuple(Rebuilt.definitions())
-KNOWN = {**gppcs.Report.definitions(), **Rebuilt.definitions()}
+COLUMNS = (
+    H_MEAN, H_MAX, ESTIMATED_H_MEAN, ESTIMATED_H_MAX, VARIATION, COVER, SURFACE, SURFACE_P95, FEATURES, SECONDS,
+)  # fmt: skip
+DEPTHS = 8, 10  # of the octree: the paper's, and where that cannot tell the methods apart
 
 
 class Reference(NamedTuple):
@@ -127,8 +130,13 @@ class Condition:
 
     @cached_property
     def reference(self) -> Reference | None:
-        """Where there is no mesh: what the rebuilt surface is compared to."""
-        return None
+        """What the rebuilt surface is compared to, if there is a surface."""
+        return Reference(self.mesh.vertices, self.mesh.vertex_normals()) if self.mesh else None
+
+    def normals_at(self, points: Array) -> Array:
+        """Return the normals of the surface, (M, 3), at points of the cloud, (M, 3)."""
+        assert self.mesh
+        return exact_normals(self.mesh, points)
 
     @property
     def exact(self) -> Array | None:
@@ -138,7 +146,7 @@ class Condition:
     @property
     def diagonal(self) -> float:
         """The unit of length: of the mesh or the reference if there is one, since noise widens the cloud."""
-        known = self.mesh.vertices if self.mesh else self.reference.points if self.reference else self.original.points
+        known = self.reference.points if self.reference else self.original.points
         return float(np.linalg.norm(np.ptp(known, axis=0)))
 
     @property
@@ -155,6 +163,10 @@ class Scene(Condition):
     def mesh(self) -> None:
         """There is none."""
 
+    def normals_at(self, points: Array) -> Array:
+        """Return the normals of the whole cloud, (M, 3), at points of the cloud, (M, 3)."""
+        return gppcs.estimate_normals(self.cloud, at=points)
+
 
 @dataclass(frozen=True)
 class Scan(Scene):
@@ -165,7 +177,7 @@ class Scan(Scene):
         """Some random points of the scan."""
         points = self.cloud.points
         some = points[np.sort(np.random.default_rng(0).permutation(len(points))[:REFERENCE])]
-        return Reference(some, gppcs.estimate_normals(points, at=some))
+        return Reference(some, self.normals_at(some))
 
 
 @dataclass(frozen=True)
@@ -240,9 +252,20 @@ class Sample(Condition):
         return []
 
     @cached_property
+    def measured(self) -> gppcs.PointCloud:
+        """The sample."""
+        return gppcs.sample(self.file, self.size, noise=self.noise)
+
+    @property
     def cloud(self) -> gppcs.PointCloud:
-        """The sample, without the exact normals that it carries."""
-        return gppcs.PointCloud.from_object(gppcs.sample(self.file, self.size, noise=self.noise).points)
+        """The sample without the exact normals that it carries."""
+        return gppcs.PointCloud.from_object(self.measured.points)
+
+    def normals_at(self, points: Array) -> Array:
+        """Return the exact normals, (M, 3), at points of the cloud, (M, 3)."""
+        normals = self.measured.normals()
+        assert normals is not None
+        return normals[KdTree.build(self.measured.points).nearest_of(points, 1)[0][:, 0]]
 
     @property
     def exact(self) -> Array | None:
@@ -346,18 +369,26 @@ def gridded_cube(points: Array) -> gppcs.Mesh:
     return gppcs.Mesh(points.min(axis=0) + np.ptp(points, axis=0) * vertices / SQUARES, faces.reshape(-1, 3))
 
 
+def turn_of(start: int) -> Array:
+    """Return the rotation of the cloud for a run: none for the first one."""
+    turn: Array = Rotation.random(random_state=start).as_matrix() if start else np.eye(3)
+    return turn
+
+
 def simplified(
     condition: Condition, method: gppcs.Method, start: int = 0, n_points: int | None = None, normals: bool = False
 ) -> tuple[gppcs.PointCloud, float]:
-    """Simplify the cloud, turned at random unless the start is 0, by a method that moves no points.
+    """Simplify the cloud, turned at random unless the start is 0, which is also the seed of methods that have one.
 
-    Returns the points kept, taken from the cloud as it is, and the wall time in seconds. With `normals`, the points
-    carry the normals that were found in the whole cloud, turned back.
+    Returns the points kept, taken from the cloud as it is or turned back, and the wall time in seconds. With `normals`,
+    the points carry the normals that were found in the whole cloud, turned back.
     """
-    turn = Rotation.random(random_state=start).as_matrix() if start else np.eye(3)
+    turn = turn_of(start)
     turned = condition.cloud.points @ turn.T
-    result, seconds = timed(turned, method, n_points or condition.n_points, normals)
+    result, seconds = timed(turned, method, n_points or condition.n_points, normals, seed=start)
     kept = condition.cloud.take(result.indices)
+    if method.moves_points:
+        kept = kept.moved(result.cloud.points @ turn)
     if normals:
         carried = dict(zip(NORMALS, (result.cloud.normals() @ turn).T, strict=True))
         kept = dataclasses.replace(kept, attributes={**kept.attributes, **carried})
@@ -365,12 +396,12 @@ def simplified(
 
 
 def timed(
-    cloud: gppcs.PointCloud | Array, method: gppcs.Method, n_points: int, normals: bool = False
+    cloud: gppcs.PointCloud | Array, method: gppcs.Method, n_points: int, normals: bool = False, seed: int = 0
 ) -> tuple[gppcs.Result, float]:
     """Return the simplified cloud and the wall time in seconds, without the compilation of kernels."""
     _prepare(method)
     start = perf_counter()
-    result = gppcs.simplify(cloud, n_points=n_points, method=method, normals=normals)
+    result = gppcs.simplify(cloud, n_points=n_points, method=method, normals=normals, seed=seed)
     return result, perf_counter() - start
 
 
@@ -383,27 +414,19 @@ def _prepare(method: gppcs.Method) -> None:
 def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
     """Return all figures of the points kept, lengths in diagonals.
 
-    If the points carry normals, the surface is rebuilt with these.
+    H mean and H max are of the surface that is rebuilt with the exact normals of the nearest original points. Where
+    they are called estimated, the normals are those that the points carry, or estimated from the points alone.
     """
-    found, failure = judged(condition.original, kept, condition.mesh, Timer())
-    values, wanted = found.figures(), {}
-    carried = kept.normals()
-    for name, known in KNOWN.items():
-        value = values.get(f"carried_{name}" if carried is not None and name in REBUILT else name)
-        if value is not None:
-            wanted[name] = value / condition.diagonal**known.power if known.power else value
-    if condition.exact is None:
-        wanted["exact_mean"] = wanted["surface_mean"]
-    else:
-        wanted["exact_mean"] = mean_to_local_surface(condition.exact, kept.points) / condition.diagonal
+    values = gppcs.evaluate(condition.original, kept).values_in(condition.diagonal)
+    values["exact_mean"] = values["surface_mean"]
+    if condition.exact is not None:
+        values["exact_mean"] = mean_to_local_surface(condition.exact, kept.points) / condition.diagonal
     if condition.reference:
-        try:
-            wanted |= distances_from(condition.reference, kept.points, carried)
-        except NoSurfaceError as error:
-            failure = error
-    if failure:
-        print(f"{condition.name}: {failure}", file=sys.stderr)
-    return wanted
+        nearest = KdTree.build(condition.cloud.points).nearest_of(kept.points, 1)[0][:, 0]
+        values |= distances_from(condition, kept.points, condition.normals_at(condition.cloud.points[nearest]))
+        estimated = distances_from(condition, kept.points, kept.normals())
+        values |= {f"estimated_{name}": value for name, value in estimated.items()}
+    return values
 
 
 def mean_to_local_surface(places: Array, kept: Array) -> float:
@@ -411,15 +434,32 @@ def mean_to_local_surface(places: Array, kept: Array) -> float:
     return float(LocalSurface.from_points(kept).nearest_to(places)[0].mean())
 
 
-def distances_from(reference: Reference, kept: Array, normals: Array | None) -> dict[str, float]:
-    """Return H mean and H max in diagonals: distances from the reference to the surface rebuilt from points, (M, 3)."""
+def distances_from(condition: Condition, kept: Array, normals: Array | None) -> dict[str, float]:
+    """Return H mean and H max in diagonals: distances from the reference to the surface rebuilt from points, (M, 3).
+
+    Normals, (M, 3), are estimated from the points if there are none. If no surface can be rebuilt, there are no values.
+    """
+    reference = condition.reference
+    assert reference
     low = reference.points.min(axis=0)
-    diagonal = float(np.linalg.norm(np.ptp(reference.points, axis=0)))
-    places, kept = ((points - low) / diagonal for points in (reference.points, kept))
+    places, kept = ((points - low) / condition.diagonal for points in (reference.points, kept))
     if normals is None:
         normals = estimated_normals(kept, places, reference.normals)
-    distances = distances_to(reconstruct(kept, normals), places)
+    try:
+        distances = distances_to(reconstruct(kept, normals), places)
+    except NoSurfaceError as error:
+        print(f"{condition.name}: {error}", file=sys.stderr)
+        return {}
     return {"hausdorff_mean": float(distances.mean()), "hausdorff_max": float(distances.max())}
+
+
+def floor_of(condition: Condition) -> float:
+    """Return H mean in diagonals of all points of the surface: those without noise, where it was added."""
+    assert condition.reference
+    points, normals = condition.reference
+    if condition.exact is None:
+        points, normals = condition.cloud.points, condition.normals_at(condition.cloud.points)
+    return distances_from(condition, points, normals).get("hausdorff_mean", 0.0)
 
 
 def digest_of(cloud: gppcs.PointCloud) -> str:
@@ -457,7 +497,8 @@ class Runs:
     def of(self, condition: Condition, label: str, start: int, work: Work) -> Figures:
         """Return the figures of a run, from the file if this commit has made them; none if it fails."""
         run = (condition.name, label, str(start))
-        key = f"commit {report.commit()}, {number_of_threads()} threads"
+        depth = reconstruction.OCTREE_DEPTH
+        key = f"commit {report.commit()}, {number_of_threads()} threads, depth {depth}"
         if (key, *run) not in self.known:
             print(", ".join(run), file=sys.stderr)
             try:
@@ -472,6 +513,26 @@ class Runs:
                 with open(self.path, "a") as file:
                     file.write("\n" + json.dumps({"by": key, "run": run, "judged": judged, "figures": found}))
         return self.known[key, *run]
+
+    def of_all(self, condition: Condition, works: Mapping[str, Mapping[int, Work]]) -> dict[str, list[Figures]]:
+        """Return the figures of all runs by label, with the same depth of the octree.
+
+        It is the larger one where a surface from all points is more than half as far from the original as the best one.
+        """
+        made: dict[str, list[Figures]] = {}
+        for depth in DEPTHS:
+            with patch.object(reconstruction, "OCTREE_DEPTH", depth):
+                made = {
+                    label: [self.of(condition, label, start, work) for start, work in of_label.items()]
+                    for label, of_label in works.items()
+                }
+                means = [
+                    np.mean([figures.get(H_MEAN.figure, np.inf) for figures in runs]) for runs in made.values() if runs
+                ]
+                if not condition.reference or not floor_of(condition) > min(means) / 2.0:
+                    break
+                print(f"{condition.name}: all points are too far at depth {depth}", file=sys.stderr)
+        return made
 
     def over(self, chosen: Sequence[Condition], work: Callable[[Condition, Runs], Made]) -> list[Made]:
         """Return what some work makes under each condition, by several processes side by side if there are jobs."""

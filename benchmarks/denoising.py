@@ -152,12 +152,11 @@ class Judge:
     def outcome(self, cloud: gppcs.PointCloud, seconds: float) -> Outcome:
         """Return the figures of kept points with normals."""
         found = gppcs.evaluate(self.case.points, cloud, self.case.mesh)
-        assert found.rebuilt is not None
+        assert found.rebuilt_estimated is not None
         assert found.rebuilt_carried is not None
-        return Outcome(
-            1e4 * float(distances_to(self.case.mesh, cloud.points).mean()), 1e4 * found.rebuilt.hausdorff_mean,
-            1e4 * found.rebuilt_carried.hausdorff_mean, self.error_of_normals(cloud), seconds,
-        )  # fmt: skip
+        distance = float(distances_to(self.case.mesh, cloud.points).mean())
+        estimated, carried = found.rebuilt_estimated.hausdorff_mean, found.rebuilt_carried.hausdorff_mean
+        return Outcome(1e4 * distance, 1e4 * estimated, 1e4 * carried, self.error_of_normals(cloud), seconds)
 
     def error_of_normals(self, cloud: gppcs.PointCloud) -> float:
         """Return the mean angle of carried normals to those of the nearest face, within two spacings of edges."""

@@ -10,7 +10,7 @@ import numpy as np
 import conditions
 import gppcs
 import report
-from conditions import COVER, H_MAX, H_MEAN, SURFACE, Column, Condition, Figures
+from conditions import COVER, ESTIMATED_H_MEAN, H_MAX, H_MEAN, SURFACE, Column, Condition, Figures, Work
 
 CONDITIONS = (
     Condition("dragon", "dragon", 0.03),
@@ -20,7 +20,7 @@ CONDITIONS = (
 )
 STARTS = range(3)  # turns of the cloud
 SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # each stage doubles the points: 0.7 M lies within a stage
-SHOWN = (H_MEAN, H_MAX, SURFACE, COVER)
+SHOWN = (H_MEAN, H_MAX, ESTIMATED_H_MEAN, SURFACE, COVER)
 
 
 def direct(condition: Condition, share: float, start: int) -> tuple[gppcs.PointCloud, float]:
@@ -47,13 +47,11 @@ def main() -> None:
     rows = []
     for condition in chosen:
         for label, share in SHARES.items():
-            prefixes, directs = (
-                [
-                    runs.of(condition, f"{kind}, {label}", start, partial(work, condition, share, start))
-                    for start in STARTS
-                ]
+            works: dict[str, dict[int, Work]] = {
+                f"{kind}, {label}": {start: partial(work, condition, share, start) for start in STARTS}
                 for kind, work in (("prefix", prefix), ("direct", direct))
-            )
+            }
+            prefixes, directs = runs.of_all(condition, works).values()
             cells = [cell for column in SHOWN for cell in compared((prefixes, directs), column)]
             rows.append((condition.name, label, f"{round(share * condition.n_points):,}", *cells))
     titles = [title for column in SHOWN for title in (f"{column.title}: prefix", "direct", "prefix / direct")]

@@ -20,7 +20,7 @@ def row(name: str, ratio: float) -> tuple[str, ...]:
     mesh, cloud = gppcs.read_mesh(path), gppcs.read(path)
     kept = gppcs.simplify(cloud, ratio=ratio, method="fps", normals=True)
     figures = gppcs.evaluate(cloud, kept.cloud, mesh).figures(relative=True)
-    estimated, carried = figures["hausdorff_mean"], figures["carried_hausdorff_mean"]
+    estimated, carried = figures["estimated_hausdorff_mean"], figures["carried_hausdorff_mean"]
     cosines = np.einsum("ij,ij->i", kept.cloud.normals(), mesh.vertex_normals()[kept.indices])
     right = (cosines > 0).sum() / (cosines != 0).sum()  # some vertices belong to no triangle
     seconds = report.least_time(lambda: gppcs.estimate_normals(cloud, kept.cloud))

@@ -32,7 +32,7 @@ CASES = (  # cloud, mesh, ratio
     ("armadillo_100k_noise_5e-3", "armadillo_50k", 0.05),
     ("dragon", "dragon", 0.03),
 )
-WITH_MESH = ("hausdorff_mean", "hausdorff_max")
+WITH_MESH = ("estimated_hausdorff_mean", "estimated_hausdorff_max")
 WITHOUT = (
     "feature_error", "surface_mean", "surface_rms", "surface_p95", "surface_max", "normal_deviation", "mean_distance",
     "covering_radius", "chamfer", "feature_recall", "mean_surface_variation",
@@ -120,9 +120,9 @@ def similarity(first: Array, second: Array, sigma: float = 1.5) -> Array:
 
 def correlations(cloud: gppcs.PointCloud, mesh: gppcs.Mesh, ratio: float) -> dict[str, tuple[float, float]]:
     """Return Spearman's rank correlation of each figure, over the methods, with the two differences."""
-    entries = [entry for entry in gppcs.compare(cloud, ratio=ratio, mesh=mesh) if entry.report.rebuilt]
+    entries = [entry for entry in gppcs.compare(cloud, ratio=ratio, mesh=mesh) if entry.report.rebuilt_estimated]
     original = normal_maps(mesh, mesh)
-    seen = np.array([looks(normal_maps(entry.report.rebuilt.mesh, mesh), original) for entry in entries])
+    seen = np.array([looks(normal_maps(entry.report.rebuilt_estimated.mesh, mesh), original) for entry in entries])
     found = {}
     for name in (*WITH_MESH, *WITHOUT):
         sign = -1 if name in ("feature_recall", "mean_surface_variation") else 1

@@ -18,6 +18,7 @@ import report
 from conditions import (
     COLUMNS,
     COVER,
+    ESTIMATED_H_MEAN,
     EXACT,
     FEATURES,
     FOUND_ON,
@@ -67,13 +68,16 @@ INTRODUCTION = (
     "bold and says so."
 )
 NOTES = (
-    f"gp: mean ± standard deviation of {len(STARTS)} runs. The first is of the cloud as it is, the others of the cloud "
-    "turned at random; all are judged on the cloud as it is. Each other row is one run of the cloud as it is.",
+    f"Mean ± standard deviation of {len(STARTS)} runs. The first is of the cloud as it is, the others of the cloud "
+    "turned at random, with other random numbers; all are judged on the cloud as it is.",
     "Rivals are all methods but gp and its variants. The best rival may differ between clouds and between "
     "figures. Ranks are by mean surface variation, largest first, among gp and the rivals.",
     "H mean and H max: mean and largest distance from the original surface to the screened Poisson mesh of the kept "
-    "points, whose normals are estimated from these points alone. In the row of normals carried, the normals are those "
-    "of the whole cloud.",
+    "points, with the exact normals of the original surface there: of the mesh or of the sample scan, or those of a "
+    "whole scan without a mesh. A point that was moved has the normal of the nearest original point. With estimated "
+    "normals, these come from the kept points alone, and in the row of normals carried from the whole cloud.",
+    "The depth of the octree is 8. It is 10 where H mean of all points is more than half of the smallest H mean at "
+    "depth 8.",
     "The original surface is given by the vertices of a mesh; of a scan without a mesh, by at most "
     f"{conditions.REFERENCE:,} of its points, chosen at random; of a sample scan (bracket, fan, medallion), by "
     f"{conditions.SURFACE_SAMPLE:,} other points of its surface, without noise. A scene of LiDAR spans no closed "
@@ -90,42 +94,32 @@ NOTES = (
 Made = Mapping[str, Sequence[Figures]]  # the figures of each run, by the label of the row
 
 
-def our(condition: Condition, method: gppcs.Method) -> tuple[gppcs.PointCloud, float]:
-    """Simplify the cloud as it is; return the points kept and the seconds."""
-    result, seconds = conditions.timed(condition.cloud, method, condition.n_points)
-    return result.cloud, seconds
-
-
 def turned(condition: Condition, label: str, start: int) -> tuple[gppcs.PointCloud, float]:
-    """Simplify the turned cloud by a variant of gp; return the points kept and the seconds."""
-    method, normals = VARIANTS[label]
+    """Simplify the turned cloud by a rival or a variant of gp; return the points kept and the seconds."""
+    method, normals = VARIANTS[label] if label in VARIANTS else (RIVALS[label], False)
     return conditions.simplified(condition, method, start, normals=normals)
 
 
-def wlop_by_cgal(condition: Condition) -> tuple[gppcs.PointCloud, float]:
+def wlop_by_cgal(condition: Condition, start: int) -> tuple[gppcs.PointCloud, float]:
     """Simplify by CGAL's WLOP with its own radius; the seconds are without the making of its point sets."""
     import by_cgal
 
-    moved, seconds = by_cgal.wlop(condition.cloud.points, (condition.n_points + 0.5) / len(condition.cloud))
-    return gppcs.PointCloud.from_object(moved), seconds  # the half point: CGAL rounds down
+    turn = conditions.turn_of(start)
+    ratio = (condition.n_points + 0.5) / len(condition.cloud)  # the half point: CGAL rounds down
+    moved, seconds = by_cgal.wlop(condition.cloud.points @ turn.T, ratio)
+    return gppcs.PointCloud.from_object(moved @ turn), seconds
 
 
 def runs_of(
     condition: Condition, runs: conditions.Runs, variants: Sequence[str] = tuple(VARIANTS)
 ) -> dict[str, list[Figures]]:
     """Return the figures of all runs under a condition, rows of gp first."""
-    works: dict[str, list[Work]] = {}
-    for label in variants:
-        starts = STARTS if label == GP else STARTS[:1]
-        works[label] = [partial(turned, condition, label, start) for start in starts]
-    for label, method in RIVALS.items():
-        works[label] = [partial(our, condition, method)]
-    if find_spec("CGAL"):
-        works["wlop by CGAL"] = [partial(wlop_by_cgal, condition)]
-    return {
-        label: [runs.of(condition, label, start, work) for start, work in enumerate(of_label)]
-        for label, of_label in works.items()
+    works: dict[str, dict[int, Work]] = {
+        label: {start: partial(turned, condition, label, start) for start in STARTS} for label in (*variants, *RIVALS)
     }
+    if find_spec("CGAL"):
+        works["wlop by CGAL"] = {start: partial(wlop_by_cgal, condition, start) for start in STARTS}
+    return runs.of_all(condition, works)
 
 
 def mean(made: Made, label: str, column: Column) -> float:
@@ -153,7 +147,7 @@ def shown(ratio: float) -> str:
     return f"**{ratio:.3f}, behind**" if round(ratio, 3) > 1 else f"{ratio:.3f}"
 
 
-BESIDE = (H_MEAN, H_MAX, SURFACE, EXACT)  # figures of the summaries
+BESIDE = (H_MEAN, H_MAX, ESTIMATED_H_MEAN, SURFACE, EXACT)  # figures of the summaries
 
 
 def summary(heading: str, all_made: Mapping[Condition, Made]) -> report.Section:
@@ -196,7 +190,7 @@ def rank(made: Made) -> str:
 
 def rival_by_rival(groups: Mapping[str, Mapping[Condition, Made]]) -> report.Section:
     """Return the geometric means of H mean and of the distance to the local surface beside each rival."""
-    columns = (H_MEAN, SURFACE)
+    columns = (H_MEAN, ESTIMATED_H_MEAN, SURFACE)
     header = ["rival"]
     header += [f"{column.title.split(',')[0]}; {group}" for column in columns for group in groups]
     labels = dict.fromkeys(

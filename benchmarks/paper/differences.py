@@ -66,8 +66,8 @@ def errors(path: Path, n_points: int, method: gppcs.Method) -> tuple[float, floa
     """Return H mean and H max of a choice, and its mean distance to the local surface, in 1e-4 diagonals."""
     chosen = gppcs.simplify(path, n_points=n_points, method=method)
     figures = gppcs.evaluate(path, chosen.cloud, gppcs.read_mesh(path))
-    assert figures.rebuilt
-    lengths = figures.rebuilt.hausdorff_mean, figures.rebuilt.hausdorff_max, figures.surface_mean
+    assert figures.rebuilt_estimated
+    lengths = figures.rebuilt_estimated.hausdorff_mean, figures.rebuilt_estimated.hausdorff_max, figures.surface_mean
     mean, largest, surface = (1e4 * length / figures.diagonal for length in lengths)
     return mean, largest, surface
 

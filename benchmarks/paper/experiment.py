@@ -52,7 +52,7 @@ SECONDS_NOTE = (
     "Seconds are of one run, after its kernels were compiled, while other programs may have been running. For times, "
     "see main_job.md and speed.md."
 )
-FIGURES = {**gppcs.Report.definitions(), **Rebuilt.definitions()}
+FIGURES = gppcs.Report.definitions() | {f"estimated_{name}": each for name, each in Rebuilt.definitions().items()}
 
 Methods = Mapping[str, gppcs.Method]  # by the name in the table
 
@@ -67,8 +67,8 @@ class Column(NamedTuple):
 
 
 REBUILT = (
-    Column("H mean, 1e-4 diagonals", "hausdorff_mean", 1e4),
-    Column("H max, 1e-3 diagonals", "hausdorff_max", 1e3),
+    Column("H mean, 1e-4 diagonals", "estimated_hausdorff_mean", 1e4),  # as in the paper
+    Column("H max, 1e-3 diagonals", "estimated_hausdorff_max", 1e3),
 )
 COVER = (
     Column("covering radius, 1e-3 diagonals", "covering_radius", 1e3),

@@ -105,9 +105,9 @@ def pairs(paper: Mapping[str, tuple[float, float]], made: Mapping[str, Entry], l
 
 def in_base(entry: Entry, base: Entry) -> str:
     """Return H mean divided by that of another run; empty if either has no surface."""
-    if entry.report.rebuilt is None or base.report.rebuilt is None:
+    if entry.report.rebuilt_estimated is None or base.report.rebuilt_estimated is None:
         return ""
-    return f"{entry.report.rebuilt.hausdorff_mean / base.report.rebuilt.hausdorff_mean:.2f}"
+    return f"{entry.report.rebuilt_estimated.hausdorff_mean / base.report.rebuilt_estimated.hausdorff_mean:.2f}"
 
 
 def main() -> None:

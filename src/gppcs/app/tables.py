@@ -19,7 +19,7 @@ from gppcs.evaluation.report import definition_of
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
     "points_out", "vertices", "triangles", "seconds",
-    "hausdorff_mean", "hausdorff_max", "carried_hausdorff_mean", "carried_hausdorff_max", "stray_share",
+    "hausdorff_mean", "hausdorff_max", "estimated_hausdorff_mean", "estimated_hausdorff_max", "stray_share",
     "surface_mean", "surface_mean_by_area", "surface_max", "feature_error", "feature_recall", "normal_deviation",
     "mean_surface_variation", "covering_radius", "covering_p999", "mean_distance", "chamfer",
     "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "boundary_loops", "genus",

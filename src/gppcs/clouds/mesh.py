@@ -69,11 +69,16 @@ class Mesh(ComparedByValue):
 
     def face_areas(self) -> NDArray[np.float64]:
         """Return the area of each triangle, (F,), in squared units of the coordinates."""
-        return np.linalg.norm(self._cross_products(), axis=1) / 2
+        return np.linalg.norm(self.face_normals(), axis=1) / 2
+
+    def face_normals(self) -> NDArray[np.float64]:
+        """Return the normal of each triangle, (F, 3), whose length is twice the area."""
+        a, b, c = (self.vertices[corner] for corner in self.faces.T)
+        return np.cross(b - a, c - a)
 
     def vertex_normals(self) -> NDArray[np.float64]:
         """Return the area-weighted sum of the normals of the triangles at each vertex, (V, 3), not of unit length."""
-        corners, along = self.faces.ravel(), self._cross_products().T
+        corners, along = self.faces.ravel(), self.face_normals().T
         return np.stack([np.bincount(corners, np.repeat(axis, 3), len(self.vertices)) for axis in along], axis=1)
 
     def count_pieces(self) -> int:
@@ -83,7 +88,3 @@ class Mesh(ComparedByValue):
         used, faces = np.unique(self.faces, return_inverse=True)
         faces = faces.reshape(self.faces.shape)
         return connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), len(used))[0]
-
-    def _cross_products(self) -> NDArray[np.float64]:
-        a, b, c = (self.vertices[corner] for corner in self.faces.T)
-        return np.cross(b - a, c - a)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 import warnings
@@ -23,6 +22,7 @@ from gppcs.evaluation.reconstruction import (
     count_self_intersections,
     distances_to,
     estimated_normals,
+    exact_normals,
     reconstruct,
     require_area,
 )
@@ -55,8 +55,9 @@ def evaluate(
     original, simplified : PointCloud, (N, 3) array-like, path or object that `PointCloud.from_object` takes
         Finite coordinates, in the same unit and frame. A warning tells if the second has more points.
     mesh : Mesh, optional
-        The surface that the original was sampled from. With it, a surface is rebuilt from the simplified cloud and
-        compared with `mesh`, which needs PyMeshLab.
+        The surface that the original was sampled from. With it, surfaces are rebuilt from the simplified cloud and
+        compared with `mesh`, which needs PyMeshLab: with the normals of `mesh` at the nearest original points, with
+        normals estimated on the simplified cloud as in the paper, and with those that this cloud carries, if any.
     timer : Timer, optional
         Records the time of each stage, and reports progress.
     detail : str or sequence of str
@@ -73,7 +74,7 @@ def evaluate(
         If a cloud is empty, malformed or not finite, or lacks an attribute of `detail`, if some, but not all, normals
         of the simplified cloud are zero or not finite, or if the clouds and the mesh do not lie on each other.
     NoSurfaceError
-        If no surface can be rebuilt with estimated normals.
+        If no surface can be rebuilt with the normals of the mesh.
     MissingExtraError
         If `mesh` is given and PyMeshLab is not installed.
 
@@ -179,10 +180,10 @@ def judged(
     before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
     _require_measurable(before, "original cloud")
     _require_measurable(after, "simplified cloud")
-    normals = None
+    carried = None
     if mesh is not None:
         _require_measurable(require_mesh(mesh).vertices, "mesh")
-        normals = _carried_normals(simplified)
+        carried = _carried_normals(simplified)
     frame = Frame.from_bounds(*bounds(before), original.units)
     counts, first = (len(before), len(after)), first_occurrences(after)
     before, after = (frame.near(points) for points in (before[first_occurrences(before)], after[first]))
@@ -194,19 +195,22 @@ def judged(
             report = dataclasses.replace(report, detail=_detail_errors(distinct, simplified, list(detail)))
     if mesh is None:
         return report, None
-    mesh = _local_mesh(mesh, frame)
-    diagonal, failure = _diagonal(before), None
-    with timer("rebuilding"):
+    mesh, made, failures = _local_mesh(mesh, frame), dict[str, Any](), dict[str, NoSurfaceError]()
+    with timer("normals"):
         _distances_to_original(mesh, before, after, frame)
-        try:
-            report = dataclasses.replace(report, rebuilt=_rebuilt(after, None, mesh, frame, diagonal))
-        except NoSurfaceError as error:
-            failure = error
-    if normals is None:
-        return report, failure
-    with timer("rebuilding with carried normals"), contextlib.suppress(NoSurfaceError):
-        report = dataclasses.replace(report, rebuilt_carried=_rebuilt(after, normals[first], mesh, frame, diagonal))
-    return report, failure
+        nearest = KdTree.build(before).nearest_of(after, 1)[0][:, 0]  # of a point that has not moved, itself
+        kinds: dict[str, Floats] = {
+            "rebuilt": exact_normals(mesh, before[nearest]),
+            "rebuilt_estimated": estimated_normals(after, mesh.vertices, mesh.vertex_normals()),
+            **({} if carried is None else {"rebuilt_carried": carried[first]}),
+        }
+    for name, normals in kinds.items():
+        with timer("rebuilding"):
+            try:
+                made[name] = _rebuilt(reconstruct(after, normals), mesh, frame, _diagonal(before))
+            except NoSurfaceError as error:
+                failures[name] = error
+    return dataclasses.replace(report, **made), failures.get("rebuilt")
 
 
 def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, DetailErrors]:
@@ -341,11 +345,8 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
     return float(features_in_radius(tree, radius).surface_variation.mean())
 
 
-def _rebuilt(points: Floats, normals: Floats | None, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
-    """Return the mesh rebuilt from points (M, 3) and its figures. Normals (M, 3) are estimated if not given."""
-    if normals is None:
-        normals = estimated_normals(points, mesh.vertices, mesh.vertex_normals())
-    rebuilt = reconstruct(points, normals)
+def _rebuilt(rebuilt: Mesh, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
+    """Return a rebuilt mesh with its figures."""
     forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
     areas = rebuilt.face_areas()
     astray = (back[rebuilt.faces] > 0.05 * diagonal).any(axis=1)

@@ -155,7 +155,9 @@ class Report(Figures):
     detail : mapping of str to DetailErrors
         The errors of the attributes that were named.
     rebuilt : Rebuilt or None
-        The mesh rebuilt with normals estimated on the simplified cloud, if a mesh was given.
+        The mesh rebuilt with the normals of the original mesh, if one was given: what points that carry normals give.
+    rebuilt_estimated : Rebuilt or None
+        The same with normals estimated on the simplified cloud, as in the paper, if they give a surface.
     rebuilt_carried : Rebuilt or None
         The same with the normals `nx`, `ny` and `nz` of the cloud, if it has some and they give a surface.
     """
@@ -198,17 +200,19 @@ class Report(Figures):
     mean_surface_variation: float = figure("ratio", "mean surface variation of the simplified cloud", "more")
     detail: Mapping[str, DetailErrors] = dataclasses.field(default_factory=dict)
     rebuilt: Rebuilt | None = None
+    rebuilt_estimated: Rebuilt | None = None
     rebuilt_carried: Rebuilt | None = None
 
     def figures(self, relative: bool = False) -> dict[str, float]:
         """Return all figures by name, with lengths divided by the diagonal if `relative`.
 
-        Figures of `rebuilt_carried` have the prefix "carried_", those of `detail` the names of the attributes.
+        Figures of `rebuilt_estimated` have the prefix "estimated_", those of `rebuilt_carried` "carried_", those of
+        `detail` the names of the attributes.
         """
         unit = self.diagonal if relative else 1.0
         values = self.values_in(unit) | {"diagonal": self.diagonal}
-        parts = [(f"{name}_", errors) for name, errors in self.detail.items()]
-        for prefix, part in (*parts, ("", self.rebuilt), ("carried_", self.rebuilt_carried)):
+        rebuilt = {"": self.rebuilt, "estimated_": self.rebuilt_estimated, "carried_": self.rebuilt_carried}
+        for prefix, part in ({f"{name}_": errors for name, errors in self.detail.items()} | rebuilt).items():
             if part:
                 values |= {prefix + name: value for name, value in part.values_in(unit).items()}
         return values
@@ -217,7 +221,7 @@ class Report(Figures):
 def definition_of(name: str) -> Figure:
     """Return the definition of a figure by its name in `Report.figures` or `MeshReport.figures`."""
     definitions = Report.definitions() | Rebuilt.definitions() | MeshReport.definitions()
-    if (bare := name.removeprefix("carried_")) in definitions:
+    if (bare := name.removeprefix("carried_").removeprefix("estimated_")) in definitions:
         return definitions[bare]
     # Of an attribute: the longest name that it ends in, as "nearest_error_mean" ends in "error_mean", too.
     ends = [figure for figure in DetailErrors.definitions() if name.endswith(f"_{figure}")]

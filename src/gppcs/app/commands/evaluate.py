@@ -32,8 +32,10 @@ EPILOG = (
     f"[bold]With --detail NAME[/bold] (the names of the figures start with that of the attribute)\n\n"
     f"{_defined(DetailErrors)}\n\n"
     f"[bold]With a mesh[/bold] (needs the extra evaluate)\n\n{_defined(Rebuilt)}\n\n"
-    "The surface is rebuilt with normals estimated on the simplified cloud. If this cloud carries normals (nx, ny, "
-    "nz), the surface is rebuilt a second time with these, and the names of its figures start with carried.\n\n"
+    "The surface is rebuilt with the normals of the mesh at the nearest original points, which judges the points "
+    "alone. It is rebuilt a second time with normals estimated on the simplified cloud, as in the paper, and if this "
+    "cloud carries normals (nx, ny, nz), a third time with these: the names of these figures start with estimated and "
+    "carried.\n\n"
     f"[bold]Of a simplified mesh[/bold] (needs the extra evaluate)\n\n{_defined(MeshReport)}"
 )
 
@@ -81,9 +83,9 @@ def evaluate(
     note_units(original, clouds[0])
     table = _table(report, unit_of(clouds[0].header))
     emit(record, as_json, quiet, f"{original} → {simplified_mesh or simplified}", table)
-    for rebuilt in (report.rebuilt, report.rebuilt_carried) if isinstance(report, Report) else ():
-        if rebuilt and rebuilt.stray_share > 0:
-            print_error(f"note: {rebuilt.stray_share:.2%} of a rebuilt mesh lies far from the original; see back max")
+    for name, value in report.figures().items():
+        if name.endswith("stray_share") and value > 0:
+            print_error(f"note: {name.replace('_', ' ')}: {value:.2%} of a rebuilt mesh lies far from the original")
 
 
 def _table(report: Report | MeshReport, unit: str | None) -> dict[str, str]:
