@@ -17,6 +17,7 @@ import gppcs
 from gppcs.engine.threads import number_of_threads
 
 HERE = Path(__file__).parent
+SEAL = "- the lines above, as the script wrote them: SHA-256 "
 DATA = Path(os.environ.get("GPPCS_DATA", HERE.parents[1] / "shared" / "data"))
 
 
@@ -58,7 +59,12 @@ def write_sections(
     """Do the same for several tables, with a paragraph before them and notes after them."""
     page = text(title, sections, data, notes, introduction)
     print(page)
-    (HERE / "results" / f"{name}.md").write_text(page)
+    (HERE / "results" / f"{name}.md").write_text(page + SEAL + seal(page) + "\n")
+
+
+def seal(page: str) -> str:
+    """Return the SHA-256 of a page, which its last line has: a figure typed in later is noticed."""
+    return hashlib.sha256(page.encode()).hexdigest()
 
 
 def text(

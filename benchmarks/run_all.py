@@ -85,6 +85,7 @@ SCRIPTS = (
     Script("paper/modelnet.py", "paper_modelnet", ("matplotlib",)),
     Script("learned/edges.py", "learned_edges"),
     Script("learned/sizes.py", "learned_sizes"),
+    Script("paper/registration_released.py", "paper_registration_released", ("open3d",)),
     Script("paper/registration.py", "paper_registration", ("open3d",)),
 )
 
