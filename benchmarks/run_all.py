@@ -78,6 +78,7 @@ SCRIPTS = (
     Script("paper/table1.py", "paper_table1", ("pymeshlab",)),
     Script("paper/ablation.py", "ablation"),
     Script("paper/all_points.py", "all_points"),
+    Script("paper/published.py", "paper_published", ("pymeshlab",)),
     Script("paper/differences.py", "paper_differences", ("pymeshlab",)),
     Script("paper/noise.py", "paper_noise", ("pymeshlab",)),
     Script("paper/scans.py", "paper_scans", ("pymeshlab",)),

@@ -2,17 +2,25 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 import gppcs
 from gppcs.methods.hc.clustering import hierarchical_clusters
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import neighbourhood_radius
+from gppcs.surface.surface_variation import features_in_radius
+
+PAPER = Path(__file__).parents[2] / "benchmarks" / "paper"
 
 
 @pytest.fixture
-def benchmark(script):
+def benchmark(script, monkeypatch):
+    monkeypatch.syspath_prepend(PAPER)  # for what these scripts share
     return lambda name: script(f"paper/{name}.py")
 
 
@@ -62,6 +70,33 @@ def test_all_points_of_the_dragon_take_little_memory(shared_data):
     dragon = str(shared_data / "dragon.ply")
     done = subprocess.run([sys.executable, "-c", code, dragon], capture_output=True, text=True, check=True)
     assert int(done.stdout) * 1024 < 2e9
+
+
+def test_the_order_of_published_clouds_is_recognised(benchmark):
+    """Of fps-variation, no step goes up; of shuffled points, half of the steps do."""
+    published = benchmark("published")
+    cloud = gppcs.sample("medallion", n_points=20_000).points
+    tree = KdTree.build(cloud)
+    variation = features_in_radius(tree, neighbourhood_radius(tree)).surface_variation
+    method = gppcs.METHODS["gp-pcs-released"](candidates=5_000)
+    kept = gppcs.simplify(cloud, n_points=900, method=method).cloud.points
+    order = published.order_of(kept, cloud, variation)
+    assert order[:4] == (300, 0, 599, 0)
+    assert order.fraction == pytest.approx(0.25, abs=0.05)
+    shuffled = published.order_of(np.random.default_rng(0).permutation(kept), cloud, variation)
+    assert shuffled.farther > 100
+    assert 200 < shuffled.ascents < 400
+
+
+def test_text_of_a_turned_copy_is_rounded(benchmark):
+    """The root mean square of two rounded coordinates is the paper's RMSE of ICP."""
+    pytest.importorskip("open3d")
+    released = benchmark("registration_released")
+    points = 0.1 * np.random.default_rng(0).standard_normal((20_000, 3))
+    source, copy = released.as_text(points, seed=0)
+    motion, error = Rotation.align_vectors(copy, source)
+    assert error / np.sqrt(len(points)) == pytest.approx(4.08e-7, rel=0.01)
+    assert motion.as_rotvec()[[0, 2]] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.oracle

@@ -37,6 +37,7 @@ METHODS = Registry(
         value.name: value
         for value in list(globals().values())
         if isinstance(value, type) and issubclass(value, Method) and value is not Method
-    }
+    },
+    aliases={"gp-pcs-released": "fps-variation"},
 )
 DEFAULT = LocalGP()

@@ -16,9 +16,10 @@ class FarthestPointVariation(Method):
     summary = "farthest points, then the points of largest surface variation"
     description = (
         "Chooses `k_init` points by farthest point sampling, and then the points of largest surface variation among "
-        "the rest."
+        "the rest. `gp-pcs-released` is another name: with random candidates, it gives what the authors of GP-PCS "
+        "published."
     )
-    source = "reproduces the paper's ablation table; see benchmarks/paper/ablation.py"
+    source = "reproduces the paper's ablation table and published clouds; see benchmarks/paper"
 
     k_init: int | None = parameter(
         None, "Number of farthest points; by default, a third of the points asked for.", minimum=1

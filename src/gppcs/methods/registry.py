@@ -15,19 +15,24 @@ if TYPE_CHECKING:
 
 
 class Registry(Mapping[str, type[Method]]):
-    """All methods by name. Installed packages are looked up only for a name that is not built in, or to list all."""
+    """All methods by name. Installed packages are looked up only for a name that is not built in, or to list all.
 
-    def __init__(self, built_in: Mapping[str, type[Method]]) -> None:
+    An alias is another name of a built-in method. It is not listed.
+    """
+
+    def __init__(self, built_in: Mapping[str, type[Method]], aliases: Mapping[str, str]) -> None:
         self.built_in = built_in
+        self.aliases = aliases
 
     def __getitem__(self, name: str) -> type[Method]:
+        name = self.aliases.get(name, name)
         if name in self.built_in:
             return self.built_in[name]
         return _load(_entries()[name])
 
     def names(self) -> list[str]:
-        """Return the names of all methods, without importing a package."""
-        return [*self.built_in, *(name for name in _entries() if name not in self.built_in)]
+        """Return the names of all methods and aliases, without importing a package."""
+        return [*self.built_in, *self.aliases, *(name for name in _entries() if name not in self.built_in)]
 
     def __iter__(self) -> Iterator[str]:
         yield from self.built_in
