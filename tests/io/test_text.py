@@ -93,9 +93,7 @@ def test_whole_numbers_that_no_type_holds_exactly_stay_text(table, column):
         (["1e300", "nan"], np.float64),
     ],
 )
-@pytest.mark.parametrize("block", [1, 100])
-def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, block):
-    monkeypatch.setattr(rows, "BLOCK", block)
+def test_large_numbers_keep_their_values(table, column, dtype):
     values = read(table("".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
     assert values.dtype == dtype
     np.testing.assert_array_equal(values, np.array(list(map(float if dtype == np.float64 else int, column)), dtype))
@@ -108,6 +106,7 @@ def test_large_numbers_keep_their_values(table, monkeypatch, column, dtype, bloc
         ("1 2 3\n\n# no\n4 five 6\n", "point 2: expected a number, found 'five'"),
         ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
         ("1 2 3x\n", "line 1: expected numbers, or different names of columns with x, y, z, found '1 2 3x'"),
+        ("# id lon lat\n1 2 3\n", "line 1: expected different names of columns with x, y, z, found '# id lon lat'"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
         ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),

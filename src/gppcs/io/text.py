@@ -38,6 +38,9 @@ from gppcs.io.rows import (
     write_rows,
 )
 
+_NAMES = "different names of columns with x, y, z"
+# By these, a comment names columns.
+_COLUMNS = {"lon", "lat", "longitude", "latitude", "easting", "northing", "height", "time", "intensity", "red"}
 _PTS_ATTRIBUTES = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
 
@@ -80,7 +83,7 @@ def open_table(
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
     """Read the lines up to the first row of numbers."""
     preview = _Preview(columns)
-    has_header = False
+    has_header, other_names = False, (0, "", 0)  # a comment that names columns, but not x, y and z
     for number, line in enumerate(lines, 1):
         text = line.lstrip("#/ \t")
         fields = [field.strip("\"'") for field in fields_of(text, _delimiter(text))]
@@ -88,19 +91,25 @@ def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
         are_names = {"x", "y", "z"} <= lower and len(set(fields)) == len(fields)
         if not is_row(line):
             preview.comment = fields if are_names else preview.comment
+            other_names = (number, line, len(fields)) if lower & _COLUMNS else other_names
         elif len(fields) == 1 and preview.count is None and as_count(fields[0]) is not None:
             preview.count = as_count(fields[0])
         elif all(map(is_number, fields)) or _has_coordinates(fields, preview.names or preview.comment):
             preview.line, preview.delimiter = number, _delimiter(line)
             preview.fields = fields_of(line, preview.delimiter)
+            if not (preview.names or preview.comment) and other_names[2] == len(preview.fields):
+                raise _unexpected(_NAMES, *other_names[:2])
             break
         elif has_header or not (are_names or columns):
-            expected = "numbers as x, y and z" if has_header else "numbers, or different names of columns with x, y, z"
-            raise FileFormatError(f"line {number}: expected {expected}, found {shortened(line)}")
+            raise _unexpected("numbers as x, y and z" if has_header else f"numbers, or {_NAMES}", number, line)
         else:
             has_header = True
             preview.names = columns or [field or f"column_{i}" for i, field in enumerate(fields, 1)]
     return preview
+
+
+def _unexpected(expected: str, number: int, line: str) -> FileFormatError:
+    return FileFormatError(f"line {number}: expected {expected}, found {shortened(line)}")
 
 
 def _delimiter(line: str) -> str | None:
