@@ -1,5 +1,6 @@
 """Clouds whose axes have different units are measured in one of them, and keep their coordinates."""
 
+from io import BytesIO
 from types import SimpleNamespace
 
 import laspy
@@ -7,7 +8,10 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs import PointCloud
 from gppcs.app import program
+from gppcs.drawing.single import draw_single
+from gppcs.drawing.web.contents import Named, report_page
 from shapes import metres_of_degrees
 
 FOOT = 1200 / 3937
@@ -98,6 +102,25 @@ def test_results_and_meshes_are_measured_in_metres(two):
     assert (summary.diagonal, summary.spacing) == pytest.approx((in_metres.diagonal, in_metres.spacing), rel=1e-4)
     assert summary.minimum == tuple(two.cloud.points.min(axis=0))
     np.testing.assert_array_equal(gppcs.find_outliers(two.cloud), gppcs.find_outliers(two.metres))
+
+
+def test_pages_and_pictures_show_the_same_shape(two, tmp_path):
+    kept = two.cloud.take(np.arange(0, len(two.cloud), 50))
+    shown, expected_page = (
+        report_page(
+            Named("all", PointCloud(points, header=header)), [Named("few", PointCloud(points[::50]))], []
+        ).described
+        for points, header in ((two.cloud.points, two.cloud.header), (two.metres, None))
+    )
+    assert shown["unit"] == "m"
+    assert shown["diagonal"] == pytest.approx(expected_page["diagonal"], rel=1e-6)
+    for cloud, expected in zip(shown["clouds"], expected_page["clouds"], strict=True):
+        np.testing.assert_allclose(cloud["step"], expected["step"], rtol=1e-6)
+        assert cloud["spacing"] == pytest.approx(expected["spacing"], rel=1e-6)
+    pictures = BytesIO(), BytesIO()
+    for picture, cloud in zip(pictures, (kept, PointCloud(in_metres(kept))), strict=True):
+        draw_single(picture, cloud, size=(64, 64))
+    assert pictures[0].getvalue() == pictures[1].getvalue()
 
 
 def test_one_frame_holds_for_all_tiles_beyond_memory(two, tmp_path):

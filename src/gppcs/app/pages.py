@@ -17,7 +17,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.cloud_images import painted
 from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
-from gppcs.drawing.web.layers import Named
+from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
 from gppcs.evaluation.mesh_comparison import MeshEntry
 
@@ -71,9 +71,11 @@ def draw_beside(
     close_ups: int = CLOSE_UPS,
 ) -> None:
     """Write a PNG of a finite cloud and of results with captions, in the colours of the nearest original points."""
+    captions = [caption for _, caption in results]
+    original, *shown = in_one_unit([original, *(named for named, _ in results)])
     everything, legend = painted(original.cloud, colour)
     columns = [Column(original.name, everything, "", original.mesh)]
-    for named, caption in results:
+    for named, caption in zip(shown, captions, strict=True):
         columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh, counted))
     draw_comparison(file, columns, viewpoint, legend, close_ups)
 

@@ -215,6 +215,11 @@ class PointCloud(ComparedByValue):
         """The units of the axes, if the header tells them."""
         return self.header.units if self.header else None
 
+    def factors(self) -> NDArray[np.float64]:
+        """Return the factors, (3,), that bring all axes to the unit of lengths; 1 if they have one unit."""
+        points = self.points[self.is_finite()] if self.units and self.units.is_mixed else self.points[:0]
+        return self.units.factors(points.min(axis=0), points.max(axis=0)) if self.units and len(points) else np.ones(3)
+
     def is_finite(self) -> NDArray[np.bool_]:
         """Return for which points, (N,), all coordinates are finite."""
         x, y, z = np.isfinite(self.points).T  # several times as fast as `all` along the short axis

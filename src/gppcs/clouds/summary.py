@@ -92,11 +92,8 @@ def info(cloud: CloudLike) -> Summary:
 
     cloud = PointCloud.from_object(cloud)
     points = cloud.points[np.flatnonzero(cloud.is_finite())]
-    corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
     first = first_occurrences(points)
-    measured = points[first]
-    if cloud.units and len(points):
-        measured = measured * cloud.units.factors(*corners)
+    measured = points[first] * cloud.factors()
     # In units of a power of two, which round nothing, no difference and no square of one overflows.
     exponent = math.frexp(np.abs(measured).max(initial=0.0))[1] + 1
     distinct = np.ldexp(measured, -exponent)
@@ -108,6 +105,7 @@ def info(cloud: CloudLike) -> Summary:
         spacing = float(np.median(nearest_distances(KdTree.build(distinct), 1)))
     with np.errstate(over="ignore"):
         diagonal, spacing = np.ldexp((diagonal, spacing), exponent).tolist()
+    corners = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((2, 3), np.nan)
     minimum, maximum = map(tuple, corners.tolist())
     return Summary(
         points=len(cloud),

@@ -14,6 +14,7 @@ from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint, spre
 from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View, painted
 from gppcs.drawing.colours import RGB, Colourable, Legend
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib
 from gppcs.errors import InputError, ParameterError, whole_number
@@ -40,6 +41,8 @@ def draw_single(
     so far from all others that they are outside the picture.
     """
     require_matplotlib()
+    (named,) = in_one_unit([Named("", cloud, mesh)])
+    cloud, mesh = named.cloud, named.mesh
     width, height = checked_size(size)
     indices = np.flatnonzero(cloud.is_finite())
     if len(indices) == 0:

@@ -132,21 +132,22 @@ def checked_methods(
 
 def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
     """Return the surface rebuilt from a cloud, for a picture."""
-    normals, corner = original.normals(), original.points.min(axis=0)
-    points = cloud.points - corner
-    guides = () if normals is None else (original.points - corner, normals)
+    normals, corner, factors = original.normals(), original.points.min(axis=0), original.factors()
+    points = (cloud.points - corner) * factors
+    guides = () if normals is None else ((original.points - corner) * factors, normals)
     try:
         mesh = reconstruct(points, estimated_normals(points, *guides))
     except NoSurfaceError:
         return None
-    return trimmed_mesh(Mesh(mesh.vertices + corner, mesh.faces), original)
+    return trimmed_mesh(Mesh(mesh.vertices / factors + corner, mesh.faces), original)
 
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
     """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan."""
-    corner = original.points.min(axis=0)  # squared distances need all digits
+    corner, factors = original.points.min(axis=0), original.factors()  # squared distances need all digits
+    points, vertices = ((array - corner) * factors for array in (original.points, mesh.vertices))
     try:
-        left = without_membranes(Mesh(mesh.vertices - corner, mesh.faces), original.points - corner)
+        left = without_membranes(Mesh(vertices, mesh.faces), points)
         return Mesh(mesh.vertices, left.faces)
     except NoSurfaceError:
         return None

@@ -16,7 +16,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
-from gppcs.drawing.web.layers import CloudSurface, Layer
+from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
 from gppcs.engine.arrays import Floats
@@ -78,11 +78,12 @@ def report_page(
     """Return a page of simplified clouds beside their original, with figures; also those of some attributes."""
     timer, blocks = timer_of(timer), Blocks()
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
+    unit = unit_of(original.cloud.header) or ""
+    original, *results = in_one_unit([original, *results])
     with timer("original"):
         surface = CloudSurface.from_cloud(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
-    unit = unit_of(original.cloud.header) or ""
     lengths = f"in {unit or 'the unit of the coordinates'}"
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
@@ -110,11 +111,12 @@ def report_page(
 
 def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoint: Viewpoint = GUESSED) -> Page:
     """Return a page of any clouds."""
-    blocks = Blocks()
+    blocks, unit = Blocks(), unit_of(clouds[0].cloud.header) or ""
+    clouds = in_one_unit(clouds)
     layers = [Layer(blocks, named, "cloud", CloudSurface.from_cloud(named)) for named in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = f"{sum(len(named.cloud) for named in clouds):,} points"
-    unit, mesh = unit_of(clouds[0].cloud.header) or "", clouds[0].mesh
+    mesh = clouds[0].mesh
     if mesh is not None:
         viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)

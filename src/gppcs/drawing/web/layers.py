@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +33,18 @@ class Named:
     cloud: PointCloud
     mesh: Mesh | None = None
     reason: str | None = None  # why its points were chosen
+
+
+def in_one_unit(clouds: Sequence[Named]) -> list[Named]:
+    """Return clouds and meshes with all axes in the unit of lengths of the first cloud."""
+    factors = clouds[0].cloud.factors()
+    if (factors == 1.0).all():
+        return list(clouds)
+    scaled = []
+    for named in clouds:
+        mesh = named.mesh and Mesh(named.mesh.vertices * factors, named.mesh.faces)
+        scaled.append(replace(named, cloud=PointCloud(named.cloud.points * factors, named.cloud.attributes), mesh=mesh))
+    return scaled
 
 
 class CloudSurface(NamedTuple):
