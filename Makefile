@@ -20,7 +20,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo pictures page-picture test test-all test-browser test-lowest coverage benchmarks viewer docs qgis workflows dist clean
+.PHONY: help demo pictures page-picture test test-all test-browser test-lowest coverage benchmarks paper viewer docs qgis workflows dist clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -113,6 +113,12 @@ coverage: $(VENV)/.compiled  ## Run all tests, show which lines none of them run
 benchmarks: $(VENV)/.installed  ## Make the tables of benchmarks/results again (hours); GPPCS_DATA is the folder of clouds
 	$(PIP) --editable benchmarks/learned
 	$(BIN)/python benchmarks/run_all.py
+
+paper: $(VENV)/.installed  ## Fetch or make the clouds of the paper's experiments and make its pages again (hours); GPPCS_DATA is their folder
+	$(PIP) --editable '.[evaluate,picture]' && $(PIP) --editable benchmarks/learned
+	$(PIP) --editable '.[registration]' || echo "without Open3D: the pages of the registration are not made"
+	$(BIN)/python benchmarks/data.py --fetch
+	$(BIN)/python benchmarks/run_all.py --paper
 
 docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'

@@ -1,12 +1,14 @@
-"""Make all tables of `results/` again, the most important first.
+"""Make all tables of `results/` again, the most important first, or those of the experiments of the paper.
 
-A script that needs a package or a program that is not installed is skipped. A script that fails does not stop the
-others. The end is a summary; the exit status is 1 if a script failed.
+A script that needs a package, a program or a cloud that is not there is skipped; data.py says how to get the clouds. A
+script that fails does not stop the others. The end is a summary; the exit status is 1 if a script failed. `--stale`
+makes nothing, but lists the pages whose methods have changed since.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -14,7 +16,10 @@ from importlib.util import find_spec
 from shutil import which
 from time import perf_counter
 
+import data
 import report
+
+METHODS = tuple(f"src/gppcs/{room}" for room in ("spatial", "surface", "gp", "methods", "evaluation"))
 
 
 @dataclass(frozen=True)
@@ -43,11 +48,26 @@ class Script:
 
     @property
     def missing(self) -> list[str]:
-        """The packages and programs that are not installed."""
+        """The packages, programs and clouds that are not there."""
         return [
             *(name for name in self.needs if not find_spec(name)),
             *(name for name in self.programs if not which(name)),
+            *data.missing_for(self.page),
         ]
+
+    @property
+    def age(self) -> str:
+        """Whether the methods have changed since the commit of the page."""
+        path = report.HERE / "results" / f"{self.page}.md"
+        commit = re.search(r"^- gppcs \S+, commit (\w+)", path.read_text() if path.is_file() else "", re.MULTILINE)
+        if not commit:
+            return "not made yet"
+        command = ["git", "rev-list", "--count", f"{commit[1]}..HEAD", "--", *METHODS]
+        done = subprocess.run(command, cwd=report.HERE.parent, capture_output=True, text=True, check=False)
+        if done.returncode:
+            return f"made at {commit[1]}, which is not in the history"
+        count = int(done.stdout)
+        return f"made at {commit[1]}; {count} commits have changed the methods since" if count else "up to date"
 
 
 SCRIPTS = (
@@ -86,8 +106,10 @@ SCRIPTS = (
     Script("paper/modelnet.py", "paper_modelnet", ("matplotlib",)),
     Script("learned/edges.py", "learned_edges"),
     Script("learned/sizes.py", "learned_sizes"),
+    Script("paper/lucy.py", "paper_lucy", ("pymeshlab",)),
     Script("paper/registration_released.py", "paper_registration_released", ("open3d",)),
     Script("paper/registration.py", "paper_registration", ("open3d",)),
+    Script("paper/claims.py", "paper_claims"),  # after the others, whose figures it takes
 )
 
 
@@ -96,12 +118,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     pages = [script.page for script in SCRIPTS]
     parser.add_argument("pages", nargs="*", metavar="PAGE", help=f"one of {', '.join(pages)}; all if none is given")
-    given = parser.parse_args()
-    for page in set(given.pages) - set(pages):
+    parser.add_argument("--paper", action="store_true", help="make the pages of the experiments of the paper")
+    parser.add_argument("--stale", action="store_true", help="list how old the pages are, and make none")
+    options = parser.parse_args()
+    for page in set(options.pages) - set(pages):
         parser.error(f"there is no page {page!r}")
-    if not report.DATA.is_dir():
+    chosen = [
+        script
+        for script in SCRIPTS
+        if (not options.pages or script.page in options.pages)
+        and (not options.paper or script.file.startswith("paper/"))
+    ]
+    if not options.stale and not report.DATA.is_dir():
         parser.error(f"there are no clouds in {report.DATA}: set GPPCS_DATA to their folder")
-    ends = {script: run(script) for script in SCRIPTS if not given.pages or script.page in given.pages}
+    ends = {script: script.age if options.stale else run(script) for script in chosen}
     print("\nSummary", file=sys.stderr)
     for script, end in ends.items():
         print(f"  {script.page}: {end}", file=sys.stderr)
@@ -111,7 +141,7 @@ def main() -> None:
 def run(script: Script) -> str:
     """Run a script, and return how it ended."""
     if script.missing:
-        return f"skipped: {', '.join(script.missing)} not installed"
+        return f"skipped: {', '.join(script.missing)} not there"
     print(f"{script.file}", file=sys.stderr)
     start = perf_counter()
     status = subprocess.run([sys.executable, report.HERE / script.file, *script.options], check=False).returncode

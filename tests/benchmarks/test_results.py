@@ -4,10 +4,18 @@ import ast
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import gppcs
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
+OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
+UNSEALED = {  # pages of the paper that were written before pages had seals
+    *("ablation", "all_points", "paper_differences", "paper_modelnet", "paper_noise", "paper_registration"),
+    *("paper_scans", "paper_scenes", "paper_table1"),
+}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -15,6 +23,40 @@ def test_each_page_tells_commit_and_machine(page):
     text = page.read_text()
     assert re.search(r"^- gppcs \S+, commit [0-9a-f]{7,}", text, re.MULTILINE)
     assert re.search(r"^- .+, \d+ threads$", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", OF_THE_PAPER, ids=lambda page: page.stem)
+def test_no_figure_of_a_page_is_typed_in(page, script):
+    report = script("report.py")
+    written, mark, seal = page.read_text().partition(report.SEAL)
+    assert (mark and seal.strip() == report.seal(written)) or (not mark and page.stem in UNSEALED)
+
+
+def test_claims_are_those_of_the_pages(script):
+    claims = script("paper/claims.py")
+    rows = claims.rows_of("paper_claims")
+    assert [tuple(row.values()) for row in rows] == [claims.row(claim) for claim in claims.CLAIMS]
+
+
+def test_a_missing_cloud_is_named_with_its_address_and_hash(script, tmp_path, monkeypatch, capsys):
+    data = script("data.py")
+    monkeypatch.setattr(data.report, "DATA", tmp_path)
+    data.main()
+    lines = capsys.readouterr().out.splitlines()
+    for file, line in zip(data.FILES, lines, strict=False):
+        assert line.startswith(f"{file.name}: missing")
+        assert file.origin in line
+        assert file.hash in line
+    assert "results/ablation.md cannot be made without bunny" in lines
+
+
+@pytest.mark.parametrize("name", ["modelnet_airplane_0001_2048", "armadillo_100k_noise_1e-2"])
+def test_recipes_make_the_clouds_of_the_pages(script, shared_data, monkeypatch, name):
+    data = script("data.py")
+    monkeypatch.setattr(data.report, "DATA", shared_data)
+    (file,) = (file for file in data.FILES if file.name == name)
+    made, used = file.make(), gppcs.read(file.path).points
+    assert (abs(made - used).max(axis=1) < 1e-5 * np.ptp(used)).mean() > 0.999
 
 
 def test_no_held_out_cloud_took_part_in_finding_the_rules(script):
