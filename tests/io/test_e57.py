@@ -85,6 +85,16 @@ def test_pye57_reads_what_is_written(tmp_path):
     assert np.array_equal(data["columnIndex"], grid["column"])
 
 
+@pytest.mark.parametrize("largest", [200, 65535])
+def test_pye57_reads_colours_of_16_bits_as_bytes(tmp_path, largest):
+    colours = {name: np.array([0, 7, largest], np.uint16) for name in ("red", "green", "blue")}
+    write(tmp_path / "cloud.e57", PointCloud(POINTS, colours))
+    assert read(tmp_path / "cloud.e57") == PointCloud(POINTS, colours)
+    with pye57.E57(str(tmp_path / "cloud.e57")) as file:
+        data = file.read_scan(0, colors=True, ignore_missing_fields=True)
+    assert data["colorRed"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 255])
+
+
 def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):
     colours = {f"color{name}": np.array([1, 2, 3], np.uint8) for name in ("Red", "Green", "Blue")}
     first = raw(POINTS, intensity=np.array([1, 2, 3], np.float32), **colours)

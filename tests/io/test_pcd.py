@@ -210,6 +210,14 @@ def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
         read(pcd(data))
 
 
+@pytest.mark.parametrize(("x", "kind"), [("665187.52", np.float64), ("665187.5", np.float32), ("0.1", np.float32)])
+def test_text_keeps_the_digits_of_coordinates_that_float32_does_not_hold(pcd, x, kind):
+    rows = f"{x} 0.25 0\n{float(x) + 100} 0.5 1\n"
+    cloud = read(pcd(content(np.zeros(0, XYZ), "ascii", WIDTH=2, POINTS=2) + rows.encode()))
+    assert cloud.coordinate_dtype == kind
+    assert cloud.points[0, 0] == kind(x)
+
+
 @pytest.mark.parametrize(
     ("row", "message"),
     [

@@ -33,6 +33,7 @@ from gppcs.io.rows import ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+_COLOURS = ("colorRed", "colorGreen", "colorBlue")
 _ATTRIBUTES = {
     "colorRed": "red",
     "colorGreen": "green",
@@ -45,6 +46,7 @@ _ATTRIBUTES = {
     "nor:normalY": "ny",
     "nor:normalZ": "nz",
 }
+_FINE = 1 / 257  # Scale of colours of 16 bits: other programs read them as numbers from 0 to 255.
 _TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")]
 
 
@@ -133,6 +135,10 @@ def _table(image: Any, scan: Any) -> dict[str, Column]:
         if length < scan.point_count:
             raise ends_early("point", length, scan.point_count)
     values = {field: array.astype(types[field], copy=False) for field, array in arrays.items()}
+    for field, array in arrays.items():
+        node = prototype[field]
+        if field.startswith("color") and types[field] == np.float64 and getattr(node, "scale", float)() == _FINE:
+            values[field] = np.rint(array * 257).astype(np.uint16)
     states = f"{axes[0][:9]}InvalidState"  # 0 of a valid point
     if states in values:
         is_valid = values[states] == 0
@@ -225,8 +231,9 @@ def _write_scan(image: Any, cloud: PointCloud) -> None:
     _fill(image, image.root(), about)
     scans.append(_fill(image, libe57.StructureNode(image), {"guid": guid, **_limits(columns), "points": points}))
     arrays, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, len(cloud))
+    fine = _fine_colours(columns)
     for field, values in columns.items():
-        arrays[field][:] = values
+        arrays[field][:] = values * _FINE if field in fine else values
     writer = points.writer(buffers)
     writer.write(len(cloud))
     writer.close()
@@ -251,18 +258,26 @@ def _limits(columns: Mapping[str, Column]) -> dict[str, dict[str, float]]:
     if len(finite):
         limits["intensityLimits"] = {"intensityMinimum": float(finite.min()), "intensityMaximum": float(finite.max())}
     if "colorRed" in columns:
-        fields = ("colorRed", "colorGreen", "colorBlue")
-        ends = {"Minimum": 0.0, "Maximum": full_scale(np.stack([columns[field] for field in fields]))}
-        limits["colorLimits"] = {f"{field}{end}": value for field in fields for end, value in ends.items()}
+        full = full_scale(np.stack([columns[field] for field in _COLOURS]))
+        ends = {"Minimum": 0.0, "Maximum": min(full, 255.0)}
+        limits["colorLimits"] = {f"{field}{end}": value for field in _COLOURS for end, value in ends.items()}
     return limits
+
+
+def _fine_colours(columns: Mapping[str, Column]) -> tuple[str, ...]:
+    """Return the fields of colours, if these need 16 bits."""
+    need_16_bits = any(columns[field].max(initial=0) > 255 for field in _COLOURS if field in columns)
+    return tuple(field for field in _COLOURS if need_16_bits and columns.get(field, np.empty(0)).dtype == np.uint16)
 
 
 def _points_node(image: Any, columns: Mapping[str, Column]) -> Any:
     """Return the node of points with such fields."""
     libe57 = require_pye57().libe57
-    prototype = libe57.StructureNode(image)
+    prototype, fine = libe57.StructureNode(image), _fine_colours(columns)
     for field, values in columns.items():
-        if values.dtype.kind == "f":
+        if field in fine:
+            prototype.set(field, libe57.ScaledIntegerNode(image, 0, 0, 65535, _FINE, 0.0))
+        elif values.dtype.kind == "f":
             precision = libe57.E57_SINGLE if values.dtype.itemsize == 4 else libe57.E57_DOUBLE
             prototype.set(field, libe57.FloatNode(image, 0.0, precision))
         else:

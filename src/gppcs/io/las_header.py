@@ -150,15 +150,22 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
             f"expected a header of at least {sizes[minor]} bytes before the points and within the file, found one of "
             f"{length:,} bytes, points from byte {start:,} on and a file of {size:,}; get the whole file again"
         )
-    _check_records(file, length, start, n_records, extended=False)
+    n_whole = _whole_records(file, length, start, n_records)
     if minor == 4:
-        position, n_records = struct.unpack_from("<QI", block, 235)
-        _check_records(file, position, size, n_records, extended=True)
+        position, n_extended = struct.unpack_from("<QI", block, 235)
+        if (n := _whole_records(file, position, size, n_extended, head=60, width=8)) < n_extended:
+            raise FileFormatError(
+                f"expected {n_extended:,} extended variable-length records in the file, found {n:,}; get the whole "
+                "file again"
+            )
     if (point_format := block[104] & 0b111111) > 10:  # the other bits tell that points are compressed
         raise FileFormatError(f"expected a point format of 0 to 10, found {point_format}")
     file.seek(0)
+    content = bytearray(file.read(start))
+    struct.pack_into("<I", content, 100, n_whole)  # some programs count more records than they write
     with reported("laspy", "a LAS header"):
-        header = laspy.LasHeader.read_from(file, read_evlrs=True)
+        header = laspy.LasHeader.read_from(BytesIO(content))
+        header.read_evlrs(file)
         header.point_format.dtype()  # which raises an error if two dimensions have one name
         if minor == 0:
             header.version = laspy.header.Version(1, 1)  # which has the same header, and which laspy writes
@@ -169,17 +176,16 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     return header
 
 
-def _check_records(file: BufferedReader, position: int, end: int, count: int, extended: bool) -> None:
-    """Check that variable-length records, the first of which begins at a position, lie before the end."""
-    size, width = (60, 8) if extended else (54, 2)  # bytes of the head of a record, and of the length in it
+def _whole_records(file: BufferedReader, position: int, end: int, count: int, head: int = 54, width: int = 2) -> int:
+    """Return how many variable-length records, the first of which begins at a position, lie before the end.
+
+    The head of each has so many bytes, and from the 20th on its length in `width` bytes.
+    """
     for i in range(count):
-        length = 0
-        if position + size <= end:
-            file.seek(position + 20)
-            length = int.from_bytes(file.read(width), "little")
-        position += size + length
+        if position + head > end:
+            return i
+        file.seek(position + 20)
+        position += head + int.from_bytes(file.read(width), "little")
         if position > end:
-            kind, where = ("extended ", "in the file") if extended else ("", "before the points")
-            raise FileFormatError(
-                f"expected {count:,} {kind}variable-length records {where}, found {i:,}; get the whole file again"
-            )
+            return i
+    return count

@@ -23,7 +23,7 @@ def chunks_of(file: BinaryIO, las: laspy.LasHeader) -> NDArray[Any]:
     """Return all chunks of a compressed file, (C,), of type `CHUNK`; the last may have fewer points than it says."""
     import lazrs
 
-    start = las.offset_to_point_data
+    start, laszip = las.offset_to_point_data, _laszip(las)
     size = file.seek(0, 2)
     table = _whole_number(file, start, 8)
     if table == -1:  # of a file that was written without going back
@@ -33,7 +33,7 @@ def chunks_of(file: BinaryIO, las: laspy.LasHeader) -> NDArray[Any]:
         raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
     file.seek(start)
     with reported(*_LAZRS):
-        counts, sizes = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(_laszip(las))), np.int64).T
+        counts, sizes = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(laszip)), np.int64).T
     return _chunks(start + 8, sizes, counts)
 
 
@@ -112,7 +112,12 @@ def _laszip(las: laspy.LasHeader) -> bytes:
     records = las.vlrs.get("LasZipVlr")
     if not records:
         raise FileFormatError("expected a record that describes the compression of the points, found none")
-    return bytes(records[0].record_data)
+    laszip = bytes(records[0].record_data)
+    if (compressor := int.from_bytes(laszip[:2], "little")) not in (2, 3):
+        raise FileFormatError(
+            f"expected points compressed in chunks, found compressor {compressor}; use LASzip to convert"
+        )
+    return laszip
 
 
 def _number_of_layers(laszip: bytes) -> int:

@@ -107,11 +107,21 @@ def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) ->
         columns, values = {}, iter(numbers)
         for name, width in widths.items():
             parts, dtype = [*islice(values, width)], record[name]
+            if name in ("x", "y", "z") and not dtype.shape and dtype == np.float32 and _loses_digits(parts[0]):
+                dtype = np.dtype(np.float64)
             what = f"{dtype.base.name} as {name} of point"
             table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
             columns[name] = table.reshape(-1, *dtype.shape)
         yield columns
         done += len(numbers[0])
+
+
+def _loses_digits(values: Column) -> bool:
+    """Return whether float32, which a header names, moves coordinates of text by more than its own digits tell."""
+    values = values[np.isfinite(values)].astype(np.float64)
+    with np.errstate(over="ignore"):
+        shift = np.abs(values.astype(np.float32) - values).max(initial=0.0)
+        return bool(len(values) and shift > 1e-5 * np.ptp(values) > 0.0)
 
 
 def _unpacked_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:

@@ -92,7 +92,10 @@ def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = 
         if not isinstance(error, errors) and type(error).__name__ != "PanicException":
             raise
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise FileFormatError(f"expected {expected}, but {library} reports: {reason}; get the file again") from error
+        raise FileFormatError(
+            f"expected {expected}, but {library} reports: {reason}; the file is damaged, or of a kind that {library} "
+            "does not read"
+        ) from error
 
 
 def check_length(file: BufferedReader, record_size: int, count: int, what: str = "point") -> None:
