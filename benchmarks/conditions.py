@@ -133,10 +133,11 @@ class Condition:
         """What the rebuilt surface is compared to, if there is a surface."""
         return Reference(self.mesh.vertices, self.mesh.vertex_normals()) if self.mesh else None
 
-    def normals_at(self, points: Array) -> Array:
-        """Return the normals of the surface, (M, 3), at points of the cloud, (M, 3)."""
+    @cached_property
+    def normals(self) -> Array:
+        """The normals of the surface at all points of the cloud, (N, 3)."""
         assert self.mesh
-        return exact_normals(self.mesh, points)
+        return exact_normals(self.mesh, self.cloud.points)
 
     @property
     def exact(self) -> Array | None:
@@ -163,9 +164,10 @@ class Scene(Condition):
     def mesh(self) -> None:
         """There is none."""
 
-    def normals_at(self, points: Array) -> Array:
-        """Return the normals of the whole cloud, (M, 3), at points of the cloud, (M, 3)."""
-        return gppcs.estimate_normals(self.cloud, at=points)
+    @cached_property
+    def normals(self) -> Array:
+        """The normals of the whole cloud, (N, 3)."""
+        return gppcs.estimate_normals(self.cloud)
 
 
 @dataclass(frozen=True)
@@ -175,9 +177,8 @@ class Scan(Scene):
     @cached_property
     def reference(self) -> Reference:
         """Some random points of the scan."""
-        points = self.cloud.points
-        some = points[np.sort(np.random.default_rng(0).permutation(len(points))[:REFERENCE])]
-        return Reference(some, self.normals_at(some))
+        indices = np.sort(np.random.default_rng(0).permutation(len(self.cloud))[:REFERENCE])
+        return Reference(self.cloud.points[indices], self.normals[indices])
 
 
 @dataclass(frozen=True)
@@ -261,11 +262,12 @@ class Sample(Condition):
         """The sample without the exact normals that it carries."""
         return gppcs.PointCloud.from_object(self.measured.points)
 
-    def normals_at(self, points: Array) -> Array:
-        """Return the exact normals, (M, 3), at points of the cloud, (M, 3)."""
+    @property
+    def normals(self) -> Array:
+        """The exact normals of the surface at all points of the cloud, (N, 3)."""
         normals = self.measured.normals()
         assert normals is not None
-        return normals[KdTree.build(self.measured.points).nearest_of(points, 1)[0][:, 0]]
+        return normals
 
     @property
     def exact(self) -> Array | None:
@@ -423,7 +425,7 @@ def figures(condition: Condition, kept: gppcs.PointCloud) -> dict[str, float]:
         values["exact_mean"] = mean_to_local_surface(condition.exact, kept.points) / condition.diagonal
     if condition.reference:
         nearest = KdTree.build(condition.cloud.points).nearest_of(kept.points, 1)[0][:, 0]
-        values |= distances_from(condition, kept.points, condition.normals_at(condition.cloud.points[nearest]))
+        values |= distances_from(condition, kept.points, condition.normals[nearest])
         estimated = distances_from(condition, kept.points, kept.normals())
         values |= {f"estimated_{name}": value for name, value in estimated.items()}
     return values
@@ -458,7 +460,7 @@ def floor_of(condition: Condition) -> float:
     assert condition.reference
     points, normals = condition.reference
     if condition.exact is None:
-        points, normals = condition.cloud.points, condition.normals_at(condition.cloud.points)
+        points, normals = condition.cloud.points, condition.normals
     return distances_from(condition, points, normals).get("hausdorff_mean", 0.0)
 
 

@@ -67,6 +67,23 @@ def test_no_held_out_cloud_took_part_in_finding_the_rules(script):
     assert len({cloud.name for cloud in clouds}) == len(clouds)
 
 
+@pytest.mark.parametrize(("floor", "depth"), [(0.4, 8), (0.6, 10)])
+def test_the_octree_is_deeper_where_all_points_are_half_as_far_as_the_best_method(script, monkeypatch, floor, depth):
+    conditions = script("conditions.py")
+    depths = []
+
+    def figures(condition, kept):
+        depths.append(conditions.reconstruction.OCTREE_DEPTH)
+        return {"hausdorff_mean": float(len(kept))}
+
+    monkeypatch.setattr(conditions, "figures", figures)
+    monkeypatch.setattr(conditions, "floor_of", lambda condition: floor)
+    clouds = {f"{n} points": {0: lambda n=n: (gppcs.PointCloud(np.eye(3)[:n]), 0.0)} for n in (1, 2)}
+    made = conditions.Runs(None).of_all(conditions.Sample("bracket", None, 0.5, 1000), clouds)
+    assert {label: runs[0]["hausdorff_mean"] for label, runs in made.items()} == {"1 points": 1.0, "2 points": 2.0}
+    assert depths[-2:] == [depth, depth]
+
+
 @pytest.mark.parametrize("path", sorted(BENCHMARKS.rglob("*.py")), ids=lambda path: path.stem)
 def test_what_a_script_imports_of_gppcs_exists(path):
     for node in ast.walk(ast.parse(path.read_text())):
