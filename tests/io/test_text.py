@@ -53,6 +53,17 @@ def test_names_come_from_a_header_or_a_comment(table, text, names):
     assert cloud.attributes[names[0]].tolist() == [4]
 
 
+def test_coordinates_have_the_digits_of_the_scale_of_their_las_file(tmp_path):
+    points = np.array([[849393.95, 0.41, 7.07], [849394.01, 6.29, -0.57]])
+    write(tmp_path / "a.las", points)
+    cloud = read(tmp_path / "a.las")
+    assert str(cloud.points[0, 1]) == "0.41000000000000003"  # 41 times 0.01
+    for suffix in ("csv", "pts"):
+        write(tmp_path / f"a.{suffix}", cloud, lossy=True)
+        assert "0.41" in (tmp_path / f"a.{suffix}").read_text().replace(",", " ").split()
+        assert np.array_equal(read(tmp_path / f"a.{suffix}").points, points)
+
+
 @pytest.mark.parametrize(
     ("extra", "names"),
     [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.spatial.units import Units
@@ -23,6 +23,11 @@ class Header(ComparedByValue):
     @property
     def units(self) -> Units | None:
         """The units of the axes, if the coordinate system tells them; None if they are not known."""
+        return None
+
+    @property
+    def decimals(self) -> Sequence[int] | None:
+        """The digits after the point that x, y and z have in the file, if it says so."""
         return None
 
     @property

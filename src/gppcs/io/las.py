@@ -273,7 +273,6 @@ def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasH
     best = max(map(laspy.PointFormat, point_formats), key=n_held)
     is_new = best.id >= 6 or len(cloud) >= 2**32
     las = laspy.LasHeader(version="1.4" if is_new else "1.2", point_format=best)
-    las.generating_software = "gppcs"
     las.global_encoding.wkt = best.id >= 6
     las.scales = np.zeros(3)  # which no coordinates fit, so that `scale_and_offset` looks for better ones
     return las

@@ -9,6 +9,8 @@ import logging
 import struct
 from copy import deepcopy
 from dataclasses import dataclass
+from datetime import date
+from decimal import Decimal
 from io import BufferedReader, BytesIO
 from typing import TYPE_CHECKING
 
@@ -55,6 +57,7 @@ class LasHeader(Header):
         las.mins = np.zeros(3)
         las.start_of_waveform_data_packet_record = 0
         las.are_points_compressed = False
+        las.generating_software, las.creation_date = "gppcs", date.today()  # as it is written
         return cls(las)
 
     def __eq__(self, other: object) -> bool:
@@ -106,6 +109,12 @@ class LasHeader(Header):
         codes = [keys[key][2] for key in (3072, 2048) if key in keys]  # projected, geographic
         code = next((f"EPSG:{code}" for code in codes if 1024 <= code <= 32766), None)
         return f"{name} ({code})" if name and code else name or code
+
+    @property
+    def decimals(self) -> list[int]:
+        """The digits after the point that x, y and z have in the file."""
+        steps = zip(self.las.scales, self.las.offsets, strict=True)
+        return [max(-int(Decimal(repr(float(value))).as_tuple().exponent) for value in step) for step in steps]
 
     @property
     def conventions(self) -> dict[str, str]:

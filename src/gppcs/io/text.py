@@ -183,14 +183,25 @@ def write_table(file: BinaryIO, cloud: PointCloud, separator: str = " ", counted
 
 def _numbers_and_text(cloud: PointCloud) -> PointCloud:
     """Return a cloud as XYZ and CSV files store it."""
+    cloud = _with_decimals(cloud)
     return keeping(
         cloud, lambda name, values: values.dtype.kind in "biufU" and 0 not in values.shape[1:], plain_names=True
     )
 
 
+def _with_decimals(cloud: PointCloud) -> PointCloud:
+    """Return a cloud whose coordinates have the digits of their file: 0.41 in place of 41 times 0.01."""
+    decimals = cloud.header.decimals if cloud.header else None
+    if decimals is None or not all(0 <= n <= 15 for n in decimals):
+        return cloud
+    rounded = np.column_stack([np.round(values, n) for values, n in zip(cloud.points.T, decimals, strict=True)])
+    shift = np.abs(rounded - cloud.points)
+    return replace(cloud, points=np.where(shift <= 2 * np.spacing(np.abs(cloud.points)), rounded, cloud.points))
+
+
 def _usual_in_pts(cloud: PointCloud) -> PointCloud:
     """Return a cloud with those attributes that PTS files may have."""
-    cloud = with_byte_colours(cloud)
+    cloud = with_byte_colours(_with_decimals(cloud))
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
     kept = next((names for names in reversed(_PTS_ATTRIBUTES.values()) if numbers >= set(names)), [])
     return replace(cloud, attributes={name: cloud.attributes[name] for name in kept}, header=None)
