@@ -10,6 +10,7 @@ import pytest
 import gppcs
 from gppcs import PointCloud
 from gppcs.app import program
+from gppcs.app.printing import note_units
 from gppcs.drawing.single import draw_single
 from gppcs.drawing.web.contents import Named, report_page
 from shapes import metres_of_degrees
@@ -140,10 +141,12 @@ def test_another_unit_may_be_said_to_hold(two):
     assert (indices == gppcs.simplify(two.cloud.points, n_points=300, method="fps").indices).all()
 
 
-def test_numbers_that_are_no_degrees_are_metres(two):
+def test_numbers_that_are_no_degrees_are_metres(two, capsys):
     moved = np.add(two.metres, [0, 1000, 0])
     cloud = gppcs.PointCloud(moved, header=two.cloud.header)
     if cloud.units.is_geographic:
+        note_units("a.las", cloud)
+        assert "metres are assumed" in capsys.readouterr().err
         indices = gppcs.simplify(cloud, max_gap="3m", method="fps").indices
         assert (indices == gppcs.simplify(moved, max_gap=3.0, method="fps").indices).all()
 

@@ -49,15 +49,14 @@ def note_left_out(path: Path, names: list[str]) -> None:
 def note_units(path: Path | str, cloud: PointCloud, unit: str | None = None) -> None:
     """Print on stderr what is measured if axes have different units, or if `unit` is not that of the file."""
     from gppcs.clouds.quantities import names_of_units
-    from gppcs.spatial.scaling import bounds
 
-    if cloud.units is None or not len(finite := cloud.points[cloud.is_finite()]):
+    if cloud.units is None or not len(cloud):
         return
     names = horizontal, vertical = names_of_units(cloud.units)
     in_words = horizontal if horizontal == vertical else f"{horizontal} in x and y, and {vertical} in z"
     if unit is not None and names != (unit, unit):
         print_error(f"note: {path}: its coordinate system says that the unit is {in_words}; --unit {unit} is used")
-    elif unit is None and cloud.units.is_geographic and not cloud.units.are_angles(*bounds(finite)):
+    elif unit is None and cloud.units.is_geographic and (cloud.factors() == 1.0).all():
         print_error(f"note: {path}: coordinates are no {horizontal}, as its coordinate system says; metres are assumed")
     elif unit is None and horizontal != vertical:
         lengths = "m, around the middle of the cloud" if cloud.units.is_geographic else horizontal
