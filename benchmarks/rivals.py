@@ -1,7 +1,7 @@
 """Time the rivals of the paper on the Dragon, in one process with the same methods of CGAL.
 
 Needs the extra `cgal`. Times are the least of several runs with compiled kernels; both sides take turns. CGAL's times
-are without the making of its point sets. The programs of PC-Simp and AIVS are not available: the table shows the
+are without the making of its point sets. The programs of PC-Simp and AIVS were not run: the table shows the
 seconds that the paper reports for them on an i7-11800H.
 """
 

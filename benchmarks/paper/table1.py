@@ -65,17 +65,17 @@ NOTES = (
     "The Armadillo is 172,974 random points on a reduced mesh of 49,990 vertices, judged by that mesh. It has as many "
     "points as in the paper, but less fine detail.",
     "The paper's GP is compared with gp, with gp-spectral, which is its Algorithm 1, and with fps-variation, which "
-    "reproduces its ablation table. The paper's GP chose among 25,000 random points. With the limits that the paper "
-    "set for HC, HC keeps fewer points of the stand-in than asked for, since the stand-in is smoother.",
+    "reproduces its ablation table. The paper's GP chose among 25,000 random points. With the limits of the "
+    "authors' other_simp_methods.py, HC keeps fewer points of the stand-in than asked for, since that is smoother.",
     experiment.RELEASED_NOTE,
-    "Missing: Lucy, since its 14 million points were not available.",
+    "Lucy is in paper_lucy, if its 14 million points are there.",
     experiment.LEARNED_NOTE,
     "The paper measured GP on an A100 and the others, except Potamias et al., on an i7-11800H.",
 )
 
 
 def limited_clustering(condition: Condition, limits: tuple[int, float]) -> Entry:
-    """Return the result of hierarchical clustering that stops at the paper's limits; repeated points count."""
+    """Return the result of hierarchical clustering that stops at the authors' limits; repeated points count."""
     points, seconds = condition.cloud.points, []
     for _ in range(2):  # the first compiles
         start = perf_counter()
