@@ -235,6 +235,8 @@ def fetch(file: File) -> None:
     part.write_bytes(content)
     try:
         gppcs.write_mesh(file.path, gppcs.read_mesh(part))
+    except gppcs.errors.GppcsError:  # a cloud without faces
+        gppcs.write(file.path, gppcs.read(part))
     finally:
         part.unlink()
 
@@ -247,7 +249,7 @@ def state(file: File, may_fetch: bool) -> str:
             if file.make:
                 gppcs.write(file.path, gppcs.PointCloud(file.make().astype(np.float32)))
                 how = "made"
-            elif may_fetch and file.origin.startswith("http") and " " not in file.origin:
+            elif may_fetch and "://" in file.origin and " " not in file.origin:
                 fetch(file)
                 how = "fetched"
         except (OSError, gppcs.errors.GppcsError) as error:
@@ -263,7 +265,8 @@ def state(file: File, may_fetch: bool) -> str:
 
 
 def main() -> None:
-    """Print the state of each file, and fail if a page cannot be made."""
+    """Print the state of each file, and the pages that cannot be made."""
+    report.DATA.mkdir(parents=True, exist_ok=True)
     for file in FILES:
         print(f"{file.name}: {state(file, '--fetch' in sys.argv[1:])}")
     for page in PAGES:

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,26 @@ def test_a_missing_cloud_is_named_with_its_address_and_hash(script, tmp_path, mo
         assert file.origin in line
         assert file.hash in line
     assert "results/ablation.md cannot be made without bunny" in lines
+
+
+def test_a_mesh_and_a_cloud_in_archives_are_fetched(script, tmp_path, monkeypatch):
+    data = script("data.py")
+    monkeypatch.setattr(data.report, "DATA", tmp_path / "data")
+    (tmp_path / "data").mkdir()
+    mesh = gppcs.Mesh(np.eye(3), np.array([[0, 1, 2]]))
+    gppcs.write_mesh(tmp_path / "in.ply", mesh)
+    with tarfile.open(tmp_path / "in.tar.gz", "w:gz") as archive:
+        archive.add(tmp_path / "in.ply", "folder/in.ply")
+    gppcs.write(tmp_path / "cloud.ply", np.eye(3))
+    addresses = {
+        "mesh": f"{(tmp_path / 'in.tar.gz').as_uri()}#folder/in.ply",
+        "cloud": (tmp_path / "cloud.ply").as_uri(),
+    }
+    for name, address in addresses.items():
+        file = data.File(name, data.hash_of(np.eye(3)), address)
+        assert data.state(file, may_fetch=False).startswith("missing")
+        assert data.state(file, may_fetch=True) == "fetched"
+    assert len(gppcs.read_mesh(tmp_path / "data" / "mesh.ply").faces) == 1
 
 
 @pytest.mark.parametrize("name", ["modelnet_airplane_0001_2048", "armadillo_100k_noise_1e-2"])
