@@ -76,6 +76,17 @@ def test_a_result_can_be_used_as_a_cloud_in_the_precision_of_the_input(tmp_path,
     assert gppcs.simplify(result, n_points=5, method="fps").indices.tolist() == list(range(5))
 
 
+def test_fps_starts_with_the_points_to_keep():
+    points = np.random.default_rng(3).random((400, 3))
+    for keep in ([17], [5, 17, 200]):
+        expected = list(keep)
+        while len(expected) < 12:
+            distances = np.linalg.norm(points[:, None] - points[expected], axis=2).min(axis=1)
+            expected.append(int(np.argmax(distances)))
+        assert gppcs.simplify(points, n_points=12, method="fps", keep=keep).indices.tolist() == expected
+    assert gppcs.simplify(points, n_points=1, method="fps", keep=[17]).indices.tolist() == [17]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_as_many_points_as_there_are_come_back_in_order(method):
     points = SMALL["mostly repeats"]

@@ -85,6 +85,25 @@ def test_the_extreme_point_of_each_cell_is_kept(keep, sign, axes, seed, edge):
     assert list(kept) == plain_best(points, edge, expected, axes)
 
 
+@pytest.mark.parametrize("keep", ["nearest", "lowest"])
+def test_cells_with_few_points_keep_none(tmp_path, keep):
+    points = np.random.default_rng(0).random((3_000, 3))
+    points[:, 2] *= 0.01
+    points[:500] += [5, 0, 0]  # sparse there
+    points[:500] *= [3, 1, 1]
+    method = gppcs.Voxel(keep=keep, min_points=5)
+    cells = members_of_cells((points - points.min(axis=0)) * ([1, 1, 0] if keep == "lowest" else [1, 1, 1]), 0.1)
+    kept = gppcs.simplify(points, spacing=0.1, method=method).indices
+    assert sum(len(members) >= 5 for members in cells) == len(kept) < len(cells)
+    assert all(np.isin(kept, members).sum() == (len(members) >= 5) for members in cells)
+    assert len(gppcs.simplify(points, n_points=100, method=method).indices) == 100
+    with pytest.raises(gppcs.InputError, match="expected 2,000 cells with enough points"):
+        gppcs.simplify(points, n_points=2_000, method=method)
+    gppcs.write(tmp_path / "a.npy", points)
+    on_disk = gppcs.simplify(tmp_path / "a.npy", spacing=0.1, method=method, workers=1)
+    assert len(on_disk.indices) == len(kept)
+
+
 def test_too_few_columns_are_told():
     points = np.random.default_rng(0).random((100, 3)) * [1, 0, 1]
     points[:, 0] = np.floor(10 * points[:, 0])

@@ -111,6 +111,9 @@ def test_points_to_keep_and_weights(tmp_path):
     path = written(tmp_path, cloud)
     kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", memory=MEMORY)
     assert sorted(kept.indices[:50]) == list(range(50))
+    kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", method="fps", memory=MEMORY)
+    assert sorted(kept.indices[:50]) == list(range(50))
+    assert len(set(kept.indices)) == 1_000
     cloud.attributes["side"] = 1 + 9 * cloud.attributes["side"]
     gppcs.write(path, cloud, force=True)
     weighed = gppcs.simplify(path, n_points=1_000, weight="side", memory=MEMORY)

@@ -68,7 +68,7 @@ class Options:
         None,
         "Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'; in Python "
         "also those of a mask or of indices. They count in the number of points and come first, and the others are "
-        "chosen where these are not (method gp).",
+        "chosen where these are not (methods gp and fps).",
     )
     weight: str | ArrayLike | None = _option(
         None,

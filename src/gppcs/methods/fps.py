@@ -14,27 +14,37 @@ class FarthestPoint(Method):
     name = "fps"
     summary = "farthest point sampling: the most even cover"
     description = (
-        "Starts with the point nearest the centroid. Each further point is the farthest from all points chosen before "
-        "it; this is exact. A smaller selection is the start of a larger one."
+        "Starts with the points to keep, or with the one nearest the centroid. Each further point is the farthest from "
+        "all points chosen before it; this is exact. A smaller selection is the start of a larger one."
     )
     source = "Eldar, Lindenbaum, Porat and Zeevi 1997"
     supports = {
         Feature.RANKING: RANKING,
+        Feature.KEEP: "The choice starts with the points to keep: a single one is the start point.",
         Feature.SPACING: "No two kept points are nearer to each other. Every original point has a kept one within it.",
         Feature.FILES: "Other points than in memory, as far from each other.",
     }
     _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
+        import numpy as np
+
         from gppcs.spatial.farthest_in_parts import farthest_in_parts
         from gppcs.spatial.farthest_points import farthest_points
 
+        fixed, minimum = task.fixed, task.spacing or 0.0
         if task.stored is not None:
-            minimum = task.spacing or 0.0
-            return Selection(farthest_in_parts(task.stored, task.n_points, task.timer, task.map_parts, minimum))
-        total = task.n_points if task.spacing is None else None
+            keep = (np.empty(0, np.int64) if task.indices is None else task.indices, task.points)
+            return Selection(farthest_in_parts(task.stored, task.n_points, keep, task.timer, task.map_parts, minimum))
+        if fixed == task.n_points:
+            return Selection(np.arange(fixed))
+        total = task.n_points - fixed if task.spacing is None else None
         with task.timer("farthest points", total) as on_progress:
             indices, _ = farthest_points(
-                task.points, task.n_points, on_progress=on_progress, minimum=task.spacing or 0.0
+                task.points[fixed:],
+                task.n_points - fixed,
+                on_progress=on_progress,
+                before=task.points[:fixed],
+                minimum=minimum,
             )
-        return Selection(indices)
+        return Selection(np.append(np.arange(fixed), indices + fixed))

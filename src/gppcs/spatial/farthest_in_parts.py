@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.recfunctions import require_fields
 from numpy.typing import NDArray
 
-from gppcs.engine.arrays import Flags, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.farthest_points import farthest_points
@@ -22,13 +22,22 @@ NEGLIGIBLE = 1e-150  # A smaller distance counts as none; its square would vanis
 
 
 def farthest_in_parts(
-    stored: StoredPoints, n_points: int, timer: Timer, map_parts: MapParts, minimum: float = 0.0
+    stored: StoredPoints,
+    n_points: int,
+    keep: tuple[Ints, Floats],
+    timer: Timer,
+    map_parts: MapParts,
+    minimum: float = 0.0,
 ) -> Ints:
-    """Choose M points, at least some distance apart, and return their indices; fewer if no other is far enough."""
+    """Choose M points, at least some distance apart, and return their indices; fewer if no other is far enough.
+
+    The first ones are those to keep, of some indices and coordinates, (fixed, 3).
+    """
     sample = stored.sample
     first = min(4096, n_points, len(sample))  # so many of a sample tell the first distance
     distance = max(float(farthest_points(sample, first)[1][-1]) if first > 1 else math.inf, minimum)
-    chosen = np.empty(0, dtype=CHOSEN)
+    chosen = np.empty(len(keep[0]), dtype=CHOSEN)
+    chosen["row"], chosen["place"], chosen["distance"] = *keep, math.inf
     parts = stored.parts(PART)
     with timer("farthest points", n_points) as on_progress:
         while len(chosen) < n_points:
@@ -44,7 +53,7 @@ def farthest_in_parts(
             # The last distance is aimed a little too low, so that 5 % more points are chosen than are needed.
             step = math.sqrt(max(1, len(chosen)) / (1.05 * n_points))
             distance = max(_lower(distance, step) if math.isfinite(distance) else 0.0, minimum)
-    order = np.lexsort([chosen["row"], -chosen["distance"]])
+    order = np.lexsort([chosen["row"], -chosen["distance"], np.arange(len(chosen)) >= len(keep[0])])
     return chosen["row"][order[:n_points]]
 
 

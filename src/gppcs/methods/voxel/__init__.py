@@ -35,6 +35,7 @@ class Voxel(Method):
         'then columns, without limits in z. "most", "least": the point with the largest or smallest value of an '
         'attribute. "random": any point.',
     )
+    min_points: int = parameter(1, "Cells with fewer different points than this keep none.", minimum=1)
     attribute: str | None = parameter(None, 'The attribute that counts if keep is "most" or "least".')
 
     def __post_init__(self) -> None:
@@ -65,7 +66,9 @@ class Voxel(Method):
         edge = None if task.spacing is None else max(task.spacing, 1e-12)
         if task.stored is not None:
             stored = task.stored
-            indices, chosen, means = representatives_in_parts(stored, self.keep, edge, n_points, timer, task.map_parts)
+            indices, chosen, means = representatives_in_parts(
+                stored, self.keep, self.min_points, edge, n_points, timer, task.map_parts
+            )
         else:
             corner = points.min(axis=0)
             points = points - corner
@@ -74,9 +77,10 @@ class Voxel(Method):
                 if placed is not points:
                     check_columns(int(first_occurrences(placed).sum()), n_points)
                 with timer("size of cells"):
-                    edge = cell_edge(float(placed.max()), n_points, partial(occupied, placed))
+                    n_cells = partial(occupied, placed, min_points=self.min_points)
+                    edge = cell_edge(float(placed.max()), n_points, n_cells)
             with timer("representatives"):
-                indices, means = representatives(placed, edge, worth(points, self.keep, task.values))
+                indices, means = representatives(placed, edge, worth(points, self.keep, task.values), self.min_points)
                 means += corner
             chosen = points[indices]
         kept = np.arange(len(indices))

@@ -45,6 +45,8 @@ def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> f
     too_long = 2.0 * edge
     finest = 2.0**-40 * edge  # finer cells approach the rounding of coordinates
     while (fewest := occupied(edge)) < n_points:
+        if not fewest:  # halves of cells hold no more points
+            raise InputError(f"expected {n_points:,} cells with enough points, found fewer; lower min_points")
         too_long, edge = edge, edge / 2.0
         if edge < finest:  # division by a power of two does not round, so distinct points end in distinct cells
             edge = math.ldexp(0.5, math.frexp(edge)[1])
@@ -63,13 +65,21 @@ def cell_edge(size: float, n_points: int, occupied: Callable[[float], int]) -> f
     return best
 
 
-def occupied(points: Floats, edge: float) -> int:
-    """Return the number of occupied cells of a grid that starts at the origin. Shapes: points (N, 3)."""
-    return int(np.count_nonzero(first_occurrences(np.floor(points / edge))))
+def occupied(points: Floats, edge: float, min_points: int = 1) -> int:
+    """Return the number of cells of a grid from the origin on that hold so many points. Shapes: points (N, 3)."""
+    cells = np.floor(points / edge)
+    if min_points == 1:
+        return int(np.count_nonzero(first_occurrences(cells)))
+    return int(np.count_nonzero(np.unique(point_hashes(cells), return_counts=True)[1] >= min_points))
 
 
-def representatives(points: Floats, edge: float, worth: NDArray[Any] | None = None) -> tuple[Ints, Floats]:
-    """Return of each cell the point of greatest worth, by default nearest the mean, and the mean, (cells, 3)."""
+def representatives(
+    points: Floats, edge: float, worth: NDArray[Any] | None = None, min_points: int = 1
+) -> tuple[Ints, Floats]:
+    """Return of each cell with enough points that of greatest worth, by default nearest the mean, and their mean.
+
+    Shapes: points (N, 3); returns (cells,), (cells, 3).
+    """
     cells = np.floor(points / edge).T
     order = np.lexsort(cells)
     begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))
@@ -84,4 +94,5 @@ def representatives(points: Floats, edge: float, worth: NDArray[Any] | None = No
     candidates = np.flatnonzero(best)
     indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell, since the sort is stable
     ascending = np.argsort(indices)
+    ascending = ascending[sizes[ascending] >= min_points]
     return indices[ascending], means[ascending]
