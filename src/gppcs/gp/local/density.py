@@ -8,7 +8,14 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import EDGE_ROUGHNESS, MAX_REFINEMENT, MIN_ROUGHNESS, ROUNDNESS_POWER
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, squared_distance_of_boxes, squared_distance_to_box
+from gppcs.spatial.kdtree import (
+    KdTree,
+    after,
+    first_leaf,
+    leaf_range,
+    squared_distance_of_boxes,
+    squared_distance_to_box,
+)
 
 ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
@@ -71,28 +78,19 @@ def _limit_leaves(begin, end, points, lower, upper, spacings, slope, minima, lim
         box_lower, box_upper = lower[leaves + leaf], upper[leaves + leaf]
         first, last = leaf_range(n, leaves, leaves + leaf)
         largest = limits[first:last].max()
-        stack, bounds = np.empty(64, dtype=np.int64), np.empty(64, dtype=np.float64)
-        stack[0], bounds[0] = 1, minima[1]
-        height = 1
-        while height:
-            height -= 1
-            node = stack[height]
-            if bounds[height] >= largest:
-                continue
-            if node >= leaves:
+        node = 1
+        while node:
+            gap = squared_distance_of_boxes(lower[node], upper[node], box_lower, box_upper)
+            if minima[node] + slope * np.sqrt(gap) < largest:
+                if node < leaves:
+                    node *= 2
+                    continue
                 for j in range(*leaf_range(n, leaves, node)):
                     gap = squared_distance_to_box(box_lower, box_upper, points[0, j], points[1, j], points[2, j])
                     if spacings[j] + slope * np.sqrt(gap) < largest:
                         _lower(points[:, first:last], points[:, j], spacings[j], slope, limits[first:last])
                         largest = limits[first:last].max()
-                continue
-            for child in (2 * node, 2 * node + 1):
-                gap = squared_distance_of_boxes(lower[child], upper[child], box_lower, box_upper)
-                stack[height], bounds[height] = child, minima[child] + slope * np.sqrt(gap)
-                height += 1
-            a, b = height - 2, height - 1
-            if bounds[a] < bounds[b]:
-                stack[a], stack[b], bounds[a], bounds[b] = stack[b], stack[a], bounds[b], bounds[a]
+            node = after(node, 1)
 
 
 @kernel(allocates=False)
