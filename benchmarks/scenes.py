@@ -61,8 +61,8 @@ NOTES = (
     f"room, street and terrain are scenes of `gppcs sample` with {SCENE:,} points. {SURFACE_SAMPLE:,} other points of "
     "their surfaces judge them, seen by the same sensor without noise, and without leaves. The other scenes are "
     "compared with their own points, noise included.",
-    f"gp: mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of "
-    "the cloud turned at random; all are judged on the cloud as it is. Each rival ran once, on the cloud as it is.",
+    f"Mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of the "
+    "cloud turned at random, with other random numbers; all are judged on the cloud as it is.",
     "Rivals are those of quality.md. The best rival may differ between conditions and between measures.",
     "By area: each point counts by the area of the surface that it stands for (docs/evaluation.md).",
     "Lengths are in diagonals of the bounding box of the points that judge.",
@@ -88,7 +88,7 @@ def score(
     method : str
         A name of `gppcs.METHODS`.
     params : mapping of str to value, optional
-        Parameters of the method that replace the defaults. The method must not move points.
+        Parameters of the method that replace the defaults.
     ratio : float
         Share of the points to keep.
     seed : int
