@@ -50,6 +50,21 @@ def test_off(mesh, text, names):
 
 
 @pytest.mark.parametrize(
+    ("suffix", "text"),
+    [
+        (".off", "COFF\n2 0 0\n1.0 2.0 3.0 10 20 30 255\n4.0 5.0 6.0 11 21 31 128\n"),
+        (".off", "COFF\n2 0 0\n1.0 2.0 3.0 0.1 0.2 0.3 1.0\n4.0 5.0 6.0 0.0 0.0 1.0 0.5\n"),
+        (".obj", "v 1.0 2.0 3.0 0.039216 0.078431 0.117647\nv 4.0 5.0 6.0 0.2 1.0 0.0\n"),
+        (".obj", "v 1.0 2.0 3.0 0.12345 0.5 0.1\nv 4.0 5.0 6.0 0.2 1.0 0.0\n"),
+    ],
+)
+def test_colours_and_alpha_are_written_back(mesh, tmp_path, suffix, text):
+    cloud = read(mesh(suffix, text))
+    gppcs.write(tmp_path / f"again{suffix}", cloud)
+    assert (tmp_path / f"again{suffix}").read_text() == text
+
+
+@pytest.mark.parametrize(
     ("extra", "names"),
     [
         ("", []),

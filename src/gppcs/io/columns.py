@@ -51,10 +51,10 @@ def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
 
 
 def with_byte_colours(cloud: PointCloud) -> PointCloud:
-    """Return a cloud whose colours are bytes, as other programs expect them, if these hold its floats."""
+    """Return a cloud whose colours are bytes, as other programs expect them, if these hold them."""
     names = [name for name in (*COLOUR, "alpha") if name in cloud.attributes]
     columns = [cloud.attributes[name] for name in names]
-    if not set(COLOUR) <= set(names) or any(column.dtype.kind != "f" or column.ndim > 1 for column in columns):
+    if not set(COLOUR) <= set(names) or any(column.dtype.kind not in "if" or column.ndim > 1 for column in columns):
         return cloud
     table: Column = np.column_stack(columns)
     if not (len(table) and np.isfinite(table).all() and full_scale(table) <= 255 and fit_eight_bits(table)):

@@ -90,9 +90,9 @@ class Format:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
                 if (new == name or column.dtype.kind == "f") and not _are_equal(column, stored.attributes[new]):
-                    limits, is_scale = _scaling(column, stored.attributes[new])
-                    (remarks if is_scale else values).append(
-                        f"the {'scale' if is_scale else 'exact values'} of attribute {name}{limits}"
+                    limits, is_exact = _scaling(column, stored.attributes[new])
+                    (remarks if is_exact else values).append(
+                        f"the {'scale' if is_exact else 'exact values'} of attribute {name}{limits}"
                     )
             elif part := next((part for part in (name, new) if f"{part}_0" in stored.attributes), None):
                 remarks.append(f"attribute {name} under one name (its numbers become {part}_0, {part}_1 and so on)")
@@ -141,13 +141,13 @@ def _are_equal(values: Column, stored: Column) -> bool:
 
 
 def _scaling(values: Column, stored: Column) -> tuple[str, bool]:
-    """Return in words which numbers the least and the largest become, and whether all lie as exactly between these."""
+    """Return in words which numbers the least and the largest become, and whether this is an exact change of depth."""
     if not len(values) or values.dtype.kind != "f" or stored.dtype.kind not in "iu":
         return "", False
     (lower, upper), (first, last) = ((float(part.min()), float(part.max())) for part in (values, stored))
-    between = first + (values - lower) * ((last - first) / ((upper - lower) or 1.0))
-    is_scale = bool((np.abs(between - stored) <= 4e-6 * max(abs(first), abs(last))).all())
-    return f" ({lower:g} to {upper:g} become {first:g} to {last:g})", is_scale
+    factor = min((255.0, 257.0, 65535.0), key=lambda factor: abs(factor * upper - last))
+    is_exact = bool((np.abs(factor * values - stored) <= 4e-6 * factor).all())
+    return f" ({lower:g} to {upper:g} become {first:g} to {last:g})", is_exact
 
 
 def _rounding(points: NDArray[np.float64], rounded: NDArray[np.float64]) -> tuple[list[str], bool]:

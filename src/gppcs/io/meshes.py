@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.colours import eight_bits, fit_eight_bits
+from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names
@@ -174,19 +174,16 @@ def open_gltf(file: BufferedReader) -> Reader:
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
     """Write points with their normals and colours, as far as they have these, and triangles, as an OFF file."""
     normals = [cloud.attributes[name] for name in NORMALS if name in cloud.attributes]
-    colours = colours_of(cloud)
-    keyword = f"{'' if colours is None else 'C'}{'N' if normals else ''}OFF"
-    file.write(f"{keyword}\n{len(cloud)} {len(faces)} 0\n".encode())
-    write_rows(file, [*_coordinates(cloud), *normals, *(() if colours is None else colours.T)])
+    colours = _colours_as_text(cloud, 255)
+    file.write(f"{'C' if colours else ''}{'N' if normals else ''}OFF\n{len(cloud)} {len(faces)} 0\n".encode())
+    write_rows(file, [*_coordinates(cloud), *normals, *colours])
     write_rows(file, list(faces.T), prefix="3 ")
 
 
 def write_obj(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
     """Write points with colours from 0 to 1, normals, and triangles, as an OBJ file."""
     normals = [cloud.attributes[name] for name in NORMALS if name in cloud.attributes]
-    colours = colours_of(cloud)
-    fractions = [] if colours is None else list(np.round(colours / 255, 6).T)
-    write_rows(file, _coordinates(cloud) + fractions, prefix="v ")
+    write_rows(file, _coordinates(cloud) + _colours_as_text(cloud, 1), prefix="v ")
     numbers = list((faces + 1).T)
     if not normals:
         write_rows(file, numbers, prefix="f ")
@@ -210,26 +207,44 @@ def _coordinates(cloud: PointCloud) -> list[Column]:
     return list(cloud.points.astype(coordinate_type(cloud), copy=False).T)
 
 
+def _colours_as_text(cloud: PointCloud, full: int) -> list[Column]:
+    """Return colours as columns from 0 to 255 or 1, or as fractions where these are finer than 8 bits."""
+    colours = colours_of(cloud)
+    if colours is None:
+        return []
+    exact = _stacked(cloud)
+    if not fit_eight_bits(exact):
+        return list(exact.T)
+    return list((colours if full == 255 else np.round(colours / 255, 6)).T)
+
+
 def colours_of(cloud: PointCloud) -> NDArray[np.uint8] | None:
-    """Return the colours of the points, (N, 3), as bytes; None if there are none."""
+    """Return the colours of the points, (N, 3), or (N, 4) with alpha, as bytes; None if there are none."""
     return eight_bits(_stacked(cloud)) if set(COLOUR) <= set(cloud.attributes) else None
 
 
 def _stacked(cloud: PointCloud) -> Column:
-    """Return the colours of the points, (N, 3), in their own type."""
-    return np.column_stack([cloud.attributes[name] for name in COLOUR])
+    """Return the colours of the points, (N, 3), or (N, 4) with alpha, in their own type."""
+    return np.column_stack([cloud.attributes[name] for name in (*COLOUR, "alpha") if name in cloud.attributes])
 
 
 def stored_of(
     cloud: PointCloud, groups: Sequence[Sequence[str]] = (NORMALS, COLOUR), single: bool = False
 ) -> PointCloud:
-    """Return a cloud with those groups of attributes that are complete, colours of 8 bits, and rounded coordinates."""
+    """Return a cloud with those groups of attributes that are complete, with colours of 8 bits or fractions as text.
+
+    With `single`, coordinates are rounded to float32, and fractions to 8 bits.
+    """
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
     names = {name for group in groups if set(group) <= numbers for name in group}
     stored = keeping(cloud, lambda name, values: name in names)
     colours = colours_of(stored)
-    if colours is not None and not fit_eight_bits(_stacked(stored)):
-        stored = replace(stored, attributes={**stored.attributes, **dict(zip(COLOUR, colours.T, strict=True))})
+    if colours is not None:
+        exact = _stacked(stored)
+        are_fractions = not single and exact.dtype.kind == "f" and full_scale(exact) == 1
+        if not are_fractions and not fit_eight_bits(exact):
+            columns = dict(zip((*COLOUR, "alpha"), colours.T, strict=False))
+            stored = replace(stored, attributes={**stored.attributes, **columns})
     with np.errstate(over="ignore"):
         return replace(stored, points=stored.points.astype(np.float32).astype(np.float64)) if single else stored
 
@@ -242,7 +257,7 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         open_off,
         write_off,
         lambda start, size: re.match(rb"\s*C?N?OFF(?![A-Za-z])", start) is not None,
-        stored_of,
+        partial(stored_of, groups=(NORMALS, COLOUR, (*COLOUR, "alpha"))),
         _MESH,
     ),
     Format(
