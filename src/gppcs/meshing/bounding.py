@@ -10,7 +10,8 @@ from gppcs.meshing.collapse import collapse
 from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh
-from gppcs.meshing.exchange import changes, collapse_all, fit_all
+from gppcs.meshing.exchange import changes, collapse_all
+from gppcs.meshing.fit import fit_all
 from gppcs.meshing.flips import flip_all
 
 

@@ -13,10 +13,10 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import is_allowed, move_triangles
-from gppcs.meshing.cuts import TriangleTree, follow, is_free
+from gppcs.meshing.cuts import TriangleTree
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, thinness
-from gppcs.meshing.fit import fit
+from gppcs.meshing.fit import fit, fit_all, is_star_free, mark
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import (
     MAX_VALENCE,
@@ -132,7 +132,7 @@ def collapse_all(fitted, tree, edges, dense_index, thin_cost, costs, changed):
             continue
         cost, position = _collapsed(fitted, star, h, thin_cost)
         removed = h // 3, (mesh.opposite[h] // 3 if mesh.opposite[h] >= 0 else h // 3)
-        if cost == np.inf or not _is_free(fitted, tree, star, u, position, removed, inside):
+        if cost == np.inf or not is_star_free(fitted, tree, star, u, position, removed, inside):
             costs[h] = np.inf
             continue
         if _squared(fitted, dense_index[v], position) < _squared(fitted, dense_index[u], position):
@@ -140,34 +140,9 @@ def collapse_all(fitted, tree, edges, dense_index, thin_cost, costs, changed):
         move_triangles(mesh, v, u, star.halves)
         store(fitted, star, u, position, thin_cost)
         changed[v] = True
-        _mark(fitted, tree, star, u, changed)
+        mark(fitted, tree, star, u, changed)
         count += 1
     return count
-
-
-@kernel(allocates=False)
-def _mark(fitted, tree, star, v, changed):
-    """Mark a vertex and the ring around it as changed, and let a tree follow the triangles between."""
-    changed[v] = True
-    for k in range(star.sizes[0]):
-        edge = star.edges[k]
-        changed[fitted.mesh.origin[edge]] = changed[fitted.mesh.origin[following(edge)]] = True
-        follow(fitted.mesh, fitted.vertices, tree, edge // 3)
-
-
-@kernel
-def _is_free(fitted, tree, star, u, position, removed, inside):
-    """Return whether no triangle of a star with the vertex u at a position cuts another of a tree, or of the star."""
-    mesh, vertices, count = fitted.mesh, fitted.vertices, star.sizes[0]
-    before, patch, new = row(vertices, u), np.empty(count + 2, dtype=np.int64), np.empty((count, 3), dtype=np.int64)
-    vertices[u, 0], vertices[u, 1], vertices[u, 2] = position
-    for k in range(count):
-        edge = star.edges[k]
-        patch[k], new[k, 0], new[k, 1], new[k, 2] = edge // 3, u, mesh.origin[edge], mesh.origin[following(edge)]
-    patch[count], patch[count + 1] = removed
-    free = is_free(mesh, vertices, tree, inside, patch, new)
-    vertices[u, 0], vertices[u, 1], vertices[u, 2] = before
-    return free
 
 
 @kernel
@@ -228,7 +203,7 @@ def _split_all(fitted, tree, edges, dense_index, thin_cost, max_count, changed):
             star.edges[k], divided[faces[k]] = 3 * faces[k] + 1, True
         dense_index[w], used[nearest] = nearest, True
         store(fitted, star, w, position, thin_cost)
-        _mark(fitted, tree, star, w, changed)
+        mark(fitted, tree, star, w, changed)
         count += 1
     return count
 
@@ -251,22 +226,3 @@ def split_edge(mesh, h, w, faces):
     a, b = mesh.origin[h], mesh.origin[o]
     c, d = mesh.origin[preceding(h)], mesh.origin[preceding(o)]
     replace_triangles(mesh, faces, np.array([[w, b, c], [w, c, a], [w, a, d], [w, d, b]]))
-
-
-@kernel
-def fit_all(fitted, tree, thin_cost):
-    """Fit all vertices to the points around them, one after another, so that no triangle cuts those of a tree."""
-    star = room_for_star(len(fitted.points))
-    inside = np.zeros(len(fitted.first), dtype=np.bool_)
-    changed = np.zeros(len(fitted.vertices), dtype=np.bool_)
-    for v in range(len(fitted.vertices)):
-        if fitted.mesh.leaving[v] < 0:
-            continue
-        here = row(fitted.vertices, v)
-        empty(star, here)
-        before = add_around(fitted, star, v, -1, thin_cost)
-        lowest, position = fit_star(fitted, star, here, thin_cost)
-        face = star.edges[0] // 3
-        if lowest < before and _is_free(fitted, tree, star, v, position, (face, face), inside):
-            store(fitted, star, v, position, thin_cost)
-            _mark(fitted, tree, star, v, changed)

@@ -176,7 +176,7 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     assigned = _thinned(request, draft, target, counts_faces)
     if request.moved:
         with timer("fit"):
-            for _ in range(4):
+            for _ in range(3):
                 assigned = flip(draft, fit(draft, assigned))
     draft = _exchanged(request, draft, assigned)
     with timer("mending"):
