@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 
 import numpy as np
 
@@ -12,53 +13,32 @@ from gppcs.engine.kernels import kernel
 
 def hierarchical_clusters(points: Floats, size: int, variation: float) -> Ints:
     """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
-    coordinates, order, chosen = _in_columns(points, len(points))
-    return chosen[: _part_to_limits(coordinates, order, size, variation, chosen)]
+    return _central_points(points, len(points), size, variation)
 
 
 def clusters_by_variation(points: Floats, n_points: int) -> Ints:
     """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
-    coordinates, order, chosen = _in_columns(points, n_points)
-    _part_most_varied(coordinates, order, chosen)
-    return chosen
+    return _central_points(points, n_points, 1, math.inf)
 
 
-def _in_columns(points: Floats, n_clusters: int) -> tuple[Floats, Ints, Ints]:
-    """Return the coordinates, (3, N), the indices, (N,), and an empty array for the choice, (clusters,)."""
-    return points.T.copy(), np.arange(len(points)), np.empty(n_clusters, dtype=np.int64)
-
-
-@kernel
-def _part_to_limits(coordinates, order, size, variation, chosen):
-    """Fill `chosen`, (N,), with the representatives and return their number; `coordinates` is (3, N), `order` (N,)."""
-    n = len(order)
-    buffer, order_buffer = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
-    centroid, axis = np.empty(3, dtype=np.float64), np.empty(3, dtype=np.float64)
-    count = 0
-    pending = [(0, n)]
-    while pending:
-        begin, end = pending.pop()
-        varies = _spread(coordinates, begin, end, centroid, axis)
-        if end - begin > size or varies > variation:
-            middle = _part(coordinates, order, begin, end, centroid, axis, buffer, order_buffer)
-            if begin < middle < end:
-                pending.append((middle, end))
-                pending.append((begin, middle))
-                continue
-        chosen[count] = order[_most_central(coordinates, begin, end, centroid)]
-        count += 1
-    return count
+def _central_points(points: Floats, maximum: int, size: int, variation: float) -> Ints:
+    """Choose a point of each cluster; those within both limits are not split, nor is any if there are as many."""
+    chosen = np.empty(maximum, dtype=np.int64)
+    return chosen[: _split(points.T.copy(), np.arange(len(points)), size, variation, chosen)]
 
 
 @kernel
-def _part_most_varied(coordinates, order, chosen):
-    """Split clusters until there is one for each element of `chosen`, (M,); `coordinates` is (3, N), `order` (N,)."""
-    n, n_clusters = len(order), len(chosen)
+def _split(coordinates, order, size, variation, chosen):
+    """Split clusters of points, (3, N), beyond the limits; fill `chosen`, (M,), and return the number of clusters."""
+    n, maximum = len(order), len(chosen)
     buffer, order_buffer = np.empty((3, n), dtype=np.float64), np.empty(n, dtype=np.int64)
-    begins, ends = np.zeros(n_clusters, dtype=np.int64), np.full(n_clusters, n, dtype=np.int64)
-    centroids, axes = np.empty((n_clusters, 3), dtype=np.float64), np.empty((n_clusters, 3), dtype=np.float64)
+    begins, ends = np.zeros(maximum, dtype=np.int64), np.full(maximum, n, dtype=np.int64)
+    centroids, axes = np.empty((maximum, 3), dtype=np.float64), np.empty((maximum, 3), dtype=np.float64)
     heap = [_rank(coordinates, order, 0, n, centroids[0], axes[0], 0)]
-    for count in range(1, n_clusters):
+    if n <= size and heap[0][0] >= -variation * n:
+        heap.clear()
+    count = 1
+    while heap and count < maximum:
         cluster = heapq.heappop(heap)[3]
         begin, end = begins[cluster], ends[cluster]
         middle = _part(coordinates, order, begin, end, centroids[cluster], axes[cluster], buffer, order_buffer)
@@ -68,10 +48,12 @@ def _part_most_varied(coordinates, order, chosen):
         ends[count] = end
         for child in (cluster, count):
             rank = _rank(coordinates, order, begins[child], ends[child], centroids[child], axes[child], child)
-            if ends[child] - begins[child] > 1:
+            if -rank[1] > size or rank[0] < variation * rank[1]:
                 heapq.heappush(heap, rank)
-    for cluster in range(n_clusters):
+        count += 1
+    for cluster in range(count):
         chosen[cluster] = order[_most_central(coordinates, begins[cluster], ends[cluster], centroids[cluster])]
+    return count
 
 
 @kernel
