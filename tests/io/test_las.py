@@ -286,7 +286,7 @@ def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
 def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
     with pytest.raises(OutputError, match=message):
         write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
-    with pytest.raises(OutputError, match="at most 341 attributes in extra bytes, found 342"):
+    with pytest.raises(OutputError, match="laspy reports: "):
         write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), {f"a{i}": np.zeros(1) for i in range(342)}))
     assert not any(tmp_path.iterdir())
 

@@ -206,7 +206,7 @@ def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, wi
     numbers for each point; wider ones become several.
     """
     check_coordinates(cloud.points)
-    cloud = cloud if isinstance(cloud.header, LasHeader) else _in_las_terms(cloud)
+    cloud = _in_las_terms(cloud)
     las = deepcopy(cloud.header.las) if isinstance(cloud.header, LasHeader) else _new_header(cloud, point_formats)
     attributes = _fit_attributes(cloud, las, widest)
     for i, values in enumerate(cloud.points.T):
@@ -232,9 +232,10 @@ def las_name(name: str) -> str:
 
 def _in_las_terms(cloud: PointCloud) -> PointCloud:
     """Return a cloud with the names of LAS, and with fractions as intensities and colours in 16 bits."""
+    in_header = cloud.header.las.point_format.dimension_names if isinstance(cloud.header, LasHeader) else ()
     columns: dict[str, Column] = {}
     for name, values in cloud.attributes.items():
-        new = las_name(name)
+        new = name if name in in_header else las_name(name)
         columns[name if new in cloud.attributes or new in columns else new] = values
     for group in (("intensity",), COLOUR):
         floats = [columns[name] for name in group if name in columns and columns[name].dtype.kind == "f"]
@@ -301,8 +302,6 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
                 kept[part] = numbers
                 dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
                 extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
-    if len(extra) > 341:  # of which the records are longer than one may be
-        raise OutputError(f"expected at most 341 attributes in extra bytes, found {len(extra):,}; drop some")
     standard.dimensions += extra
     if standard != las.point_format:
         with reported_writing():
