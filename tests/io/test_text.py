@@ -211,22 +211,6 @@ def test_letters_of_colours_become_their_names(table, header, names):
     assert list(read(table(f"{header}\n{row}\n")).attributes) == names
 
 
-@pytest.mark.parametrize(
-    ("names", "rows", "kind"),
-    [
-        ("red green blue", ["0 255 7", "1 2 3"], "uint8"),
-        ("red green blue", ["0 256 7"], "int64"),
-        ("red green blue", ["0.5 0.1 1.0"], "float64"),
-        ("red green blue alpha", ["4 5 6 256"], "int64"),
-        ("red green alpha", ["4 5 6"], "int64"),
-    ],
-)
-def test_colours_of_one_byte_are_of_type_uint8(table, names, rows, kind):
-    cloud = read(table(f"x y z {names}\n" + "".join(f"1 2 3 {row}\n" for row in rows)))
-    assert {str(values.dtype) for values in cloud.attributes.values()} == {kind}
-    assert cloud.attributes["green"].tolist() == [float(row.split()[1]) for row in rows]
-
-
 @pytest.mark.parametrize("text", ["1 2 3 4 a\n", "lon lat alt i n\n1 2 3 4 a\n", "1\n# x y z a b\n1 2 3 4 a\n"])
 @pytest.mark.parametrize("suffix", [".txt", ".pts"])
 def test_columns_take_the_names_that_are_given(table, text, suffix):

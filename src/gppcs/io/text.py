@@ -20,7 +20,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, coordinate_names
+from gppcs.clouds.columns import coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of, default_names, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping
@@ -73,7 +73,7 @@ def open_table(
         delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
         lines = _rows(file, preview)
         for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
-            yield from at_most(n, [PointCloud.from_columns(_with_byte_colours(dict(zip(names, block, strict=True))))])
+            yield from at_most(n, [PointCloud.from_columns(dict(zip(names, block, strict=True)))])
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
@@ -157,18 +157,6 @@ def _rows(file: BufferedReader, preview: _Preview) -> Iterator[str]:
     """Yield the lines from the first row on."""
     file.seek(0)
     return islice(lines_of(file), preview.line - 1, None) if preview.line else iter(())
-
-
-def _with_byte_colours(columns: dict[str, Column]) -> dict[str, Column]:
-    """Return columns with colours as uint8, the type in which other programs expect them, if they fit."""
-    colours = {name: columns[name] for name in ("red", "green", "blue", "alpha") if name in columns}
-    are_bytes = all(
-        values.dtype.kind == "i" and values.min(initial=0) >= 0 and values.max(initial=0) <= 255
-        for values in colours.values()
-    )
-    if not are_bytes or not {"red", "green", "blue"} <= set(colours):
-        return columns
-    return columns | {name: values.astype(np.uint8) for name, values in colours.items()}
 
 
 def write_table(file: BinaryIO, cloud: PointCloud, separator: str = " ", counted: bool = False) -> None:
