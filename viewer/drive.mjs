@@ -89,6 +89,12 @@ const labels = (tab) => tab.locator(".label").allInnerTexts();
 const tab = await opened(report, 1280, 900, "light");
 seen.title = await tab.title();
 seen.heading = await tab.locator("h1").innerText();
+const solid = async () => ({
+  pictures: await pictures(tab), labels: await labels(tab),
+  pressed: await tab.locator("#meshes").getAttribute("aria-pressed"),
+});
+seen.opened = await solid();
+await tab.locator("#points").click();
 seen.start = await pictures(tab);
 seen.labels = await labels(tab);
 seen.colourings = {};
@@ -151,12 +157,18 @@ await tab.mouse.up();
 seen.swipe.dragged = { divider: await tab.locator("#divider").inputValue(), pictures: await pictures(tab) };
 await tab.locator("#beside").click();
 await tab.locator("#meshes").click();
-seen.meshes = { pictures: await pictures(tab), labels: await labels(tab) };
+seen.meshes = await solid();
+await tab.selectOption("#colouring", "variation");
+seen.meshes.coloured = await pictures(tab);
+await tab.selectOption("#colouring", { index: 0 });
+await tab.locator("#count").fill("500");
+seen.meshes.fewer = await solid();
+await tab.locator("#count").fill("1000");
 await tab.locator("#points").click();
 seen.points = await pictures(tab);
 await tab.locator("#canvas").focus();
 await tab.keyboard.press("m");
-seen.meshes.pressed = await tab.locator("#meshes").getAttribute("aria-pressed");
+seen.meshes.again = await solid();
 seen.verdicts = await tab.locator("#verdicts li").allInnerTexts();
 seen.figures = await tab.locator("#table").innerText();
 seen.plotted = await tab.locator("#plot circle").count();

@@ -54,3 +54,38 @@ def test_a_file_with_triangles_is_drawn_as_a_mesh(printed, folder):
     Path("tent.ply.gz").write_bytes(gzip.compress(Path("tent.ply").read_bytes()))
     printed("render", "tent.ply.gz", "-o", "again.png", "--size", "120x90")
     assert Path("again.png").read_bytes() == Path("tent.png").read_bytes()
+
+
+BALL = gppcs.sample("sphere", 3000)
+
+
+def test_a_result_is_drawn_beside_its_original_with_the_surface_through_it(printed, folder):
+    gppcs.write("ball.ply", BALL)
+    gppcs.write("small.ply", gppcs.simplify(BALL, n_points=100, method="fps").cloud)
+    assert printed("render", "ball.ply", "small.ply", "-o", "a.png") == "a.png: 3,000 points beside 100 points\n"
+    pair = image("a.png")
+    panels = np.split(pair[96:-96, : pair.shape[1] // 3 * 3].min(axis=2) < 0.97, 3, axis=1)
+    closed = [panel.mean() for panel in panels]
+    assert closed[2] == pytest.approx(closed[0], rel=0.1)  # as many pixels as the original
+    printed("render", "ball.ply", "small.ply", "-o", "b.png", "--colour", "variation")
+    assert np.abs(image("b.png")[: len(pair)] - pair).max() > 0.1
+
+
+def test_a_mesh_stands_beside_a_cloud(printed, folder):
+    mesh = gppcs.mesh(BALL, n_points=100)
+    gppcs.write("ball.ply", BALL)
+    gppcs.write_mesh("mesh.ply", mesh.mesh)
+    counts = f"100 vertices, {len(mesh.mesh.faces)} triangles"
+    assert printed("render", "ball.ply", "mesh.ply", "-o", "a.png") == f"a.png: 3,000 points beside {counts}\n"
+    assert printed("render", "mesh.ply", "ball.ply", "-o", "b.png") == f"b.png: {counts} beside 3,000 points\n"
+    drawn = [image(name).min(axis=2)[150:-150] < 0.97 for name in ("a.png", "b.png")]
+    left, right = drawn[0][:, : drawn[0].shape[1] // 2], drawn[1][:, : drawn[1].shape[1] // 2]
+    assert left.mean() == pytest.approx(right.mean(), rel=0.1)
+
+
+def test_few_points_are_drawn_as_the_surface_through_them(printed, folder):
+    gppcs.write("few.ply", BALL[:300])
+    printed("render", "few.ply", "-o", "a.png", "--size", "320x240")
+    drawn = image("a.png").min(axis=2) < 0.97
+    rows = np.flatnonzero(drawn.any(axis=1))
+    assert all(np.diff(np.flatnonzero(drawn[row])).max(initial=1) == 1 for row in rows)  # without a gap

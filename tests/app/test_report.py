@@ -9,6 +9,7 @@ import pytest
 
 import gppcs
 from command_line import described, files
+from gppcs.evaluation.reconstruction import distances_to
 
 
 @pytest.fixture
@@ -71,3 +72,29 @@ def test_view_shows_the_faces_of_a_mesh(printed, refused, folder, opened):
     content = (folder / "tent.ply").read_bytes()
     (folder / "tent.ply").write_bytes(content[:-4] + b"\xff\xff\xff\x7f")  # the last corner is no vertex
     refused(("view", "tent.ply", "-o", "bad.html", "--no-open"), "tent.ply: ", "indices of vertices 0 to 3")
+
+
+def test_results_have_the_surface_through_them_and_a_mesh_is_judged_by_its_surface(gppcs_command, folder):
+    ball = gppcs.sample("sphere", 3000)
+    result, mesh = gppcs.simplify(ball, n_points=200, method="fps"), gppcs.mesh(ball, n_points=100).mesh
+    gppcs.write("ball.ply", ball)
+    gppcs.write("small.ply", result)
+    gppcs.write_mesh("mesh.ply", mesh)
+    assert gppcs_command("report", "ball.ply", "small.ply", "mesh.ply", "-o", "r.html", "-q")[0] == 0
+    page = described("r.html")
+    original, small, light = page["clouds"]
+    assert (original["mesh"], page["solid"]) == (None, True)
+    assert (small["counted"], small["mesh"]["vertices"]) == ("points", 200)
+    assert (light["counted"], light["mesh"]["triangles"]) == ("vertices", len(mesh.faces))
+    [prefix] = light["prefixes"]
+    distances = distances_to(mesh, ball.points)
+    assert prefix["figures"]["surface_mean"] == pytest.approx(distances.mean(), rel=1e-4)
+    assert prefix["figures"]["surface_max"] == pytest.approx(distances.max(), rel=1e-4)
+    assert f"100 vertices, {len(mesh.faces)} triangles" in page["lead"]
+
+
+def test_a_sparse_cloud_is_seen_as_the_surface_through_it(printed, folder):
+    gppcs.write("small.ply", gppcs.sample("sphere", 300))
+    printed("view", "small.ply", "-o", "v.html", "--no-open")
+    page = described("v.html")
+    assert (page["lead"], page["solid"], page["clouds"][0]["mesh"]["vertices"]) == ("300 points", True, 300)

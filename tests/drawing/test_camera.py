@@ -33,6 +33,14 @@ def test_everything_is_seen_and_fills_the_panel(extents, heights):
     assert (np.ptp(pixels, axis=0) / camera.shape).max() > 0.9
 
 
+@pytest.mark.parametrize("scan", ["medallion", "bracket", "fan"])
+def test_a_cloud_is_seen_from_where_its_results_and_its_mesh_are(scan):
+    cloud = gppcs.sample(scan, n_points=20_000)
+    expected = Viewpoint().guessed(cloud.points)
+    assert Viewpoint().guessed(gppcs.simplify(cloud, ratio=0.05).cloud.points) == expected
+    assert Viewpoint().guessed(spread_over(gppcs.mesh(cloud, n_points=1000).mesh)) == expected
+
+
 @pytest.mark.parametrize(("up", "front"), FRONTS.items())
 def test_the_viewpoint_says_what_is_up_and_from_where_one_looks(up, front):
     right, to_viewer = map(axis, front)

@@ -6,6 +6,7 @@ import pytest
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.colours import name_of_kind
 from gppcs.drawing.single import draw_single
 from gppcs.errors import InputError, ParameterError
 
@@ -72,6 +73,17 @@ def test_kinds_have_a_colour_each_and_amounts_a_scale_and_what_is_unknown_is_gre
     assert np.ptp(image[10:90, 70], axis=0).max() > 0.3
     outlier = np.where(np.arange(1600) == 0, 1e6, points[:, 1])  # which does not move the scale
     assert np.abs(picture(PointCloud(points, {"depth": outlier}), colour="depth")[0] - image)[:, 52:].mean() < 0.02
+
+
+def test_classes_have_the_names_of_the_las_specification():
+    names = [name_of_kind("classification", kind) for kind in (2, 6.0, 12, 64)]
+    assert names == ["2 ground", "6 building", "12", "64"]
+    assert name_of_kind("label", 2) == "2"
+    many = {name: np.arange(1600, dtype=np.uint8) % 20 for name in ("classification", "kind")}
+    image, _ = picture(PointCloud(plane(), many), colour="classification", size=(640, 480), bar=True)
+    amounts, _ = picture(PointCloud(plane(), many), colour="kind", size=(640, 480), bar=True)
+    assert np.ptp(image[-60:], axis=(0, 1)).max() > 0.5  # a legend
+    assert np.abs(image - amounts).max() > 0.5
 
 
 def test_normals_of_the_cloud_shade_it_where_they_are_known():

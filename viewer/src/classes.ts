@@ -4,13 +4,6 @@ import type { Layer } from "./scene";
 import type { State } from "./state";
 
 const CLASSIFICATION = "attribute:classification";
-// As the LAS specification (ASPRS) names the classes of point formats 6 to 10.
-const NAMES = [
-  "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation", "building",
-  "low noise", "", "water", "rail", "road", "", "wire guard", "wire conductor", "transmission tower", "wire connector",
-  "bridge deck", "high noise", "overhead structure", "ignored ground", "snow", "temporal exclusion",
-];
-
 /** Return the different values of a quantity in all clouds if they are kinds rather than amounts. */
 export function kindsOf({ clouds }: State, key: string): number[] | null {
   const found = clouds.flatMap(({ values }) => values.filter((each) => each.key === key));
@@ -19,8 +12,8 @@ export function kindsOf({ clouds }: State, key: string): number[] | null {
 }
 
 /** Return what the legend calls a kind. */
-export function nameOf(key: string, kind: number): string {
-  const name = key === CLASSIFICATION ? NAMES[kind] : "";
+export function nameOf({ described }: State, key: string, kind: number): string {
+  const name = key === CLASSIFICATION ? described.classes[kind] : "";
   return name ? `${shown(kind)} ${name}` : shown(kind);
 }
 

@@ -16,13 +16,13 @@ export interface Values {
   block: string;
 }
 
-/** A surface rebuilt from the points of a cloud. */
+/** The surface of a cloud: of its file, through its points, or rebuilt from them. */
 export interface Surface {
   vertices: number;
   triangles: number;
   low: [number, number, number];
   step: [number, number, number];
-  blocks: { positions: string; faces: string };
+  blocks: { positions: string; faces: string; points: string };
 }
 
 export interface Prefix {
@@ -34,6 +34,8 @@ export interface Prefix {
 export interface Cloud {
   name: string;
   role: "original" | "result" | "cloud";
+  /** What its points are: those of a mesh are its vertices. */
+  counted: "points" | "vertices";
   points: number;
   shown: number;
   low: [number, number, number];
@@ -78,6 +80,10 @@ export interface Description {
   azimuth: number;
   elevation: number;
   together: boolean;
+  /** Whether surfaces are shown at first, where there are some. */
+  solid: boolean;
+  /** What classes of LAS files are called, by number. */
+  classes: string[];
   diagonal: number;
   /** Of lengths; empty if the file does not tell it. */
   unit: string;
@@ -155,6 +161,8 @@ export function coordinates({ low, step }: Cloud, { positions }: Arrays, index: 
 export interface Triangles {
   positions: Uint16Array<ArrayBuffer>;
   faces: Uint32Array<ArrayBuffer>;
+  /** For each vertex the place of the point whose colour it has. */
+  points: Uint32Array<ArrayBuffer>;
 }
 
 export async function trianglesOf({ blocks, vertices, triangles }: Surface): Promise<Triangles> {
@@ -162,7 +170,8 @@ export async function trianglesOf({ blocks, vertices, triangles }: Surface): Pro
   // The second and third column are running sums of the steps from the first vertex.
   for (let i = faces.length - 3; i >= 0; i -= 3)
     for (const j of [i + 1, i + 2]) faces[j] = faces[i]! + faces[j]! - (i > 0 ? faces[j - 3]! : 0);
-  return { positions: await unpacked(blocks.positions, vertices, 3, Uint16Array), faces };
+  const points = await unpacked(blocks.points, vertices, 1, Uint32Array);
+  return { positions: await unpacked(blocks.positions, vertices, 3, Uint16Array), faces, points };
 }
 
 export function valuesOf(cloud: Cloud, values: Values): Promise<Uint16Array<ArrayBuffer>> {

@@ -36,16 +36,16 @@ export function fillFigures(described: Description): void {
     `${shown(described.diagonal)}. The best value of each row is marked.`;
   byId("plottext").textContent =
     "Each line is one result, cut after fewer and fewer of its points. Shorter results are real ones only where the " +
-    "order of the points is a ranking, as for gp, fps, random, sample-elimination and top-variation.";
+    "order of the points is a ranking, as for gp, fps, random, sample-elimination, qem and top-variation.";
 }
 
 /** Say in a sentence how far the original is from a result. */
-function verdictOn({ name, prefixes }: Cloud, unit: string): HTMLElement {
+function verdictOn({ name, prefixes, counted }: Cloud, unit: string): HTMLElement {
   const length = (figure: string) => `${shown(prefixes.at(-1)!.figures[figure] ?? NaN, 3)} ${unit}`.trim();
   const said = element("li");
   said.append(
     element("b", name), ": no original point is farther than ", element("b", length("surface_max")),
-    ` from the surface through the kept points (surface max); 95 % are within ${length("surface_p95")} (surface p95).`,
+    ` from ${counted === "vertices" ? "its surface" : "the surface through the kept points"} (surface max); 95 % are within ${length("surface_p95")} (surface p95).`,
   );
   return said;
 }

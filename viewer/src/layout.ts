@@ -31,9 +31,9 @@ export function arrange(state: State): void {
 }
 
 /** Return the clouds that stand side by side. By distances, the view of each result shows the original, so that needs none. */
-function sideBySide({ shown, colouring, original, meshes }: State): number[] {
+function sideBySide({ shown, colouring, original }: State): number[] {
   const clouds = [...shown].sort((a, b) => a - b);
-  return colouring === DISTANCE && !meshes && clouds.length > 1 ? clouds.filter((cloud) => cloud !== original) : clouds;
+  return colouring === DISTANCE && clouds.length > 1 ? clouds.filter((cloud) => cloud !== original) : clouds;
 }
 
 /** Return the number of columns for some views, the size of each view, and the height of all. */
@@ -54,13 +54,8 @@ function heightBeside(): number {
 
 /** Return the layer that shows a cloud: for distances the original, which is coloured by its distance to the cloud. */
 function layerOf(state: State, cloud: number): Layer {
-  const copy = state.colouring === DISTANCE && !isSolid(state, cloud) ? state.copies.get(cloud) : undefined;
+  const copy = state.colouring === DISTANCE ? state.copies.get(cloud) : undefined;
   return copy ?? state.layers[cloud]!;
-}
-
-/** Return whether the surface of a cloud is shown in place of its points. */
-function isSolid({ meshes, layers }: State, cloud: number): boolean {
-  return meshes && layers[cloud]!.mesh !== null;
 }
 
 function labelOf(state: State, view: CloudView, atEnd: boolean): HTMLElement {
@@ -75,11 +70,11 @@ function labelOf(state: State, view: CloudView, atEnd: boolean): HTMLElement {
 
 /** Return what a label says below the name of a cloud. */
 function linesOf(state: State, { cloud, layer }: CloudView): string[] {
-  const { name, prefixes, mesh } = state.clouds[cloud]!;
-  if (isSolid(state, cloud)) return [`${mesh!.triangles.toLocaleString("en")} triangles`];
-  const { role, points } = layer.cloud;
+  const { name, prefixes } = state.clouds[cloud]!;
+  const { role, points, mesh, counted } = layer.cloud;
   const visible = role === "original" ? points : Math.min(points, state.first);
-  const lines = [`${visible.toLocaleString("en")} points`];
+  const triangles = state.meshes && layer.isSolid ? `, ${mesh!.triangles.toLocaleString("en")} triangles` : "";
+  const lines = [`${visible.toLocaleString("en")} ${counted}${triangles}`];
   const isCopy = layer !== state.layers[cloud];
   if (isCopy) lines.push(`coloured by the distance to ${name}`);
   // Distances are those to all points of a result.

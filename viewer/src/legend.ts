@@ -65,7 +65,7 @@ function fillKinds(state: State, kinds: number[]): void {
   });
   const elsewhere = [...hidden.keys()].filter((each) => each !== colouring);
   byId("hiddenkinds").textContent = elsewhere.map((each) =>
-    `Hidden: ${endsOf(state, each)!.values.title} ${[...hidden.get(each)!].map((kind) => nameOf(each, kind)).join(", ")}.`,
+    `Hidden: ${endsOf(state, each)!.values.title} ${[...hidden.get(each)!].map((kind) => nameOf(state, each, kind)).join(", ")}.`,
   ).join(" ");
 }
 
@@ -76,7 +76,7 @@ function entryOf(state: State, kind: number, i: number): HTMLElement {
   box.addEventListener("change", () => showKinds(state, colouring, [kind], box.checked));
   const swatch = element("i");
   swatch.style.background = `rgb(${kindColour(i).join(" ")})`;
-  label.append(box, swatch, element("span", nameOf(colouring, kind)));
+  label.append(box, swatch, element("span", nameOf(state, colouring, kind)));
   return label;
 }
 

@@ -99,6 +99,7 @@ async function unpackRest(state: State): Promise<void> {
     const { mesh } = layer.cloud;
     if (mesh) state.views.add(layer.addMesh(mesh, await trianglesOf(mesh)));
   }
+  state.coloured = ""; // surfaces have no colours yet
   state.redraw(); // by now somebody may have chosen another colouring, or a point
 }
 

@@ -1,11 +1,6 @@
-precision highp float;
-precision highp int;
-
 // Points as discs that lie in the surface.
 in vec3 position;   // 0 to 1 in 16 bits, or in steps
 in vec2 octahedral; // the normal, folded out to a square
-in float amount;    // the value to colour by, 0 to 65535
-in vec3 colour;     // RGB of the scan
 in float rank;      // row in the file
 in float spread;    // distance to the next points, relative to the usual one: 128 + 40 log2
 
@@ -15,9 +10,6 @@ uniform vec3 low, extent, clipLow, clipHigh;
 uniform float radius, pixels, limit, light;
 uniform vec3 middle;     // of the node of an octree
 uniform float radii[8];  // factors of the radius in its eight parts
-uniform vec3 scale; // value at the low end, 1 / range, exponent; in the numbers of `amount`
-uniform int mode;   // 0: the value, 1: RGB, 2: kinds
-uniform sampler2D table;
 
 out vec3 tint;
 flat out vec3 facing;
@@ -32,15 +24,8 @@ void main() {
   if (normal.z < 0.0) normal.xy = (1.0 - abs(normal.yx)) * vec2(normal.x < 0.0 ? -1.0 : 1.0, normal.y < 0.0 ? -1.0 : 1.0);
   normal = normalize(normalMatrix * normal);
   facing = dot(normal, seen.xyz) > 0.0 ? -normal : normal; // to the viewer: signs are arbitrary
-  vec3 plain = amount > 65534.5 ? vec3(0.6) : vec3(0.0);
-  if (mode == 1) plain = colour;
-  else if (amount < 65534.5) {
-    float step = mode == 2 ? (mod(amount, 256.0) + 0.5) / 256.0
-                           : pow(clamp((amount - scale.x) * scale.y, 0.0, 1.0), scale.z) * (255.0 / 256.0) + 0.5 / 256.0;
-    plain = texture(table, vec2(step, 0.5)).rgb;
-  }
   float lit = 0.5 + 0.62 * max(dot(facing, normalize(vec3(-0.35, 0.45, 0.82))), 0.0);
-  tint = plain * mix(1.0, lit, light);
+  tint = plainTint() * mix(1.0, lit, light);
   bvec3 beyond = greaterThanEqual(position, middle);
   float factor = radii[int(beyond.x) + 2 * int(beyond.y) + 4 * int(beyond.z)];
   gl_PointSize = clamp(2.0 * radius * factor * exp2((spread - 128.0) / 40.0) * pixels / -seen.z, 1.5, 64.0);

@@ -14,6 +14,7 @@ import type { Octree } from "./octree";
 import passShader from "./pass.vert.glsl";
 import fragmentShader from "./points.frag.glsl";
 import vertexShader from "./points.vert.glsl";
+import tintShader from "./tint.glsl";
 
 const FIELD = 30; // degrees, of the camera
 const SAMPLE = 20000; // points of a cloud that decide how far away the camera stands
@@ -21,6 +22,8 @@ const WIDEST = 3; // extent that is shown whole, as a multiple of that of nearly
 const MARGIN = 1.03; // of the window around the clouds, as a multiple of theirs
 const COVERING = 1.7; // radius of a point in spacings, at which the discs close the surface
 const KEPT = 1.1; // that of a point of a result: larger discs would jut out where it bends
+const APART = 0.5; // that of a point of a sparse cloud, whose discs would hide its shape if they closed the surface
+const SPARSE = 10_000; // points that are shown of a cloud, at most, if it is sparse
 const MOVING = 0.55; // share of these radii while the view moves, when speed counts more than pinholes
 const WANTED = 45; // milliseconds for a picture while the view moves; if it takes longer, fewer points are drawn
 const LONGEST = 80; // milliseconds for a picture of surfaces; if it takes longer, points are drawn while the view moves
@@ -62,6 +65,7 @@ export class Layer {
   readonly radii = new Float32Array(8).fill(1); // factors of the points' radii
   readonly unit: number; // of the positions, in steps
   mesh: Mesh<BufferGeometry, RawShaderMaterial> | null = null;
+  private vertexPoints: Uint32Array | null = null; // whose colours the vertices of the mesh have
   octree: Octree | null = null; // with deeper levels of the cloud
   numbers: Map<Values, Uint16Array> | null = null; // of the points of a node
   start = 0; // of the points of a node among those of the cloud
@@ -84,14 +88,21 @@ export class Layer {
     this.points.frustumCulled = false;
   }
 
-  /** Give the layer the surface rebuilt from its points, and return it. */
-  addMesh(surface: Surface, { positions, faces }: Triangles): Mesh {
+  /** Give the layer its surface, and return that. */
+  addMesh(surface: Surface, { positions, faces, points }: Triangles): Mesh {
+    const { colours } = this.arrays;
+    const n = surface.vertices;
+    this.vertexPoints = points;
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
+    geometry.setAttribute("colour", new BufferAttribute(colours ? taken(colours, 3, points) : new Uint8Array(3 * n), 3, true));
+    geometry.setAttribute("amount", new BufferAttribute(new Uint16Array(n), 1));
     geometry.setIndex(new BufferAttribute(faces, 1));
     const [low, extent] = boxIn(this.frame, surface);
-    const uniforms = { low: { value: low }, extent: { value: extent }, light: { value: 1 }, ...clippedTo(this.clip) };
-    const shaders = { vertexShader: meshVertexShader, fragmentShader: meshFragmentShader };
+    const { scale, mode, table } = this.points.material.uniforms as Record<string, IUniform>; // the colours of the points
+    const own = { low: { value: low }, extent: { value: extent }, light: { value: 1 }, ...clippedTo(this.clip) };
+    const uniforms = { ...own, scale, mode, table } as Record<string, IUniform>;
+    const shaders = { vertexShader: tintShader + meshVertexShader, fragmentShader: meshFragmentShader };
     this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
     this.mesh.frustumCulled = false;
     return this.mesh;
@@ -103,6 +114,12 @@ export class Layer {
     if (numbers) (attribute.array as Uint16Array).set(taken(numbers, 1, this.shuffled));
     else (attribute.array as Uint16Array).fill(mode === 1 ? 0 : 65535);
     attribute.needsUpdate = true;
+    if (this.mesh) {
+      const ofMesh = this.mesh.geometry.getAttribute("amount") as BufferAttribute;
+      if (numbers) (ofMesh.array as Uint16Array).set(taken(numbers, 1, this.vertexPoints!));
+      else (ofMesh.array as Uint16Array).fill(mode === 1 ? 0 : 65535);
+      ofMesh.needsUpdate = true;
+    }
     const { uniforms } = this.points.material;
     uniforms["mode"]!.value = mode;
     (uniforms["scale"]!.value as Vector3).set(...scale);
@@ -158,6 +175,11 @@ export class Layer {
     return true;
   }
 
+  /** Whether the layer has a surface, and that is one of all points that are shown. */
+  get isSolid(): boolean {
+    return this.mesh !== null && this.limit >= this.cloud.points;
+  }
+
   set limit(rows: number) {
     this.points.material.uniforms["limit"]!.value = rows;
   }
@@ -195,7 +217,7 @@ function material({ origin, scale, middle, radii, clip }: Layer): RawShaderMater
     light: { value: 1 }, scale: { value: new Vector3(0, 1, 1) }, mode: { value: 0 }, table: { value: AMOUNTS_TABLE },
     ...clippedTo(clip),
   };
-  return new RawShaderMaterial({ glslVersion: GLSL3, vertexShader, fragmentShader, uniforms });
+  return new RawShaderMaterial({ glslVersion: GLSL3, vertexShader: tintShader + vertexShader, fragmentShader, uniforms });
 }
 
 /** Return 0 to n - 1 in an order whose beginnings are even samples; it is always the same. */
@@ -438,9 +460,9 @@ export class Views {
 
   /** Return the radius of the points of a layer. */
   private radius({ cloud, frame, limit }: Layer): number {
-    const visible = Math.max(1, Math.min(limit, cloud.points)) / cloud.points;
-    const covering = cloud.role === "result" ? KEPT : COVERING;
-    return covering * this.size * cloud.spacing / frame.size / Math.sqrt(visible);
+    const visible = Math.max(1, Math.min(limit, cloud.points));
+    const covering = cloud.octree || visible > SPARSE ? (cloud.role === "result" ? KEPT : COVERING) : APART;
+    return covering * this.size * cloud.spacing / frame.size / Math.sqrt(visible / cloud.points);
   }
 
   /** Whether surfaces are drawn now. */
@@ -518,7 +540,7 @@ export class Views {
   private drawView({ layer, place, from, to }: View): void {
     const { renderer, target } = this;
     const ratio = renderer.getPixelRatio();
-    const parts = this.withSurfaces && layer.mesh ? [] : layer.parts;
+    const parts = this.withSurfaces && layer.isSolid ? [] : layer.parts;
     const shown = new Set<Object3D>(parts.length > 0 ? parts.map(({ points }) => points) : [layer.mesh!]);
     for (const other of this.turned.children) other.visible = shown.has(other);
     const bottom = target.height - (place.top + place.height) * ratio;

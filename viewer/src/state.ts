@@ -68,7 +68,7 @@ export class State implements Settings {
   size = 1;
   up: string;
   first: number;
-  meshes = false;
+  meshes: boolean;
   shown: ReadonlySet<number>;
   swiping = false;
   left: number;
@@ -92,6 +92,7 @@ export class State implements Settings {
     this.longest = Math.max(...this.clouds.filter(({ role }) => role !== "original").map(({ points }) => points));
     this.first = this.longest;
     this.up = described.up;
+    this.meshes = described.solid;
     this.shown = new Set(this.clouds.keys());
     this.left = Math.max(0, this.original);
     this.right = this.clouds.length - 1;

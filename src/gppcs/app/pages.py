@@ -14,9 +14,11 @@ from gppcs import __version__, io
 from gppcs.app.printing import print_error
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
-from gppcs.drawing.camera import Viewpoint
-from gppcs.drawing.cloud_images import painted
+from gppcs.drawing.camera import Viewpoint, spread_over
+from gppcs.drawing.cloud_images import ColouredCloud, painted
+from gppcs.drawing.colours import RGB, Colourable
 from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
+from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
 from gppcs.evaluation.mesh_comparison import MeshEntry
@@ -56,8 +58,8 @@ def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
     shown = []
     for entry in entries:
         if entry.report and entry.mesh:
-            vertices = PointCloud(entry.mesh.vertices[np.unique(entry.mesh.faces)])
-            shown.append(Named(entry.pipeline, vertices, entry.mesh, f"it is a vertex of the mesh by {entry.pipeline}"))
+            vertices, reason = np.unique(entry.mesh.faces), f"it is a vertex of the mesh by {entry.pipeline}"
+            shown.append(Named(entry.pipeline, PointCloud(entry.mesh.vertices[vertices]), entry.mesh, reason, True))
     return shown
 
 
@@ -78,6 +80,28 @@ def draw_beside(
     for named, caption in zip(shown, captions, strict=True):
         columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh, counted))
     draw_comparison(file, columns, viewpoint, legend, close_ups)
+
+
+def draw_pair(
+    file: BinaryIO, original: Named, simplified: Named, caption: str, viewpoint: Viewpoint, colour: str | None
+) -> None:
+    """Write a PNG of a finite cloud or mesh and of another beside it; of points, also the surface through them."""
+    original, simplified = in_one_unit([original, simplified])
+    has_rgb = Colourable.from_cloud(original.cloud).rgb is not None
+    everything, legend = painted(original.cloud, colour or (RGB if has_rgb else None))
+
+    def column(named: Named, cloud: ColouredCloud, caption: str) -> Column:
+        if named.mesh is None:
+            return Column(named.name, cloud, caption, None)
+        return Column(named.name, everything.at(spread_over(named.mesh)), caption, named.mesh, is_mesh=True)
+
+    columns = [column(original, everything, "")]
+    columns.append(column(simplified, everything.at(simplified.cloud.points), caption))
+    are_points = original.mesh is None and simplified.mesh is None
+    if are_points and (surface := surface_through(simplified.cloud, original.cloud)):
+        joined = Named("joined", simplified.cloud, surface, is_mesh=True)
+        columns.append(column(joined, everything, "the surface through them"))
+    draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:

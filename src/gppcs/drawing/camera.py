@@ -41,10 +41,12 @@ class Viewpoint:
             return up, self.direction or (20.0, 20.0)  # beside the camera
         along = "xyz".index(up[-1])
         broad, deep = np.delete(extent, along)
-        # On the broad side. Models usually face -y if z is up, and +z if y is up: both are azimuth 0.
+        # On the broad side, if one is clearly broader: a cloud and its mesh are seen from the same side. Models usually
+        # face -y if z is up, and +z if y is up: both are azimuth 0.
+        is_deep = broad < 0.9 * deep
         if _lies(extent, along):
-            return up, (90.0 if broad < deep else 0.0, 55.0)
-        return up, (50.0 if broad < deep else 30.0, 22.0)  # turned a little
+            return up, (90.0 if is_deep else 0.0, 55.0)
+        return up, (50.0 if is_deep else 30.0, 22.0)  # turned a little
 
 
 GUESSED = Viewpoint()  # up and direction are guessed

@@ -56,7 +56,7 @@ def painted(cloud: PointCloud, colour: str | None) -> tuple[ColouredCloud, Legen
         assert attributes.rgb is not None
         return replace(coloured, colours=attributes.rgb / 255.0), Legend("RGB")
     values = attributes.columns[colour]
-    kinds = kinds_of(values)
+    kinds = kinds_of(values, colour)
     legend = Legend.of_amounts([values], colour, root=False) if kinds is None else Legend.of_kinds(kinds, colour)
     return replace(coloured, colours=legend.colours_of(values)), legend
 
@@ -85,10 +85,11 @@ class Original:
 class View:
     """The original cloud as a camera sees it."""
 
-    def __init__(self, original: Original, camera: Camera) -> None:
+    def __init__(self, original: Original, camera: Camera, is_closed: bool = True) -> None:
         self.original, self.camera = original, camera
-        # The sixth neighbour is 1.4 mean spacings away. Discs a little larger than that leave almost no gaps.
-        radii = 1.2 * camera.scale * original.spacing
+        # The sixth neighbour is 1.4 mean spacings away. Discs a little larger than that leave almost no gaps; others
+        # reach half of the way to the neighbours.
+        radii = (1.2 if is_closed else 0.5 / 1.4) * camera.scale * original.spacing
         # Outliers have no near neighbours, but must not become large discs.
         largest = np.clip(4.0 * np.median(radii), 1.0, MAX_SURFACE_RADIUS * camera.enlargement)
         radii = np.clip(radii, 1.0, largest)

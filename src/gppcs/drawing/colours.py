@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import eight_bits, full_scale
 from gppcs.clouds.lookup import bounded
+from gppcs.clouds.ranges import CLASSES
 from gppcs.engine.arrays import Floats
 from gppcs.errors import ParameterError, nearest_name, shown
 
@@ -22,6 +23,15 @@ if TYPE_CHECKING:
 RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an attribute of that name wins
 # The palette of Okabe and Ito, for kinds; the page for the browser has the same.
 KINDS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7f00", "#7a5195")
+MAX_CLASSES = 32  # that have a colour each; more numbers count as amounts
+CLASSIFICATION = "classification"
+# As the LAS specification (ASPRS) names the classes of point formats 6 to 10.
+CLASS_NAMES = (
+    "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation", "building",
+    "low noise", "", "water", "rail", "road", "", "wire guard", "wire conductor", "transmission tower",
+    "wire connector", "bridge deck", "high noise", "overhead structure", "ignored ground", "snow",
+    "temporal exclusion",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,12 +67,23 @@ class Colourable:
             raise ParameterError(f"expected a colour or an attribute of numbers that the cloud has, found {actual}")
 
 
-def kinds_of(values: NDArray[Any], maximum: int = len(KINDS)) -> NDArray[Any] | None:
-    """Return the different values (K,) if they are kinds, at most so many, rather than amounts."""
+def kinds_of(values: NDArray[Any], title: str) -> NDArray[Any] | None:
+    """Return the different values (K,) of a quantity if they are few kinds, or classes, rather than amounts."""
     if np.issubdtype(values.dtype, np.floating):
         return None
     kinds = np.unique(values)
-    return kinds if 0 < len(kinds) <= maximum else None
+    return kinds if 0 < len(kinds) <= (MAX_CLASSES if title in CLASSES else len(KINDS)) else None
+
+
+def _kind_colours(count: int) -> list[tuple[float, float, float]]:
+    """Return the colours of kinds, as the page has them: the palette, then the palette lightened, and so on in turn."""
+    from matplotlib.colors import to_rgb
+
+    colours = [to_rgb(KINDS[i % len(KINDS)]) for i in range(count)]
+    return [
+        tuple(part + 0.55 * (1.0 - part) for part in colour) if i // len(KINDS) % 2 else colour  # type: ignore[misc]
+        for i, colour in enumerate(colours)
+    ]
 
 
 @dataclass(frozen=True)
@@ -95,7 +116,7 @@ class Legend:
         from matplotlib.colors import BoundaryNorm, ListedColormap
 
         norm = BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds))
-        return cls(title, ScalarMappable(norm, ListedColormap(KINDS[: len(kinds)])), kinds)
+        return cls(title, ScalarMappable(norm, ListedColormap(_kind_colours(len(kinds)))), kinds)
 
     def colours_of(self, values: NDArray[Any]) -> Floats:
         """Return the colours (N, 3) of values (N,)."""
@@ -112,19 +133,38 @@ class Legend:
 
         if self.scale is None:
             return
+        if self.kinds is not None:
+            self._add_kinds(figure, box, size)
+            return
         axes = figure.add_axes(box)
-        if self.kinds is None:
-            extend = "max" if isinstance(self.scale.norm, PowerNorm) else "both"
-            start, end = self.scale.get_clim()
-            ticks = [tick for tick in MaxNLocator(4).tick_values(start, end) if start <= tick <= end]
-            bar = figure.colorbar(self.scale, axes, orientation="horizontal", extend=extend, ticks=ticks)
-        else:
-            bar = figure.colorbar(self.scale, axes, orientation="horizontal")
-            bar.set_ticks(range(len(self.kinds)), labels=[f"{float(kind):g}" for kind in self.kinds])
-            bar.minorticks_off()
+        extend = "max" if isinstance(self.scale.norm, PowerNorm) else "both"
+        start, end = self.scale.get_clim()
+        ticks = [tick for tick in MaxNLocator(4).tick_values(start, end) if start <= tick <= end]
+        bar = figure.colorbar(self.scale, axes, orientation="horizontal", extend=extend, ticks=ticks)
         bar.outline.set_visible(False)
         axes.tick_params(labelsize=size - 2.0, color="0.5", labelcolor="0.35", length=3)
         bar.set_label(self.title, fontsize=size, color="0.25", parse_math=False)
+
+    def _add_kinds(self, figure: Figure, box: tuple[float, float, float, float], size: float) -> None:
+        """Add a colour and a name for each kind to a figure, in as many columns as fit."""
+        from matplotlib.patches import Patch
+
+        assert self.kinds is not None
+        names = [name_of_kind(self.title, kind) for kind in self.kinds]
+        longest = max(map(len, names)) + 5  # with the patch and what is around it
+        letters = 0.9 * 72.0 * figure.get_figwidth() / (0.6 * (size - 2.0))  # that fit side by side
+        patches = [Patch(color=colour) for colour in self.colours_of(self.kinds)]
+        figure.legend(
+            patches, names, loc="center", bbox_to_anchor=(0.5, box[1] + box[3] / 2.0), title=self.title,
+            ncols=max(1, min(len(names), int(letters / longest))), fontsize=size - 2.0, title_fontsize=size,
+            frameon=False, labelcolor="0.25",
+        )  # fmt: skip
+
+
+def name_of_kind(title: str, kind: float) -> str:
+    """Return what the legend of a quantity calls a kind."""
+    name = CLASS_NAMES[int(kind)] if title == CLASSIFICATION and 0 <= kind < len(CLASS_NAMES) else ""
+    return f"{float(kind):g} {name}".rstrip()
 
 
 def scale_ends(values: NDArray[Any], root: bool) -> tuple[float, float]:

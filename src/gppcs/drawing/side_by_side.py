@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.mesh import Mesh, size_text
 from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
@@ -27,13 +27,19 @@ Square = tuple[int, int, int]  # column and row of the upper left corner, and si
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the picture: a cloud and the mesh rebuilt from it."""
+    """One column of the picture: a cloud and the mesh rebuilt from it, or the mesh alone."""
 
     title: str
     cloud: ColouredCloud
     caption: str
     mesh: Mesh | None
     counted: str = "points"
+    is_mesh: bool = False  # whether the mesh stands in place of the cloud, in its colours
+
+    @property
+    def size_text(self) -> str:
+        """The number of points, or of vertices and triangles."""
+        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud.points):,} {self.counted}"
 
 
 def draw_comparison(
@@ -49,17 +55,20 @@ def draw_comparison(
     Close-ups show the squares in which its mean surface variation is largest.
     """
     require_matplotlib()
-    with_meshes = any(column.mesh for column in columns)
+    with_meshes = any(column.mesh and not column.is_mesh for column in columns)
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / 6))  # at most six
     width = min(560 if close_ups else 776, (2400 - GAP) // per_row - GAP)  # pixels
     # Without its normals: those of the surface variation would show less of the relief.
     views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint, close_ups)
     cameras = [view.camera for view in views]
-    sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes)
+    sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes, bool(legend.scale))
     for number, column in enumerate(columns):
         cloud, colours = column.cloud, column.cloud.colours_by(legend)
         sheet.write(number, column)
+        if column.mesh and column.is_mesh:
+            sheet.add(number, 0, mesh_images(column.mesh, cameras, cloud.at(column.mesh.vertices).colours_by(legend)))
+            continue
         drawn = [view.points(cloud, colours, 6.5) if number else view.surface(colours) for view in views]
         sheet.add(number, 0, drawn)
         if column.mesh:
@@ -100,7 +109,13 @@ class _Sheet:
     """A matplotlib figure with columns of panels and their close-ups. Positions are in pixels from the upper left."""
 
     def __init__(
-        self, columns: Sequence[Column], per_row: int, sizes: list[tuple[int, int]], squares: list[Square], meshes: bool
+        self,
+        columns: Sequence[Column],
+        per_row: int,
+        sizes: list[tuple[int, int]],
+        squares: list[Square],
+        meshes: bool,
+        has_bar: bool,
     ) -> None:
         from matplotlib.figure import Figure
 
@@ -112,14 +127,13 @@ class _Sheet:
         cells = [divmod(number, per_row) for number in range(len(columns))]
         self.corners = [(GAP + column * (self.panel[0] + GAP), row * row_height) for row, column in cells]
         self.width = GAP + per_row * (self.panel[0] + GAP)
-        self.height = (cells[-1][0] + 1) * row_height + BAR
+        self.height = (cells[-1][0] + 1) * row_height + (BAR if has_bar else GAP)
         self.figure = Figure(figsize=(self.width / 100, self.height / 100), dpi=100, facecolor="white")
 
     def write(self, number: int, column: Column) -> None:
-        """Write the title, the number of points and the caption of a column, and "no mesh" in place of one."""
-        counted = f"{len(column.cloud.points):,} {column.counted}"
+        """Write the title, the size and the caption of a column, and "no mesh" in place of one."""
         self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
-        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), counted, TEXT, color="0.35")
+        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), column.size_text, TEXT, color="0.35")
         for line, text in enumerate(column.caption.split("\n")):
             self._text(number, self.tops[-1] + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
         if self.with_meshes and not column.mesh:

@@ -14,6 +14,7 @@ from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint, spre
 from gppcs.drawing.cloud_images import MAX_SURFACE_RADIUS, ColouredCloud, Original, View, painted
 from gppcs.drawing.colours import RGB, Colourable, Legend
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib
@@ -23,6 +24,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, bounds
 
 SMALLEST = 64  # pixels
+PIXELS_PER_POINT = 60  # of a picture; with more, points are so few that discs would hide the shape
 DPI = 64  # a power of two, so that matplotlib does not round sizes in pixels
 
 
@@ -36,6 +38,8 @@ def draw_single(
     bar: bool = True,
 ) -> tuple[str, int, int]:
     """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points.
+
+    Of few points, that is the mesh through them; where they lie on no surface, single discs.
 
     Returns what the colours show, empty for a white mesh, the number of points that are not finite, and that of points
     so far from all others that they are outside the picture.
@@ -54,11 +58,14 @@ def draw_single(
     frame = Frame.from_bounds(*bounds(everything))
     seen_points, local = frame.local(corners), mesh and Mesh(frame.local(mesh.vertices), mesh.faces)
     seen, legend = _coloured(finite.moved(frame.local(finite.points)), colour, mesh is not None)
+    is_sparse = mesh is None and PIXELS_PER_POINT * len(finite) < width * height
+    if is_sparse:
+        local = surface_through(PointCloud(seen_points))
     below = 74 if bar and legend.scale and height - 74 >= SMALLEST else 0  # pixels for the colour bar
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
     looked = Viewpoint(*viewpoint.guessed(finite.points if mesh is None else spread_over(mesh)))
     camera = Camera.towards(seen_points, width, (height - below,) * 2, looked, radius)
-    _write(file, _image(seen, local, camera), (width, height), below, legend)
+    _write(file, _image(seen, local, camera, not is_sparse), (width, height), below, legend)
     drawn, _ = camera.pixels(seen_points)
     outside = int(((drawn < 0) | (drawn >= np.array(camera.shape))).any(axis=1).sum())
     return legend.title, len(cloud) - len(indices), outside
@@ -88,13 +95,13 @@ def _coloured(cloud: PointCloud, colour: str | None, is_mesh: bool) -> tuple[Col
     return replace(seen, colours=seen.colours_by(legend)), legend
 
 
-def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera) -> Floats:
+def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera, is_closed: bool) -> Floats:
     """Return the picture of a cloud, or of a mesh whose vertices have the colours of the nearest points."""
     if seen is None or seen.colours is None:
         assert mesh is not None
         return mesh_images(mesh, [camera])[0]
     if mesh is None:
-        return View(Original(seen), camera).surface(seen.colours)
+        return View(Original(seen), camera, is_closed).surface(seen.colours)
     distinct = np.flatnonzero(first_occurrences(seen.points))
     nearest, _ = KdTree.build(seen.points[distinct]).nearest_of(mesh.vertices, 1)
     return mesh_images(mesh, [camera], seen.colours[distinct[nearest[:, 0]]])[0]

@@ -149,7 +149,8 @@ class TestInTheBrowser:
             assert max(right - left, bottom - top) > 0.85
 
     def test_the_surface_has_no_pinholes(self, seen):
-        assert max(picture["holes"] for picture in seen["start"]) < 2e-4
+        closed = [seen["start"][0], *seen["opened"]["pictures"][:2]]  # the others are discs with gaps between them
+        assert max(picture["holes"] for picture in closed) < 2e-4
 
     def test_each_colouring_changes_the_views_and_its_legend(self, seen):
         colourings = seen["colourings"]
@@ -271,14 +272,25 @@ class TestInTheBrowser:
 
     def test_meshes_take_the_place_of_points_where_there_are_some(self, seen):
         *meshes, voxels = seen["meshes"]["labels"]
-        assert all(re.fullmatch(r".*\n[\d,]+ triangles", label) for label in meshes)
+        assert all(re.fullmatch(r".*\n[\d,]+ points, [\d,]+ triangles(\nlargest error .*)?", label) for label in meshes)
         assert voxels == seen["labels"][2]
         assert all_differ(seen["start"][:2], seen["meshes"]["pictures"][:2])
         for points, drawn in zip(seen["start"], seen["meshes"]["pictures"], strict=True):
             assert drawn["box"] == pytest.approx(points["box"], abs=0.05)
         assert digests(seen["meshes"]["pictures"])[2] == digests(seen["start"])[2]
         assert digests(seen["points"]) == digests(seen["start"])
-        assert seen["meshes"]["pressed"] == "true"
+        assert all_differ(seen["meshes"]["pictures"], seen["meshes"]["coloured"])  # as the points are
+
+    def test_a_page_opens_with_its_meshes(self, seen):
+        for shown in (seen["opened"], seen["meshes"], seen["meshes"]["again"]):
+            assert shown["pressed"] == "true"
+            assert digests(shown["pictures"])[:2] == digests(seen["opened"]["pictures"])[:2]
+
+    def test_a_mesh_of_all_points_does_not_stand_for_the_first_ones(self, seen):
+        fewer = seen["meshes"]["fewer"]
+        assert fewer["labels"][1:] == seen["fewer"]["labels"][1:]
+        assert digests(fewer["pictures"])[1:] == digests(seen["fewer"]["pictures"])[1:]
+        assert "triangles" in fewer["labels"][0]
 
     def test_figures_and_plot_are_there_below_a_verdict(self, seen, scan, kept):
         report = gppcs.evaluate(scan, kept.cloud)

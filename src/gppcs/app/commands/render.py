@@ -21,7 +21,7 @@ EPILOG = (
 def render(
     sources: Annotated[
         list[Path],
-        options.files("IN [SIMPLIFIED]", "A cloud, and a simplified cloud to draw beside it; or a mesh (extra view)."),
+        options.files("IN [SIMPLIFIED]", "A cloud or a mesh, and a simplified one to draw beside it."),
     ],
     output: Annotated[Path, options.output("PNG", "The picture to write; - is standard output.")],
     colour: options.Colour = None,
@@ -36,14 +36,15 @@ def render(
 ) -> None:
     """Draw a picture of a cloud or a mesh. It needs no display.
 
-    A cloud is drawn as a surface without gaps between its points, lines of a sparse scan as points. Points whose
-    value is unknown are grey. Of a simplified cloud, single points are drawn, in the colours of the original. By
-    default, one cloud or mesh has its RGB; a cloud without it, and two clouds, show surface variation.
+    A cloud is drawn as a surface without gaps between its points, or as the mesh through them if they are few; lines
+    of a sparse scan are points. Points whose value is unknown are grey. Of a simplified cloud, single points are drawn
+    in the colours of the original, and beside them the surface through them. By default, clouds and meshes have
+    the RGB of the first; a cloud without it shows surface variation.
     """
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import different_names, draw_beside
+    from gppcs.app.pages import different_names, draw_pair
     from gppcs.drawing.single import checked_size, draw_single
     from gppcs.drawing.web.layers import Named
     from gppcs.engine.extras import require_matplotlib
@@ -57,14 +58,16 @@ def render(
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
     if len(sources) == 2:
-        clouds = [item.cloud for item in read_each(sources, input_format, names_of(columns))]
-        original, kept = (cloud[cloud.is_finite()] for cloud in clouds)
-        first, second = map(visible, different_names(sources))
-        caption = f"{len(kept) / max(len(original), 1):.1%} of the points"
+        names, read = map(visible, different_names(sources)), read_each(sources, input_format, names_of(columns), True)
+        first, second = (
+            Named(name, item.cloud[item.cloud.is_finite()], item.mesh, is_mesh=item.mesh is not None)
+            for name, item in zip(names, read, strict=True)
+        )
+        caption = f"{len(second.cloud) / max(len(first.cloud), 1):.1%} of the points"
         with io.whole_output(output, force) as file:
-            draw_beside(file, Named(first, original), [(Named(second, kept), caption)], viewpoint, colour, close_ups=0)
+            draw_pair(file, first, second, "" if first.mesh or second.mesh else caption, viewpoint, colour)
         if not quiet and not io.is_standard(output):
-            say(f"{output}: {len(clouds[0]):,} and {len(clouds[1]):,} points beside each other")
+            say(f"{output}: {first.size_text} beside {second.size_text}")
         return
     (source,) = sources
     ((cloud, _, mesh),) = read_each(sources, input_format, names_of(columns), use_faces=True)

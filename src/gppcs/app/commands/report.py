@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from gppcs.app import options
 from gppcs.app.options import option
 from gppcs.app.printing import names_of, print_error, say, started
-
-if TYPE_CHECKING:
-    from gppcs.clouds.mesh import Mesh
 
 EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
@@ -51,6 +49,7 @@ def report(
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
+    from gppcs.drawing.surfaces import surface_through
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
 
@@ -61,14 +60,17 @@ def report(
     if meshes:
         require_pymeshlab()
     with timer("reading"):
-        read = [item.cloud for item in read_each(inputs, input_format, names_of(columns))]
-    surfaces: list[Mesh | None] = [None] * len(read)
-    finite = [cloud[cloud.is_finite()] for cloud in read]
-    names = different_names(inputs)
-    if meshes and all(map(len, finite)):  # the page refuses empty clouds
-        with timer("meshes"):
-            surfaces = [rebuilt(name, cloud, finite[0]) for name, cloud in zip(names, finite, strict=True)]
-    clouds = [Named(*named) for named in zip(names, read, surfaces, strict=True)]
+        read = read_each(inputs, input_format, names_of(columns), use_faces=True)
+    named_inputs = zip(different_names(inputs), read, strict=True)
+    clouds = [Named(name, item.cloud, item.mesh, is_mesh=item.mesh is not None) for name, item in named_inputs]
+    finite = [item.cloud[item.cloud.is_finite()] for item in read]
+    if all(map(len, finite)):  # the page refuses empty clouds
+        for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):
+            with timer(f"surface of {named.name}"):
+                if meshes and named.mesh is None:
+                    clouds[number] = replace(named, mesh=rebuilt(named.name, cloud, finite[0]))
+                elif number and named.mesh is None and clouds[0].mesh is None:
+                    clouds[number] = replace(named, mesh=surface_through(cloud, finite[0]))
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
         file.write(page.content())

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import distances_to
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
+from gppcs.drawing.colours import CLASS_NAMES
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
@@ -25,6 +27,7 @@ from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.detail import attribute_errors
 from gppcs.evaluation.judge import evaluate
+from gppcs.evaluation.reconstruction import distances_to as distances_to_mesh
 from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
@@ -47,6 +50,7 @@ class Page:
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
+        described |= {"solid": any(layer.described["mesh"] for layer in layers), "classes": CLASS_NAMES}
         definitions = Report.definitions()
         for name in detail:
             definitions |= {f"{name}_{figure}": value for figure, value in DetailErrors.definitions().items()}
@@ -90,20 +94,24 @@ def report_page(
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
-            distances = _distances(first.cloud.points, kept.cloud.points)
+            distances = _distances(first.cloud.points, result)
         layers.append(layer)
         first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances, True)
         try:
             with timer(f"figures of {result.name}"):
-                layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
+                if result.is_mesh:
+                    layer.described["prefixes"] = [_figures_of_mesh(surface.cloud, result)]
+                    layer.note("distances are those to its triangles.")
+                else:
+                    layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
                 for name, errors in attribute_errors(first.cloud, kept.cloud, list(detail)).items():
-                    title, unit = f"error of {name} in {result.name}", "in shares of its range"
-                    first.add_values(f"error:{name}:{number}", title, unit, errors[0], True)
+                    title = f"error of {name} in {result.name}"
+                    first.add_values(f"error:{name}:{number}", title, "in shares of its range", errors[0], True)
         except InputError as error:
             layer.note(f"there are no figures: {error}.")
     extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
-    sizes = " and ".join(f"{len(result.cloud):,}" for result in results)
-    lead = f"{len(original.cloud):,} points beside {sizes}"
+    sizes = " and ".join(r.size_text if r.is_mesh else f"{len(r.cloud):,}" for r in results)
+    lead = f"{original.size_text} beside {sizes}"
     said = {"title": original.name, "lead": lead, "made": made, "unit": unit}
     diagonal = math.hypot(*extent)  # which does not overflow
     return Page.from_layers(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
@@ -115,9 +123,11 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     clouds = in_one_unit(clouds)
     layers = [Layer(blocks, named, "cloud", CloudSurface.from_cloud(named)) for named in clouds]
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
-    lead = f"{sum(len(named.cloud) for named in clouds):,} points"
+    lead = ", ".join(named.size_text for named in clouds)
+    if not any(named.is_mesh for named in clouds):
+        lead = f"{sum(len(named.cloud) for named in clouds):,} points"
     mesh = clouds[0].mesh
-    if mesh is not None:
+    if mesh is not None and clouds[0].is_mesh:
         viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
@@ -131,10 +141,28 @@ def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSur
     return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), indices
 
 
-def _distances(points: Floats, simplified: Floats) -> Floats:
-    """Return the distances (N,) of points (N, 3) to the local surface of a simplified cloud (M, 3)."""
-    local, frame = normalised(simplified)
+def _distances(points: Floats, result: Named) -> Floats:
+    """Return the distances (N,) of points (N, 3) to a mesh, or to the local surface of a simplified cloud."""
+    if result.is_mesh and result.mesh:
+        local, frame = normalised(result.mesh.vertices)
+        return frame.lengths(distances_to_mesh(Mesh(local, result.mesh.faces), frame.near(points)))
+    local, frame = normalised(result.cloud.points[result.cloud.is_finite()])
     return frame.lengths(distances_to(local, frame.near(points)))
+
+
+def _figures_of_mesh(original: PointCloud, result: Named) -> dict[str, object]:
+    """Return the figures of a mesh that are told by the distances of the original points to it."""
+    distances, diagonal = _distances(original.points, result), math.hypot(*np.ptp(original.points, axis=0))
+    counts = {"points_in": len(original), "points_out": len(result.cloud)}
+    lengths = {
+        "surface_mean": distances.mean(),
+        "surface_rms": np.sqrt((distances**2).mean()),
+        "surface_p95": np.percentile(distances, 95),
+        "surface_max": distances.max(),
+    }
+    figures, relative = ({n: float(v / unit) for n, v in lengths.items()} for unit in (1.0, diagonal or 1.0))
+    shared = counts | {"diagonal": diagonal}
+    return {"points": len(result.cloud), "figures": shared | figures, "relative": shared | relative}
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.ranges import CLASSES
-from gppcs.drawing.colours import KINDS, Colourable, kinds_of, scale_ends
+from gppcs.clouds.mesh import Mesh, size_text
+from gppcs.drawing.colours import Colourable, kinds_of, scale_ends
 from gppcs.drawing.estimates import disc_radii, estimates
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import InputError
 from gppcs.simplification import simplify
+from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 
@@ -31,8 +31,14 @@ class Named:
 
     name: str
     cloud: PointCloud
-    mesh: Mesh | None = None
+    mesh: Mesh | None = None  # its surface, to be shown in place of its points
     reason: str | None = None  # why its points were chosen
+    is_mesh: bool = False  # whether it is this mesh, and the points are the vertices
+
+    @property
+    def size_text(self) -> str:
+        """The number of its points, or of its vertices and triangles."""
+        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud):,} points"
 
 
 def in_one_unit(clouds: Sequence[Named]) -> list[Named]:
@@ -104,6 +110,7 @@ class Layer:
         if len(self.shown) < points:
             held["rows"] = blocks.add(surface.indices[self.shown].astype(np.uint32))
         self.described: dict[str, Any] = {"name": named.name, "role": role, "reason": named.reason, "spacing": usual}
+        self.described["counted"] = "vertices" if named.is_mesh else "points"
         self.described |= placed.described() | {"points": points, "shown": len(self.shown), "blocks": held}
         self.described |= {"values": [], "prefixes": [], "mesh": named.mesh and self._mesh(named.mesh)}
         if finite < points:
@@ -120,7 +127,7 @@ class Layer:
 
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity (K,) that colours can show."""
-        kinds = kinds_of(values, 32 if title in CLASSES else len(KINDS))
+        kinds = kinds_of(values, title)
         held = self._held(values) if kinds is None else quantised_values(np.searchsorted(kinds, values))
         first, last = scale_ends(values, root)
         described = {"key": key, "title": title, "unit": unit, "from": first, "to": last, "root": root}
@@ -158,5 +165,9 @@ class Layer:
         used, faces = np.unique(mesh.faces, return_inverse=True)
         placed = quantised(mesh.vertices[used])
         packed = packed_faces(faces.reshape(mesh.faces.shape))
+        points, frame = normalised(self.cloud.points)
+        distinct = np.flatnonzero(first_occurrences(points))
+        nearest = distinct[KdTree.build(points[distinct]).nearest_of(frame.near(mesh.vertices[used]), 1)[0][:, 0]]
         held = {"positions": self.blocks.add(placed.numbers), "faces": self.blocks.add(packed)}
+        held["points"] = self.blocks.add(nearest.astype(np.uint32))  # whose colours the vertices have
         return {"vertices": len(used), "triangles": triangles, **placed.described(), "blocks": held}

@@ -1,0 +1,49 @@
+"""The surface through the points of a sparse cloud, which shows its shape where discs would hide it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.mesh import Mesh
+from gppcs.errors import GppcsError
+from gppcs.meshing.pipeline import mesh
+from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.scaling import normalised
+
+MAX_DENSE = 1_000_000  # points that a surface is made from; of more, it would take minutes
+MAX_SPARSE = 10_000  # points of a cloud whose discs would hide its shape in a picture of usual size
+MIN_COVERED = 0.9  # fraction of the points that have to lie on it: of trees and wires, points show more
+
+
+def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Mesh | None:
+    """Return a mesh whose vertices are M finite points, joined as the finite original is if that is there.
+
+    None if most points lie on no surface, or the original is too large.
+    """
+    dense = cloud if original is None else original
+    if len(dense) > MAX_DENSE:
+        return None
+    factors = dense.factors()
+    local, frame = normalised(dense.points * factors)
+    distinct = np.flatnonzero(first_occurrences(local))
+    tree = KdTree.build(local[distinct])
+    nearest = distinct[tree.nearest_of(frame.near(cloud.points * factors), 1)[0][:, 0]]
+    try:
+        result = mesh(dense, keep=np.unique(nearest))
+    except GppcsError:  # there are too few points, or they lie on no surface
+        return None
+    order = np.argsort(result.indices)
+    position = order[np.searchsorted(result.indices[order], nearest).clip(max=len(order) - 1)]
+    is_vertex = result.indices[position] == nearest
+    if is_vertex.mean() < MIN_COVERED:
+        return None
+    vertices = result.mesh.vertices.copy()
+    vertices[position[is_vertex]] = cloud.points[is_vertex]  # methods may have moved them
+    return Mesh(vertices, result.mesh.faces)
+
+
+def surface_of_few(cloud: PointCloud) -> Mesh | None:
+    """Return the mesh through the finite points of a sparse cloud; None if it is dense, or they lie on no surface."""
+    return surface_through(cloud[cloud.is_finite()]) if len(cloud) <= MAX_SPARSE else None

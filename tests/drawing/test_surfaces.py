@@ -1,0 +1,45 @@
+"""The surface through the kept points of a cloud."""
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.clouds.cloud import PointCloud
+from gppcs.drawing.surfaces import MAX_DENSE, surface_of_few, surface_through
+from gppcs.evaluation.reconstruction import distances_to
+
+CLOUD = gppcs.sample("medallion", n_points=30_000)
+
+
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+def test_its_vertices_are_the_points(offset):
+    kept = gppcs.simplify(CLOUD, n_points=1000)
+    surface = surface_through(PointCloud(kept.points + offset), PointCloud(CLOUD.points + offset))
+    vertices = {*map(tuple, surface.vertices[np.unique(surface.faces)])}
+    points = {*map(tuple, kept.points + offset)}
+    assert len(vertices & points) >= 0.99 * len(points)
+    assert len(vertices - points) <= 0.01 * len(points)
+
+
+def test_points_that_a_method_has_moved_are_its_vertices():
+    moved = gppcs.simplify(CLOUD, n_points=500, method=gppcs.Voxel(keep="mean")).cloud.points
+    surface = surface_through(PointCloud(moved), CLOUD)
+    assert np.isin(moved, surface.vertices).all(axis=1).mean() > 0.9
+
+
+def test_the_original_tells_how_the_points_are_joined():
+    """Small letters are there: the surface is nearer to all points than the one that the kept points alone have."""
+    kept = gppcs.simplify(CLOUD, n_points=1500).cloud
+    joined, alone = surface_through(kept, CLOUD), surface_of_few(kept)
+    errors = [distances_to(surface, CLOUD.points).mean() for surface in (joined, alone)]
+    assert errors[0] < 0.8 * errors[1]
+
+
+def test_points_on_no_surface_and_those_of_dense_clouds_have_none():
+    rng = np.random.default_rng(0)
+    assert surface_through(PointCloud(rng.random((3, 3)))) is None
+    assert surface_through(PointCloud(np.linspace(0, 1, 100)[:, None] * [1.0, 2.0, 3.0])) is None
+    assert surface_through(PointCloud(rng.random((10, 3))), PointCloud(np.zeros((MAX_DENSE + 1, 3)))) is None
+    assert surface_of_few(CLOUD) is None
+    repeated = np.repeat(CLOUD.points[:3000], 2, axis=0)
+    assert len(surface_through(PointCloud(repeated)).vertices) >= 2700
