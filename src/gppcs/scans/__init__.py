@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.columns import COLOUR
-from gppcs.engine.arrays import Floats
 from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
@@ -151,6 +150,8 @@ def _on_surface(
     curvature, colours = np.empty(n_points, np.float32), np.empty((n_points, 3), np.uint8)
     # Proposals in proportion to the upper bounds of the areas make the accepted points uniform over all patches.
     weights = np.array([patch.weight for patch in scan.patches])
+    # A scanner at such a distance from the low end of x makes the density at the far end 1 - uneven of the highest.
+    growth, start, end = 1.0 / np.sqrt(1.0 - uneven) - 1.0, scan.box[0][0], scan.box[1][0]
     filled = 0
     while filled < n_points:
         # At most so many at once that their derivatives stay in the CPU cache.
@@ -158,7 +159,8 @@ def _on_surface(
         by_patch = [patch.draw(count, rng) for patch, count in zip(scan.patches, proposed, strict=True)]
         drawn = SurfacePoints(*map(np.concatenate, zip(*by_patch, strict=True)))
         order = rng.permutation(len(drawn.points))
-        order = order[rng.uniform(0.0, 1.0, len(order)) < _density(scan, drawn.points[order, 0], uneven)]
+        density = (1.0 + growth * (drawn.points[order, 0] - start) / (end - start)) ** -2.0
+        order = order[rng.uniform(0.0, 1.0, len(order)) < density]
         order = order[: n_points - filled]
         new = slice(filled, filled + len(order))
         points[new], normals[new], curvature[new] = (values[order] for values in drawn[:3])
@@ -168,12 +170,3 @@ def _on_surface(
         colours[new] = np.clip(base[order] * lightness[:, None], 0.0, 255.0)
         filled += len(order)
     return points, normals, curvature, colours
-
-
-def _density(scan: Scan, x: Floats, uneven: float) -> Floats:
-    """Return the density at x, (n,), relative to the highest, for a scanner at the low end of x."""
-    lower, upper = scan.box[0][0], scan.box[1][0]
-    # This distance of the scanner makes the density at the far end 1 - uneven.
-    growth = 1.0 / np.sqrt(1.0 - uneven) - 1.0
-    density: Floats = (1.0 + growth * (x - lower) / (upper - lower)) ** -2.0
-    return density
