@@ -88,11 +88,13 @@ def test_pye57_reads_what_is_written(tmp_path):
 @pytest.mark.parametrize("largest", [200, 65535])
 def test_pye57_reads_colours_of_16_bits_as_bytes(tmp_path, largest):
     colours = {name: np.array([0, 7, largest], np.uint16) for name in ("red", "green", "blue")}
+    colours["blue"][2] = 200
     write(tmp_path / "cloud.e57", PointCloud(POINTS, colours))
     assert read(tmp_path / "cloud.e57") == PointCloud(POINTS, colours)
     with pye57.E57(str(tmp_path / "cloud.e57")) as file:
         data = file.read_scan(0, colors=True, ignore_missing_fields=True)
     assert data["colorRed"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 255])
+    assert data["colorBlue"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 0])
 
 
 def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):

@@ -216,9 +216,24 @@ def _write_scan(image: Any, cloud: PointCloud) -> None:
     for prefix, uri in (("", libe57.E57_V1_0_URI), ("nor", normals), ("gppcs", "urn:gppcs:attributes")):
         image.extensionsAdd(prefix, uri)
     columns = _columns_written(cloud)
+    limits = _limits(columns)
+    need_16_bits = any(columns[field].max(initial=0) > 255 for field in _COLOURS if field in columns)
+    prototype = libe57.StructureNode(image)
+    for field, values in columns.items():
+        if values.dtype.kind == "f":
+            precision = libe57.E57_SINGLE if values.dtype.itemsize == 4 else libe57.E57_DOUBLE
+            prototype.set(field, libe57.FloatNode(image, 0.0, precision))
+        elif field in _COLOURS and values.dtype == np.uint16 and need_16_bits:
+            prototype.set(field, libe57.ScaledIntegerNode(image, 0, 0, 65535, _FINE, 0.0))
+            columns[field] = values * _FINE
+        else:
+            bounds = np.iinfo(values.dtype)
+            prototype.set(field, libe57.IntegerNode(image, 0, int(bounds.min), int(bounds.max)))
+    points = libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
     digest = hashlib.blake2b(cloud.points.tobytes(), digest_size=16).digest()
     guid = f"{{{uuid.UUID(bytes=digest)}}}"  # of the content, so that the same cloud gives the same file
-    scans, points = libe57.VectorNode(image, True), _points_node(image, columns)
+    scan = _fill(image, libe57.StructureNode(image), {"guid": guid, **limits, "points": points})
+    scans = libe57.VectorNode(image, True)
     about = {
         "formatName": "ASTM E57 3D Imaging Data File",
         "guid": guid,
@@ -226,14 +241,12 @@ def _write_scan(image: Any, cloud: PointCloud) -> None:
         "versionMinor": libe57.E57_FORMAT_MINOR,
         "coordinateMetadata": cloud.header.crs or "" if isinstance(cloud.header, E57Header) else "",
         "data3D": scans,
-        "images2D": libe57.VectorNode(image, True),
     }
     _fill(image, image.root(), about)
-    scans.append(_fill(image, libe57.StructureNode(image), {"guid": guid, **_limits(columns), "points": points}))
+    scans.append(scan)
     arrays, buffers = _buffers(image, {field: values.dtype for field, values in columns.items()}, len(cloud))
-    fine = _fine_colours(columns)
     for field, values in columns.items():
-        arrays[field][:] = values * _FINE if field in fine else values
+        arrays[field][:] = values
     writer = points.writer(buffers)
     writer.write(len(cloud))
     writer.close()
@@ -262,28 +275,6 @@ def _limits(columns: Mapping[str, Column]) -> dict[str, dict[str, float]]:
         ends = {"Minimum": 0.0, "Maximum": min(full, 255.0)}
         limits["colorLimits"] = {f"{field}{end}": value for field in _COLOURS for end, value in ends.items()}
     return limits
-
-
-def _fine_colours(columns: Mapping[str, Column]) -> tuple[str, ...]:
-    """Return the fields of colours, if these need 16 bits."""
-    need_16_bits = any(columns[field].max(initial=0) > 255 for field in _COLOURS if field in columns)
-    return tuple(field for field in _COLOURS if need_16_bits and columns.get(field, np.empty(0)).dtype == np.uint16)
-
-
-def _points_node(image: Any, columns: Mapping[str, Column]) -> Any:
-    """Return the node of points with such fields."""
-    libe57 = require_pye57().libe57
-    prototype, fine = libe57.StructureNode(image), _fine_colours(columns)
-    for field, values in columns.items():
-        if field in fine:
-            prototype.set(field, libe57.ScaledIntegerNode(image, 0, 0, 65535, _FINE, 0.0))
-        elif values.dtype.kind == "f":
-            precision = libe57.E57_SINGLE if values.dtype.itemsize == 4 else libe57.E57_DOUBLE
-            prototype.set(field, libe57.FloatNode(image, 0.0, precision))
-        else:
-            bounds = np.iinfo(values.dtype)
-            prototype.set(field, libe57.IntegerNode(image, 0, int(bounds.min), int(bounds.max)))
-    return libe57.CompressedVectorNode(image, prototype, libe57.VectorNode(image, True))
 
 
 def _columns_written(cloud: PointCloud) -> dict[str, Column]:
