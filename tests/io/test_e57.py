@@ -94,7 +94,7 @@ def test_pye57_reads_colours_of_16_bits_as_bytes(tmp_path, largest):
     with pye57.E57(str(tmp_path / "cloud.e57")) as file:
         data = file.read_scan(0, colors=True, ignore_missing_fields=True)
     assert data["colorRed"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 255])
-    assert data["colorBlue"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 0])
+    assert data["colorBlue"].tolist() == ([0, 7, 200] if largest == 200 else [0, 0, 1])
 
 
 def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):
