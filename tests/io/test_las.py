@@ -268,6 +268,10 @@ def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
         write(path, PointCloud(np.eye(3), fractions))
     write(path, PointCloud(np.eye(3), fractions), lossy=True)
     assert laspy.read(path).intensity.tolist() == [16384, 32768, 65535]
+    decibels = {"intensity": np.array([-20.5, np.nan, 0])}
+    write(path, PointCloud(np.eye(3), decibels), lossy=True, force=True)
+    assert laspy.read(path).intensity.tolist() == [0, 0, 65535]
+    assert losses("a.las", PointCloud(np.eye(3), decibels))[0].endswith("intensity (-20.5 to 0 become 0 to 65535)")
     colours = {name: np.array([0, 51, k], np.float32) / 255 for k, name in enumerate(("red", "green", "blue"))}
     write(path, PointCloud(np.eye(3), colours), force=True)  # nothing is lost beyond 16 bits
     assert laspy.read(path).blue.tolist() == [0, 51 * 257, 2 * 257]

@@ -19,7 +19,7 @@ PLY_TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
 EVERY_TYPE = [*PLY_TYPES, "i8", "u8", "f2", "?"]
 NAMES = st.text("abcXYZ_09é", min_size=1, max_size=8).filter(lambda name: name not in ("x", "y", "z", "_"))
 ANY_NAME = st.text(min_size=1, max_size=5).filter(lambda name: name not in "xyzXYZ" and "\0" not in name)
-E57_NAMES = st.sampled_from(["intensity", "red", "green", "blue", "row", "column", "nx", "ny", "nz", "time", "b_1"])
+E57_NAMES = st.sampled_from(["intensity", "red", "green", "row", "column", "nx", "ny", "nz", "time", "b_1"])
 EXACT = {  # what comes back bit for bit: types of coordinates and of attributes, names, and how many numbers of each
     ".ply": (PLY_TYPES, PLY_TYPES, NAMES, [()]),
     ".pcd": (["f4", "f8"], [*PLY_TYPES, "i8", "u8"], NAMES, [(), (3,)]),

@@ -144,7 +144,9 @@ def _scaling(values: Column, stored: Column) -> tuple[str, bool]:
     """Return in words which numbers the least and the largest become, and whether this is an exact change of depth."""
     if not len(values) or values.dtype.kind != "f" or stored.dtype.kind not in "iu":
         return "", False
-    (lower, upper), (first, last) = ((float(part.min()), float(part.max())) for part in (values, stored))
+    (lower, upper), (first, last) = (
+        (float(np.fmin.reduce(part)), float(np.fmax.reduce(part))) for part in (values, stored)
+    )
     factor = min((255.0, 257.0, 65535.0), key=lambda factor: abs(factor * upper - last))
     is_exact = bool((np.abs(factor * values - stored) <= 4e-6 * factor).all())
     return f" ({lower:g} to {upper:g} become {first:g} to {last:g})", is_exact

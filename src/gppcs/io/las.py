@@ -241,9 +241,13 @@ def _in_las_terms(cloud: PointCloud) -> PointCloud:
         floats = [columns[name] for name in group if name in columns and columns[name].dtype.kind == "f"]
         if len(floats) == len(group) and all(column.ndim == 1 for column in floats):
             table: NDArray[Any] = np.stack(floats)
-            if (table >= 0).all() and not np.array_equal(table, np.rint(table)):
-                scaled = np.rint(np.minimum(table * (65535 / full_scale(table)), 65535)).astype(np.uint16)
-                columns |= zip(group, scaled, strict=True)
+            if not table.size or np.isinf(table).any():
+                continue
+            lower = min(0.0, float(np.fmin.reduce(table, axis=None)))
+            if lower < 0.0 or not np.array_equal(table, np.rint(table), equal_nan=True):
+                full = full_scale(table) if lower == 0.0 else float(np.fmax.reduce(table, axis=None)) - lower
+                scaled = np.clip(np.nan_to_num(table - lower) * (65535 / (full or 1.0)), 0, 65535)
+                columns |= zip(group, np.rint(scaled).astype(np.uint16), strict=True)
     dimensions = {dimension.name: dimension for dimension in _dimensions().values()}
     attributes = {}
     for (name, values), (new, column) in zip(cloud.attributes.items(), columns.items(), strict=True):
