@@ -192,7 +192,7 @@ def test_floats_that_bytes_hold_become_bytes_as_colours(tmp_path, suffix, full):
     colours = {name: np.array([0, 117, 51 + k]) * (full / 255) for k, name in enumerate(("red", "green", "blue"))}
     write(tmp_path / f"a{suffix}", PointCloud(np.eye(3), colours))
     found = read(tmp_path / f"a{suffix}").attributes
-    assert {str(values.dtype) for values in found.values()} == {"int64" if suffix == ".pts" else "uint8"}
+    assert {str(values.dtype) for values in found.values()} == {"uint8"}
     assert found["blue"].tolist() == [0, 117, 53]
     fractions = dict.fromkeys(colours, np.array([0.1, 0.25, 1]))
     if suffix != ".pts":

@@ -50,11 +50,11 @@ def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
     return columns
 
 
-def with_byte_colours(cloud: PointCloud) -> PointCloud:
-    """Return a cloud whose colours are bytes, as other programs expect them, if these hold them."""
+def with_byte_colours(cloud: PointCloud, kinds: str = "if") -> PointCloud:
+    """Return a cloud whose colours, of some kinds of types, are bytes, as other programs expect, if these hold them."""
     names = [name for name in (*COLOUR, "alpha") if name in cloud.attributes]
     columns = [cloud.attributes[name] for name in names]
-    if not set(COLOUR) <= set(names) or any(column.dtype.kind not in "if" or column.ndim > 1 for column in columns):
+    if not set(COLOUR) <= set(names) or any(column.dtype.kind not in kinds or column.ndim > 1 for column in columns):
         return cloud
     table: Column = np.column_stack(columns)
     if not (len(table) and np.isfinite(table).all() and full_scale(table) <= 255 and fit_eight_bits(table)):

@@ -118,28 +118,20 @@ def open_stl(file: BufferedReader) -> Reader:
     import pandas
     from trimesh.exchange import stl
 
-    data = file.read()
-    is_text = data.lstrip().startswith(b"solid") and not _is_binary_stl(data, len(data))
-    if is_text and b"endsolid" not in data:
-        raise FileFormatError("expected 'endsolid' at the end of an STL file, found none; get the whole file again")
     with reported("trimesh", "a whole STL file"), warnings.catch_warnings():
         warnings.simplefilter("error")  # of text that is no number
-        loaded = (stl.load_stl_ascii if is_text else stl.load_stl_binary)(BytesIO(data))
+        loaded = stl.load_stl(BytesIO(file.read()))
         solids = [loaded] if "vertices" in loaded else loaded["geometry"].values()
-        corners = np.concatenate([np.empty((0, 3), np.float32), *(solid["vertices"] for solid in solids)])
+        corners = np.concatenate([solid["vertices"] for solid in solids])
         vertex = pandas.DataFrame(corners).groupby([0, 1, 2], sort=False, dropna=False).ngroup().to_numpy()
     points = corners[np.unique(vertex, return_index=True)[1]]
     faces = vertex.reshape(-1, 3).astype(np.int64)
     return _reader(PointCloud(points, coordinate_dtype=corners.dtype), len(faces), lambda: faces, [])
 
 
-def _is_binary_stl(start: bytes, size: int) -> bool:
-    return size == 84 + 50 * int.from_bytes(start[80:84], "little")  # a header with the number of facets, and these
-
-
 def _is_stl(start: bytes, size: int) -> bool:
     is_text = start.lstrip().startswith(b"solid") and (b"facet" in start or b"endsolid" in start)
-    return is_text or _is_binary_stl(start, size)
+    return is_text or size == 84 + 50 * int.from_bytes(start[80:84], "little")  # a header with the number of facets
 
 
 def open_gltf(file: BufferedReader) -> Reader:

@@ -73,7 +73,8 @@ def open_table(
         delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
         lines = _rows(file, preview)
         for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
-            yield from at_most(n, [PointCloud.from_columns(dict(zip(names, block, strict=True)))])
+            cloud = PointCloud.from_columns(dict(zip(names, block, strict=True)))
+            yield from at_most(n, [with_byte_colours(cloud, "i")])
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
