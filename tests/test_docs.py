@@ -57,7 +57,7 @@ def results():
 @cache
 def options():
     """Return the options of all commands."""
-    commands = typer.main.get_command(program.app).commands
+    commands = typer.main.get_command(program.program()).commands
     names = [[*each.opts, *each.secondary_opts] for command in commands.values() for each in command.params]
     return {option for options in names for option in options if option.startswith("-")}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import typer.main
 
 import gppcs
-from gppcs.app.program import app
+from gppcs.app.program import program
 
 DOCS = Path(__file__).parents[1]
 
@@ -15,7 +15,7 @@ DOCS = Path(__file__).parents[1]
 def options_table():
     """Return the rows for all options of `gppcs simplify`."""
     rows = ["| option | meaning |", "|---|---|"]
-    for option in typer.main.get_command(app).commands["simplify"].params:
+    for option in typer.main.get_command(program()).commands["simplify"].params:
         if option.param_type_name == "option":
             names = ", ".join(f"`{name}`" for name in sorted(option.opts, key=len, reverse=True))
             value = "" if option.is_flag else f" `{(option.metavar or 'N').replace('|', ' or ')}`"

@@ -18,7 +18,7 @@ def test_version(printed):
     assert printed("--version") == f"{gppcs.__version__}\n"
 
 
-COMMANDS = typer.main.get_command(program.app).commands
+COMMANDS = typer.main.get_command(program.program()).commands
 
 
 @pytest.mark.parametrize("words", [(), ("-h",), *((name, "--help") for name in COMMANDS)])
@@ -59,7 +59,7 @@ def test_the_module_runs_as_the_command():
 
 @pytest.mark.parametrize("name", [None, *COMMANDS])
 def test_examples_of_the_help_name_options_that_exist(name):
-    text = (program.app.info.epilog if name is None else COMMANDS[name].epilog) or ""
+    text = (program.EPILOG if name is None else COMMANDS[name].epilog) or ""
     lines = [line.split("#")[0].split() for line in text.replace(" && ", "\n").split("\n") if line.startswith("gppcs ")]
     for _, command, *words in [line for line in lines if line[1] in COMMANDS]:
         known = {option for param in COMMANDS[command].params for option in (*param.opts, *param.secondary_opts)}

@@ -90,12 +90,12 @@ def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
 
 def started(quiet: bool, threads: int | None = None) -> Timer:
     """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet."""
-    from gppcs.engine.progress import ProgressBar, ProgressLines
-
     set_threads(threads)
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
         return Timer()
+    from gppcs.engine.progress import ProgressBar, ProgressLines
+
     return Timer(ProgressLines() if os.environ.get("GPPCS_PROGRESS") == "lines" else ProgressBar())
 
 

@@ -24,12 +24,8 @@ COMMANDS = (
     "warmup",
 )  # fmt: skip
 
-app = typer.Typer(
-    context_settings={"help_option_names": ["-h", "--help"]},
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
-    epilog="[bold]Examples[/bold]\n\n"
+EPILOG = (
+    "[bold]Examples[/bold]\n\n"
     "gppcs sample bracket -o scan.ply\n\n"
     "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
     "gppcs render scan.ply small.ply -o both.png\n\n"
@@ -37,22 +33,32 @@ app = typer.Typer(
     "gppcs compare scan.ply --points 5000 --methods gp-spectral,fps,hc -o comparison\n\n"
     "gppcs info small.ply\n\n"
     "gppcs --install-completion\n\n"
-    "gppcs COMMAND --help explains a command.",
+    "gppcs COMMAND --help explains a command."
 )
 
 
-@app.callback(invoke_without_command=True)
 def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     if version:
         say(__version__)
         raise typer.Exit
 
 
-for _name in COMMANDS:
-    _module = import_module(f"gppcs.app.commands.{_name}")
-    _function = getattr(_module, _name)
-    _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_function) or "")  # without the line breaks of the source
-    app.command(help=_help, epilog=f"[bold]Examples[/bold]\n\n{_module.EPILOG}")(_function)
+def program(commands: Sequence[str] = COMMANDS) -> typer.Typer:
+    """Return the program with some of its commands: to make all takes longer than many a run."""
+    app = typer.Typer(
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        help="Thin a point cloud to exactly the number of points asked for, and keep its features.",
+        epilog=EPILOG,
+    )
+    app.callback(invoke_without_command=True)(_root)
+    for name in commands:
+        module = import_module(f"gppcs.app.commands.{name}")
+        function = getattr(module, name)
+        text = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(function) or "")  # without the line breaks of the source
+        app.command(help=text, epilog=f"[bold]Examples[/bold]\n\n{module.EPILOG}")(function)
+    return app
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -62,6 +68,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         with _messages_on_stderr():
             line = list(arguments) or ["--help"]
+            app = program(line[:1] if line[0] in COMMANDS else COMMANDS)
             code = app(line, prog_name="gppcs", standalone_mode=False, obj=["gppcs", *line])  # obj: shown by pages
     except BrokenPipeError:  # as of `gppcs info scans | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is flushed at the end

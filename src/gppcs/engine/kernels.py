@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import pickle
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from platform import machine
@@ -25,11 +26,28 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
-from numba.core.types import unliteral
+
+from gppcs.engine.inner_kernels import InnerKernel, KernelCompiler
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
 SHIPPED_FOR, FEATURES = ("x86-64-v3", X86) if machine().lower() in ("x86_64", "amd64") else ("generic", "")
+
+
+@contextlib.contextmanager
+def _without(module: str) -> Iterator[None]:
+    """Let imports of a module fail, unless it is imported already."""
+    hides = sys.modules.setdefault(module, None) is None  # type: ignore[arg-type]
+    try:
+        yield
+    finally:
+        if hides:
+            del sys.modules[module]
+
+
+with _without("scipy.linalg.cython_blas"):  # Numba loads SciPy's linear algebra to see that it is there: 0.2 seconds
+    from numba.np import arraymath
+arraymath._HAVE_BLAS = True
 
 
 def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
@@ -38,21 +56,13 @@ def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = T
         return lambda function: kernel(function, allocates=allocates, **options)
     # Less code compiles sooner: nobody calls kernels from C, and none needs ZeroDivisionError.
     every: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy", "_nrt": allocates}
-    compiled: Any = nb.njit(**every, **options)(function)
+    compiled: Any = nb.njit(**every, **options, pipeline_class=KernelCompiler)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function, every | options)
-        compiled._compiler.fold_argument_types = _without_literals(compiled._compiler.fold_argument_types)
+        inner = functools.cache(lambda: InnerKernel(function, compiled.targetoptions))
+        compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
+        compiled.get_overload = lambda sig: inner().get_overload(sig)
     return compiled
-
-
-def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a call with a constant use the code for all values: Numba would compile a kernel anew for each constant."""
-
-    def fold_to_types(args: Any, kws: Any) -> Any:
-        signature, types = fold(args, kws)
-        return signature, tuple(map(unliteral, types))
-
-    return fold_to_types
 
 
 class _KernelCache(NullCache):

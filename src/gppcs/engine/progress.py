@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import threading
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 PATIENCE = 1.0  # Seconds after which a stage shows a bar.
 
@@ -34,7 +35,13 @@ class ProgressBar:
             self._bar.update(self._bar.task_ids[0], completed=done)
 
     def _open(self, stage: str, total: int | None) -> None:
-        self._stage, console = stage, Console(stderr=True)
+        self._stage = stage
+        if not (sys.stderr.isatty() or "IPython" in sys.modules):
+            return  # before Rich is imported, which takes a while
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        console = Console(stderr=True)
         if console.is_jupyter or (sys.stderr.isatty() and not console.is_dumb_terminal):
             name, times = TextColumn("{task.description}"), (TimeElapsedColumn(), TimeRemainingColumn())
             self._bar = Progress(SpinnerColumn(), name, BarColumn(), *times, console=console, transient=True)

@@ -89,7 +89,7 @@ def _write_hashes(begin, end, points, grid, spare, bits, slots, entries):
             slots[c, part] += 1
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def _part(h, bits):
     """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
@@ -148,7 +148,7 @@ def _grown(table, shift):
     return larger
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
@@ -160,7 +160,7 @@ def _same(points, i, j, grid):
     return True
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def _hash(points, i, grid, spare):
     """Return a 64-bit hash of one of the points, (N, 3); only its first `spare` bits are used."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]

@@ -115,7 +115,7 @@ def surface_area(tree: KdTree) -> float:
     return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def first_leaf(lower):
     """Return the node number of the first leaf, which is also the number of leaves. Shapes: low (nodes, ...)."""
     return lower.shape[0] // 2

@@ -210,7 +210,7 @@ def _doubt(begin, end, points, normals, near, doubts):
             doubts[i, slot] = np.inf if is_second else 1.0 - abs(fit) + 0.5 * off
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def _fit_of_normals(points, normals, i, j):
     """Return how well two normals agree, one mirrored in the plane halfway (Koenig and Gumhold 2009), and how far off.
 

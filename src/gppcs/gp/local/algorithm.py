@@ -20,7 +20,6 @@ from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
 from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.inducing import inducing_points
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
@@ -71,6 +70,8 @@ def choose_denoised(
     attributes: NDArray[np.float32] | None = None,
 ) -> Ranking:
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
+    from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
+
     indices = sample(points, n_points)
     observed = points[indices]
     with timer("denoising"):

@@ -97,7 +97,7 @@ def _connected(cloud: _Cloud, members: Ints, nearest: Ints) -> _Graph:
     return graph
 
 
-@kernel
+@kernel(allocates=False)
 def _start(cloud, graph, members):
     """Build the rings of slots and find the cheapest contractions of the points `members`, (m,)."""
     for slot in range(len(graph.slots)):
@@ -107,7 +107,7 @@ def _start(cloud, graph, members):
         _find_partner(cloud, graph, i)
 
 
-@kernel
+@kernel(allocates=False)
 def _link(graph, slot, point):
     """Put a point into a slot."""
     start = len(graph.slots) + point
@@ -117,7 +117,7 @@ def _link(graph, slot, point):
     graph.following[start] = graph.previous[after] = slot
 
 
-@kernel
+@kernel(allocates=False)
 def _unlink(graph, slot):
     """Empty a slot."""
     before, after = graph.previous[slot], graph.following[slot]
@@ -125,7 +125,7 @@ def _unlink(graph, slot):
     graph.slots[slot] = -1
 
 
-@kernel
+@kernel(allocates=False)
 def _cost(cloud, gone, kept):
     """Return the sum of the quadrics of two points, evaluated at the point `kept`."""
     q, step = cloud.quadrics, _step(cloud, gone, kept)
@@ -134,13 +134,13 @@ def _cost(cloud, gone, kept):
     return cost if cost > IN_PLANE * weight * dot(step, step) else 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _step(cloud, begin, end):
     """Return the vector from one point to another."""
     return minus(row(cloud.points, end), row(cloud.points, begin))
 
 
-@kernel
+@kernel(allocates=False)
 def _consider(cloud, graph, i, j):
     """Make j the partner of i if that contraction is cheaper; return whether it is."""
     cost = min(_cost(cloud, i, j), _cost(cloud, j, i))
@@ -152,7 +152,7 @@ def _consider(cloud, graph, i, j):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def _find_partner(cloud, graph, i):
     """Find the cheapest contraction of point i with a neighbour; its cost is infinite if there is none."""
     k = len(graph.slots) // len(graph.cost)
@@ -162,7 +162,7 @@ def _find_partner(cloud, graph, i):
             _consider(cloud, graph, i, graph.slots[slot])
 
 
-@kernel
+@kernel(allocates=False)
 def _rank(cloud, graph, i):
     """Return the key of the contraction of a point in the heap, which pops the smallest first."""
     return graph.cost[i], graph.squared[i], cloud.order[i], i
@@ -219,7 +219,7 @@ def _merge_neighbours(cloud, graph, gone, kept, nearest, squared):
         _link(graph, k * kept + rank, nearest[rank])
 
 
-@kernel
+@kernel(allocates=False)
 def _insert(cloud, point, other, nearest, squared, n_nearest):
     """Insert a point into the sorted list of the k nearest, ties by smallest index; return its length."""
     step = _step(cloud, point, other)

@@ -67,7 +67,7 @@ def project(
     return projected
 
 
-@kernel(inline="always")
+@kernel(allocates=False)
 def _theta(t):
     """Return exp(-4 t) for t from 0 to 1, to eleven digits, and zero beyond; it has no calls, so it is vectorised."""
     s = 0.25 - 0.5 * t

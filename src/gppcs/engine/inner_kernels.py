@@ -1,0 +1,99 @@
+"""Compile kernels for kernels that call them: optimised, and made machine code, only within those that Python calls.
+
+By itself, Numba does both for every kernel, and adds a wrapper for Python, although most are called by kernels only.
+That, passes that change nothing in kernels, and comparisons of options took half of the time of compilation.
+"""
+
+# mypy: ignore-errors
+# as Numba declares few of its types
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult, Flags
+from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
+
+# Passes for contexts, literals, and branches by constants, none of which kernels have.
+NEEDLESS_PASSES = {
+    "LiteralPropagation",
+    "Rewrite dynamic raises",
+    "dead_branch_prune",
+    "find_literally",
+    "inline_inlinables",
+    "inline_overloads",
+    "literal_unroll",
+    "rewrite_semantic_constants",
+    "with_lifting",
+}
+
+
+class _Options(Flags):
+    """Options of a compilation. Numba compares them at each call that it types: equal ones become the same object."""
+
+    _instances: ClassVar[dict[str, _Options]] = {}
+    __hash__, __eq__ = object.__hash__, object.__eq__
+
+    def copy(self) -> _Options:
+        """Return the options that functions of Numba take over, the same for inner and outer kernels."""
+        options = _Options(self)
+        options.no_compile = options.no_cpython_wrapper = False
+        return self._instances.setdefault(options.summary(), options)
+
+
+class KernelCompiler(Compiler):
+    """The steps of compilation that kernels need."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.state.flags = _Options(self.state.flags)
+
+    def define_pipelines(self) -> list[Any]:
+        """Return Numba's steps without those that change nothing in kernels."""
+        (steps,) = super().define_pipelines()
+        steps.passes = [(step, name) for step, name in steps.passes if step._name not in NEEDLESS_PASSES]
+        return [steps]
+
+
+class _InnerCompiler(KernelCompiler):
+    """The steps of compilation for kernels that other kernels call."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, *arguments: Any) -> None:
+        super().__init__(typing, target, _InnerLibrary(target.codegen(), "inner"), *arguments)
+        self.state.flags.no_compile = self.state.flags.no_cpython_wrapper = True
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """The code of one inner kernel, without that of the kernels that it calls."""
+
+    def finalize(self) -> None:
+        """Leave it to the outer kernel to link what this kernel calls, to optimise it, and to make machine code."""
+        self._finalized = True
+
+
+class InnerKernel(CPUDispatcher):
+    """The code of a kernel for all types of arguments with which other kernels call it."""
+
+    def __init__(self, function: Callable[..., Any], targetoptions: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=targetoptions, pipeline_class=_InnerCompiler)
+        self._compiler.fold_argument_types = _without_literals(self._compiler.fold_argument_types)
+
+    def add_overload(self, cres: CompileResult) -> None:
+        """Let callers link the code, and that of all kernels that it calls."""
+        key = object()  # instead of a function that Python could call
+        libraries = [cres.library, *cres.library._linking_libraries]
+        self.targetctx.insert_user_function(key, cres.fndesc, libraries)
+        self.overloads[tuple(cres.signature.args)] = cres._replace(entry_point=key)
+
+
+def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a call with a constant use the code for all values: Numba would compile a kernel anew for each constant."""
+
+    def fold_to_types(args: Any, kws: Any) -> Any:
+        signature, types = fold(args, kws)
+        return signature, tuple(map(unliteral, types))
+
+    return fold_to_types
