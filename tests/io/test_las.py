@@ -372,10 +372,10 @@ def bits(number):
 @pytest.mark.parametrize(
     ("place", "value", "message"),
     [
-        ((25, 1), 5, r"version 1\.0 to 1\.4, found 1\.5"),
-        ((94, 2), 226, "header of at least 227 bytes"),
-        ((96, 4), 2**31, "within the file"),
-        ((104, 1), 11, "point format of 0 to 10, found 11"),
+        ((25, 1), 5, "extended variable-length records in the file"),
+        ((94, 2), 226, "laspy reports: Incoherent header size"),
+        ((96, 4), 2**31, "the file ends in point 1 of 300"),
+        ((104, 1), 11, "laspy reports: PointFormatNotSupported 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),
         ((107, 4), 2**32 - 1, r"file ends in point 301 of 4294967295"),
         *(((131, 8), bits(scale), "finite scales and offsets") for scale in (0.0, np.nan, np.inf)),

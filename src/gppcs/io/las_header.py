@@ -147,36 +147,24 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     size = file.seek(0, 2)
     file.seek(0)
     block = file.read(375)  # of LAS 1.4, which is the longest
-    if not block.startswith(b"LASF") or len(block) < 227:
-        raise FileFormatError(f"expected a LAS header of at least 227 bytes, found {len(block)} or another format")
-    major, minor = block[24], block[25]
-    sizes = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}  # of the header, by the second number of the version
-    if major != 1 or minor not in sizes:
-        raise FileFormatError(f"expected LAS of version 1.0 to 1.4, found {major}.{minor}; convert the file")
-    length, start, n_records = struct.unpack_from("<HII", block, 94)
-    if not sizes[minor] <= length <= start <= size:
-        raise FileFormatError(
-            f"expected a header of at least {sizes[minor]} bytes before the points and within the file, found one of "
-            f"{length:,} bytes, points from byte {start:,} on and a file of {size:,}; get the whole file again"
-        )
-    n_whole = _whole_records(file, length, start, n_records)
-    if minor == 4:
+    with reported("laspy", "a LAS header"):
+        length, start, n_records = struct.unpack_from("<HII", block, 94)
+    n_complete = _n_complete(file, length, min(start, size), n_records)
+    if block[25] >= 4 and len(block) == 375:
         position, n_extended = struct.unpack_from("<QI", block, 235)
-        if (n := _whole_records(file, position, size, n_extended, head=60, width=8)) < n_extended:
+        if (n := _n_complete(file, position, size, n_extended, size=60, width=8)) < n_extended:
             raise FileFormatError(
                 f"expected {n_extended:,} extended variable-length records in the file, found {n:,}; get the whole "
                 "file again"
             )
-    if (point_format := block[104] & 0b111111) > 10:  # the other bits tell that points are compressed
-        raise FileFormatError(f"expected a point format of 0 to 10, found {point_format}")
     file.seek(0)
     content = bytearray(file.read(start))
-    struct.pack_into("<I", content, 100, n_whole)  # some programs count more records than they write
+    struct.pack_into("<I", content, 100, n_complete)  # some programs count more records than they write
     with reported("laspy", "a LAS header"):
         header = laspy.LasHeader.read_from(BytesIO(content))
         header.read_evlrs(file)
         header.point_format.dtype()  # which raises an error if two dimensions have one name
-        if minor == 0:
+        if header.version.minor == 0:
             header.version = laspy.header.Version(1, 1)  # which has the same header, and which laspy writes
     for name in header.point_format.extra_dimension_names:
         if name in ("", "x", "y", "z"):
@@ -185,16 +173,16 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     return header
 
 
-def _whole_records(file: BufferedReader, position: int, end: int, count: int, head: int = 54, width: int = 2) -> int:
+def _n_complete(file: BufferedReader, position: int, end: int, count: int, size: int = 54, width: int = 2) -> int:
     """Return how many variable-length records, the first of which begins at a position, lie before the end.
 
-    The head of each has so many bytes, and from the 20th on its length in `width` bytes.
+    The start of each has `size` bytes, and from the 20th on its length in `width` bytes.
     """
     for i in range(count):
-        if position + head > end:
+        if position + size > end:
             return i
         file.seek(position + 20)
-        position += head + int.from_bytes(file.read(width), "little")
+        position += size + int.from_bytes(file.read(width), "little")
         if position > end:
             return i
     return count

@@ -91,7 +91,8 @@ def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = 
         # A panic is no Exception, and its class cannot be imported.
         if not isinstance(error, errors) and type(error).__name__ != "PanicException":
             raise
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        reason = " ".join(str(error).split())[:200]
+        reason = reason if " " in reason else f"{type(error).__name__} {reason}".strip()
         raise FileFormatError(
             f"expected {expected}, but {library} reports: {reason}; the file is damaged, or of a kind that {library} "
             "does not read"
@@ -100,7 +101,7 @@ def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = 
 
 def check_length(file: BufferedReader, record_size: int, count: int, what: str = "point") -> None:
     """Raise an error if a file, which is at the first of its records, does not have so many."""
-    n_complete = bytes_left(file) // record_size if record_size else count
+    n_complete = max(bytes_left(file), 0) // record_size if record_size else count
     if n_complete < count:
         raise ends_early(what, n_complete, count)
 
