@@ -14,8 +14,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
 OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
 UNSEALED = {  # pages of the paper that were written before pages had seals
-    *("ablation", "all_points", "paper_differences", "paper_modelnet", "paper_noise", "paper_registration"),
-    *("paper_scans", "paper_scenes", "paper_table1"),
+    *("paper_modelnet", "paper_noise", "paper_registration", "paper_scans", "paper_scenes", "paper_table1"),
 }
 
 
