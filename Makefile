@@ -70,6 +70,7 @@ demo: $(VENV)/.demo  ## Make a sample scan, simplify it, draw a picture, print t
 
 pictures: demo  ## Draw anew the pictures of README.md and docs/, except those of benchmarks and of the page
 	cp demo/picture.png docs/picture.png
+	$(BIN)/python docs/_site/animation.py
 	$(BIN)/gppcs sample bracket -o demo/bracket.ply --points 100000 --force
 	$(BIN)/gppcs compare demo/bracket.ply --points 1500 --methods gp,fps,hc,wlop,gp-spectral -o demo/comparison --force
 	cp demo/comparison/picture.png docs/comparison.png

@@ -93,14 +93,14 @@ def ours(method: str) -> Callable[[Array], Thin]:
 
 
 TOOLS: dict[str, tuple[Callable[[Array], Thin], bool]] = {  # label: what prepares it, whether it takes a distance
-    "gppcs, `gp`": (ours("gp"), False),
-    "gppcs, `fps`": (ours("fps"), False),
+    "gppcs": (ours("gp"), False),
+    "gppcs, farthest points": (ours("fps"), False),
 }
 if find_spec("open3d"):
     TOOLS["Open3D, voxel grid"] = (open3d_voxel, True)
     TOOLS["Open3D, farthest points"] = (open3d_farthest, False)
 if which("CloudCompare"):
-    TOOLS["CloudCompare, least distance (whole command)"] = (cloudcompare_spatial, True)
+    TOOLS["CloudCompare, minimum distance"] = (cloudcompare_spatial, True)
 if find_spec("pymeshlab"):
     TOOLS["MeshLab, Poisson disks"] = (meshlab_poisson_disk, True)
 
@@ -129,8 +129,8 @@ def section(heading: str, cloud: gppcs.PointCloud, n_points: int) -> report.Sect
         error, gap = figures["surface_mean"] / diagonal, figures["covering_radius"] / diagonal
         of_gp = of_gp or error
         change = f"{100 * (error / of_gp - 1):+.0f} %" if rows else ""
-        rows.append((label, f"{len(kept):,}", f"{100 * error:.4f} %", change, f"{100 * gap:.2f} %", f"{seconds:.2f}"))
-    header = ("tool", "points kept", "mean error", "more than `gp`", "largest gap", "seconds")
+        rows.append((label, f"{len(kept):,}", f"{100 * error:.4f} %", change, f"{100 * gap:.2f} %", f"{seconds:.2g}"))
+    header = ("tool", "points kept", "mean error", "more than gppcs", "largest gap", "seconds")
     return report.Section(heading, header, rows)
 
 
