@@ -21,6 +21,7 @@ from gppcs.methods.parameters import parameters_of
 ROOT = Path(__file__).parents[1]
 FOUND = [*ROOT.glob("docs/*.md"), *ROOT.glob("research/*.md"), ROOT / "README.md"]
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in FOUND)
+# Points of the scans, so that the examples run in seconds.
 SMALLER = {
     "400000": "20000",
     "400k": "20000",
