@@ -78,6 +78,8 @@ CONSTANTS = (
     Constant("PART_POINTS", "candidates of a part that chooses at once with others", "candidates"),
     Constant("CELL_POINTS", "points of a cell", "points"),
     Constant("NOISY_CELL_POINTS", "points of a cell where noise matters", "points"),
+    Constant("TRIED_ON", "points of a cell that judge an exchange, at most", "points"),
+    Constant("CHECKED_ON", "points of a cell that judge all exchanges together, at most", "points"),
     Constant("PLANE_POINTS", "points that the tangent plane of the placement is fitted to", "points"),
     Constant("MAX_STEP", "how far a point goes at once", "distances to three nearest chosen points"),
     Constant("PULL", "weight of the middle of the cell", "-"),

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dense import distances_to_triangles
-from gppcs.spatial.triangles import circumradius, nearest_in_triangle, nearest_triangles, quality
+from gppcs.spatial.triangles import approach, circumradius, nearest_in_triangle, nearest_triangles, quality
 
 
 def test_quality_is_one_for_equal_edges_and_falls_to_zero():
@@ -33,6 +33,9 @@ def test_the_distance_to_a_triangle_is_the_least(triangle):
     v, w = nearest_in_triangle(*triangle)
     assert min(v, w, 1 - v - w) >= -1e-9
     assert np.linalg.norm(np.array([1 - v - w, v, w]) @ corners) == pytest.approx(expected, abs=1e-9)
+    points, squared = np.array([[0.0, 5.0], [0.0, 5.0], [0.0, 5.0]]), np.array([np.inf, 1e-4])
+    approach(points, squared, *triangle)
+    assert np.sqrt(squared) == pytest.approx([expected, 0.01], abs=1e-8)
 
 
 @pytest.mark.parametrize("n_faces", [1, 5, 300])

@@ -138,6 +138,37 @@ def squared_distance(a, b, c, v, w):
     return dot(point, point)
 
 
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def approach(points, squared, a, b, c):
+    """Lower the squared distances, (n,), of points, (3, n), to those from a triangle, without branches."""
+    ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
+    normal = cross(ab, minus(c, a))
+    off_ab, off_bc, off_ca = cross(ab, normal), cross(bc, normal), cross(ca, normal)  # out of the triangle
+    by_area, by_ab = 1.0 / max(dot(normal, normal), 1e-300), 1.0 / max(dot(ab, ab), 1e-300)
+    by_bc, by_ca = 1.0 / max(dot(bc, bc), 1e-300), 1.0 / max(dot(ca, ca), 1e-300)
+    x, y, z = points[0], points[1], points[2]
+    for q in range(len(squared)):
+        here = x[q], y[q], z[q]
+        of_a, of_b, of_c = minus(here, a), minus(here, b), minus(here, c)
+        outside = max(dot(of_a, off_ab), dot(of_b, off_bc), dot(of_c, off_ca))
+        height = dot(of_a, normal)
+        edges = min(
+            _squared_from_edge(of_a, ab, by_ab),
+            _squared_from_edge(of_b, bc, by_bc),
+            _squared_from_edge(of_c, ca, by_ca),
+        )
+        nearest = edges if outside > 0.0 or by_area > 1e299 else height * height * by_area
+        squared[q] = min(squared[q], nearest)
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _squared_from_edge(step, edge, by_squared):
+    """Return the squared distance of a step from an edge, with 1 over the squared length of this."""
+    along = min(max(dot(step, edge) * by_squared, 0.0), 1.0)
+    x, y, z = step[0] - along * edge[0], step[1] - along * edge[1], step[2] - along * edge[2]
+    return x * x + y * y + z * z
+
+
 def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[Ints, Floats, Floats]:
     """Find the nearest of triangles, (F, 3), to each query, (N, 3), exactly, by a tree of boxes.
 

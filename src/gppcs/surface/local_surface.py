@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, nearest_in_tree
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, nearest_in_tree
+from gppcs.spatial.nearest import TASKS, WIDER, look_around, radius_of_nearest, search_for
 from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
 from gppcs.surface.fans import lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
+# Neighbours that are searched for corners; twice as many, again and again up to the second number, if necessary.
+NEIGHBOURS, MAX_NEIGHBOURS = 30, 240
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
@@ -38,7 +41,8 @@ class LocalSurface:
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
-        on_ranges(_build_fans, len(tree.order), *tree.arrays, normals, corners)
+        tasks = max(1, min(tree.leaves // 16, TASKS))  # so that most leaves start from another's radius
+        on_ranges(_build_fans, tasks, tasks, *tree.arrays, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: Floats) -> tuple[Floats, Floats]:
@@ -64,31 +68,55 @@ class LocalSurface:
 
 
 @kernel
-def _build_fans(begin, end, points, lower, upper, normals, corners):
+def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
-    for i in range(begin, end):
-        _build_fan(points, lower, upper, normals, i, corners[i])
+    n, leaves = points.shape[1], first_leaf(lower)
+    k, largest = min(NEIGHBOURS + 1, n), min(MAX_NEIGHBOURS + 1, n)
+    search = search_for(k, leaves)
+    near, squared = np.empty(largest + 1, dtype=np.int64), np.empty(largest, dtype=np.float64)
+    inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)
+    for task in range(first, last):
+        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+            begin, end = leaf_range(n, leaves, leaf)
+            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
+            total = 0.0
+            for i in range(begin, end):
+                x, y, z, used, farthest = points[0, i], points[1, i], points[2, i], k, 0.0
+                radius = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
+                if radius >= 0.0:
+                    farthest = _select(search.buffer.positions, search.squared[:count], radius, near)
+                else:
+                    nearest_in_tree(points, lower, upper, x, y, z, near[:k], squared[:k])
+                    farthest = squared[k - 1]
+                total += farthest
+                while not _is_fan(points, normals, i, near[:used], farthest, inverse, index, corners[i]):
+                    if used == largest:
+                        break
+                    used = min(2 * used - 1, largest)  # twice as many, and the point itself
+                    nearest_in_tree(points, lower, upper, x, y, z, near[:used], squared[:used])
+                    farthest = squared[used - 1]
+            squared_radius = WIDER * total / (end - begin)
+
+
+@kernel(allocates=False)
+def _select(positions, squared, radius, near):
+    """Fill `near` with the positions, (n,), within a squared radius; return the largest squared distance, of (n,)."""
+    slot, farthest = 0, 0.0
+    for j in range(len(squared)):
+        near[slot] = positions[j]  # always written and then counted or not: a branch would be mispredicted often
+        slot += 1 if squared[j] <= radius else 0
+        farthest = max(farthest, squared[j] if squared[j] <= radius else 0.0)
+    return farthest
 
 
 @kernel
-def _build_fan(points, lower, upper, normals, i, corners):
-    """Fill the corners (MAX_TRIANGLES, 2) around point i of points (3, M), with as many neighbours as necessary."""
-    n = points.shape[1]
+def _is_fan(points, normals, i, near, farthest, inverse, index, corners):
+    """Fill the corners (MAX_TRIANGLES, 2) around point i by neighbours; return whether more would not change them."""
     any_normal = -2.0  # neighbours are on the same sheet whatever their normals
-    neighbours = 30  # are searched for corners, and twice as many, up to 240, if necessary
-    while True:
-        k = min(neighbours + 1, n)
-        near = np.empty(k, dtype=np.int64)
-        squared = np.empty(k, dtype=np.float64)
-        nearest_in_tree(points, lower, upper, points[0, i], points[1, i], points[2, i], near, squared)
-        inverse = np.empty((k, 2), dtype=np.float64)
-        index = np.empty(k, dtype=np.int64)
-        count = lay_out(points.T, normals, i, near, any_normal, SIN_MAX_SLOPE, inverse, index)
-        corners[:] = -1
-        closed = wrap(inverse, index, count, i, 0.0, corners)
-        if (closed and _widest(points, i, corners) <= np.sqrt(squared[-1])) or k == n or neighbours >= 240:
-            return
-        neighbours *= 2
+    count = lay_out(points.T, normals, i, near, any_normal, SIN_MAX_SLOPE, inverse, index)
+    corners[:] = -1
+    return wrap(inverse, index, count, i, 0.0, corners) and _widest(points, i, corners) <= np.sqrt(farthest)
 
 
 @kernel

@@ -1,11 +1,13 @@
 """Placement, against a plain version and by what it promises."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local.placement import nearest_of_each, replacements
+from gppcs.gp.local.placement import farther, nearest_of_each, replacements
 from gppcs.gp.local.settings import GAP_GROWTH, MAX_STEP, PULL, TRIALS
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
@@ -75,6 +77,25 @@ def test_the_surface_comes_nearer_and_gaps_hardly_grow(seed):
     assert mean_distance(points, points[found]) < 0.9 * mean_distance(points, points[chosen])
     before, after = (np.sqrt(KdTree.build(points[rows]).nearest_of(points, 1)[1].max()) for rows in (chosen, found))
     assert after <= GAP_GROWTH * before * (1 + 1e-12)
+
+
+def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
+    points = sphere_cap() * [1.0, 1.0, 0.5]
+    rng = np.random.default_rng(4)
+    vertices = points[rng.choice(len(points), 300, replace=False)]
+    before = LocalSurface.from_points(vertices)
+    before = replace(before, tree=before.tree.in_own_order())
+    vertices = before.tree.points.T
+    owners = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32)
+    moved = rng.random(300) < 0.7
+    partner = np.array([rng.choice(np.append(np.flatnonzero(owners == v), 0)) for v in range(300)])
+    after = LocalSurface.from_points(np.where(moved[:, None], points[partner], vertices))
+    sums = [np.bincount(owners, surface.nearest_to(points)[0], 300) for surface in (before, after)]
+    found = np.zeros(300, dtype=bool)
+    found[farther(before, after, np.ascontiguousarray(points.T), owners, moved, np.zeros(300))] = True
+    assert not found[~moved].any()
+    assert 0.2 < found[moved].mean() < 1.0
+    assert (found == (sums[1] > sums[0]))[moved].mean() > 0.97  # the nearest fans are searched near the vertex only
 
 
 def test_points_to_keep_stay():

@@ -1,13 +1,15 @@
 """Placement: each chosen point is exchanged for the point near it that stands best for its cell.
 
 Of the points of its cell, those with the least quadric error are tried (Eq. (10); Garland and Heckbert 1997). The one
-to whose triangles the cell lies nearest replaces it; with attributes, that with the least sum of Eq. (20). The order of
-choice stays, so every prefix gains as well.
+to whose triangles the cell lies nearest replaces it; with attributes, that with the least sum of Eq. (20). Where the
+cell turns out to be farther from the surface of all new points than from that of the chosen ones, the point goes back.
+The order of choice stays, so every prefix gains as well.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +17,29 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.settings import CELL_POINTS, GAP_GROWTH, MAX_STEP, NOISY_CELL_POINTS, PLANE_POINTS, PULL, TRIALS
+from gppcs.gp.local.settings import (
+    CELL_POINTS,
+    CHECKED_ON,
+    GAP_GROWTH,
+    MAX_STEP,
+    NOISY_CELL_POINTS,
+    PLANE_POINTS,
+    PULL,
+    TRIALS,
+    TRIED_ON,
+)
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import TASKS, WIDER, look_around, search_for
 from gppcs.spatial.samples import is_drawn
-from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
+
+ROUNDING = 1e-9  # Distances of a cell that change by less, in mean distances of kept points, are only rounded.
+LANES = 8  # Numbers of feet that are judged are multiples of this.
+NEAR_FANS = 9  # Fans in which the surface near a cell is searched: of its point, of its ring on average, and two more.
 
 
 def place(
@@ -94,6 +110,9 @@ def replacements(
         stay = new[:, np.newaxis] < 0
         vertices = np.where(stay, vertices, points.T[new])
         vertex_attributes = np.where(stay, vertex_attributes, point_attributes[new])
+    if detail is None and not noise.thick:
+        placed = LocalSurface.from_points(vertices)
+        new[farther(replace(surface, tree=tree), placed, feet, first, new >= 0, ROUNDING * gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -197,9 +216,9 @@ def _exchange(
     """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on."""
     by_shape = point_attributes.shape[1] == 0
     trials = TRIALS if by_shape else 20
-    rounding = 1e-9  # a gain below this, in steps, is only rounding
     quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(point_attributes.shape[1], dtype=np.float64)
     errors = np.empty(0, dtype=np.float64)
+    local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
     for v in range(begin, end):
         cell, vertex, fan = members[starts[v] : starts[v + 1]], row(vertices, v), corners[v]
         if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, vertex, row(fan_normals, v)):
@@ -210,11 +229,15 @@ def _exchange(
             v, points, feet, normals, vertices, cell, first, steps[v], vertex_attributes, point_attributes,
             attribute_scale[v], quadric, middle, errors,
         )  # fmt: skip
-        smallest = (0.0 if by_shape else current) - rounding * steps[v]
-        smallest += _off_fan(
-            feet, vertices, fan, vertex, vertex_attributes, vertex_attributes[v], point_attributes, attribute_scale[v],
-            cell, np.inf,
-        )  # fmt: skip
+        judged, full = _pack_feet(feet, cell, vertex, local)
+        smallest = (0.0 if by_shape else current) - ROUNDING * steps[v]
+        if by_shape:
+            smallest += _off_triangles(local[:, :full], squared[:full], judged, vertices, fan, vertex, vertex)
+        else:
+            smallest += _off_fan(
+                feet, vertices, fan, vertex, vertex_attributes, vertex_attributes[v], point_attributes,
+                attribute_scale[v], cell, np.inf,
+            )  # fmt: skip
         tried = 0
         while tried < trials:  # in the order of the error, up to that of the vertex; with attributes, while it is small
             slot = np.argmin(errors[: len(cell)])
@@ -224,10 +247,13 @@ def _exchange(
             if not _covers(points, row(points.T, x), cell, widest):
                 continue
             total, to = 0.0 if by_shape else error, row(points.T, x)
-            total += _off_fan(
-                feet, vertices, fan, to, vertex_attributes, point_attributes[x], point_attributes, attribute_scale[v],
-                cell, smallest - total,
-            )  # fmt: skip
+            if by_shape:
+                total += _off_triangles(local[:, :full], squared[:full], judged, vertices, fan, vertex, to)
+            else:
+                total += _off_fan(
+                    feet, vertices, fan, to, vertex_attributes, point_attributes[x], point_attributes,
+                    attribute_scale[v], cell, smallest - total,
+                )  # fmt: skip
             if total < smallest:
                 smallest, new[v] = total, x
             tried += 1
@@ -303,6 +329,34 @@ def _covers(points, vertex, cell, widest):
 
 
 @kernel(allocates=False)
+def _pack_feet(feet, cell, origin, local):
+    """Fill `local`, (3, n), with feet of a cell, relative to an origin; return their number, and with padding."""
+    stride = -(-len(cell) // local.shape[1])
+    judged = -(-len(cell) // stride)
+    full = -(-judged // LANES) * LANES  # the last is repeated, so that loops are vectorised
+    for slot in range(full):
+        step = minus(row(feet.T, cell[stride * min(slot, judged - 1)]), origin)
+        local[0, slot], local[1, slot], local[2, slot] = step
+    return judged, full
+
+
+@kernel(allocates=False)
+def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
+    """Return the summed distance of the first feet, of (3, n), from the fan around an apex; 0 if it is empty."""
+    squared[:] = np.inf
+    a, total = minus(apex, origin), 0.0
+    for j, k in corners:
+        if j < 0:
+            break
+        approach(local, squared, a, minus(row(vertices, j), origin), minus(row(vertices, k), origin))
+    if corners[0, 0] < 0:
+        return 0.0
+    for q in range(judged):
+        total += np.sqrt(squared[q])
+    return total
+
+
+@kernel(allocates=False)
 def _off_fan(feet, vertices, corners, apex, vertex_attributes, at_apex, point_attributes, attribute_scale, cell, limit):
     """Return the first sum of Eq. (20) over a cell and the fan of triangles around an apex, or more than `limit`."""
     total = 0.0
@@ -330,3 +384,78 @@ def _off_fan(feet, vertices, corners, apex, vertex_attributes, at_apex, point_at
         if total > limit:
             break
     return total
+
+
+def farther(
+    chosen: LocalSurface,
+    placed: LocalSurface,
+    feet: Floats,
+    owners: NDArray[np.int32],
+    moved: Flags,
+    rounding: Floats,
+) -> NDArray[np.intp]:
+    """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
+
+    The points are in the order of the first surface's tree. Shapes: feet (3, n), owners (n,), moved and rounding (m,).
+    """
+    starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(moved)))])
+    members = np.empty_like(owners)
+    _gather(owners, starts[:-1].copy(), members)
+    sums = np.zeros((2, len(moved)))
+    for surface, of_surface in zip((chosen, placed), sums, strict=True):
+        vertices = np.ascontiguousarray(surface.tree.points.T)
+        arguments = surface.tree.order, vertices, surface.corners, feet, members, starts, moved, of_surface
+        on_ranges(_add_distances, len(moved), *surface.tree.arrays, *arguments, minimum=64)
+    return np.flatnonzero(sums[1] > sums[0] + rounding)
+
+
+@kernel
+def _add_distances(begin, end, points, lower, upper, order, vertices, corners, feet, members, starts, moved, sums):
+    """Fill `sums`, (m,), with the distances of moved cells from the fans near their points, in a range of the tree.
+
+    The feet of a cell are `members` from `starts`, (m + 1,), on. Several fans may have the same triangle.
+    """
+    near = np.empty(min(NEAR_FANS, len(vertices)), dtype=np.int64)
+    gaps, triangles = np.empty(len(near), dtype=np.float64), np.empty((len(near) * corners.shape[1], 3), dtype=np.int64)
+    local, squared = np.empty((3, CHECKED_ON), dtype=np.float64), np.empty(CHECKED_ON, dtype=np.float64)
+    for i in range(begin, end):
+        cell, apex = members[starts[order[i]] : starts[order[i] + 1]], row(vertices, i)
+        if len(cell) == 0 or not moved[order[i]]:
+            continue
+        judged, full = _pack_feet(feet, cell, apex, local)
+        for q in range(full):
+            squared[q] = local[0, q] ** 2 + local[1, q] ** 2 + local[2, q] ** 2
+        radius, limit, count = np.sqrt(squared[:full].max()), np.inf, 0
+        nearest_in_tree(points, lower, upper, apex[0], apex[1], apex[2], near, gaps)
+        for centre in near:  # the first is the point itself
+            a = minus(row(vertices, centre), apex)
+            for j, k in corners[centre]:
+                if j < 0:
+                    break
+                b, c = minus(row(vertices, j), apex), minus(row(vertices, k), apex)
+                triangle = min(centre, j, k), max(centre, j, k), centre + j + k
+                if _is_beyond(a, b, c, limit) or _is_among(triangle, triangles[:count]):
+                    continue
+                triangles[count, 0], triangles[count, 1], triangles[count, 2] = triangle
+                count += 1
+                approach(local[:, :full], squared[:full], a, b, c)
+            limit = radius + np.sqrt(squared[:full].max())
+        for q in range(judged):
+            sums[order[i]] += np.sqrt(squared[q])
+
+
+@kernel
+def _is_beyond(a, b, c, limit):
+    """Return whether a plane keeps a triangle farther than so much from the origin."""
+    middle = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
+    along = min(dot(a, middle), dot(b, middle), dot(c, middle))
+    return along > 0.0 and along * along > limit * limit * dot(middle, middle)
+
+
+@kernel(allocates=False)
+def _is_among(triangle, triangles):
+    """Return whether three numbers are among others, (t, 3)."""
+    for t in range(len(triangles)):
+        if triangles[t, 0] == triangle[0] and triangles[t, 1] == triangle[1] and triangles[t, 2] == triangle[2]:
+            return True
+    return False
