@@ -55,7 +55,7 @@ def test_archives_hold_points_and_attributes(tmp_path):
         (np.array([[None] * 3]), "Object arrays cannot be loaded"),
         ({"xyz": np.zeros((2, 3)), "a": np.zeros(2)}, "array 'points', found 'xyz', 'a'"),
         ({"points": np.zeros((2, 3)), "a": np.zeros(3)}, "attribute 'a'"),
-        ({"points": np.zeros((2, 3)), "a": np.array(1)}, "each point in 'a'"),
+        ({"points": np.zeros((2, 3)), "a": np.array(1)}, "attribute 'a' to have one row for each"),
         ({"points": np.zeros((2, 3)), "x": np.zeros(2)}, "'x' twice"),
     ],
 )

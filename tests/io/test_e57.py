@@ -225,7 +225,7 @@ def test_files_without_scans_or_coordinates_are_refused(by_pye57, by_libe57):
         read(by_libe57(fields))
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_damage_under_right_checksums_is_read_or_refused(tmp_path, seed):
     path, rng = tmp_path / "damaged.e57", np.random.default_rng(seed)
     write(path, PointCloud(np.arange(30.0).reshape(10, 3), {"label": np.arange(10)}))

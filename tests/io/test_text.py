@@ -211,6 +211,12 @@ def test_letters_of_colours_become_their_names(table, header, names):
     assert list(read(table(f"{header}\n{row}\n")).attributes) == names
 
 
+@pytest.mark.parametrize(("row", "kind"), [("0 255 7", "uint8"), ("0 256 7", "int64"), ("0.5 0.1 1.0", "float64")])
+def test_colours_of_one_byte_are_of_type_uint8(table, row, kind):
+    cloud = read(table(f"x y z red green blue\n1 2 3 {row}\n"))
+    assert {str(values.dtype) for values in cloud.attributes.values()} == {kind}
+
+
 @pytest.mark.parametrize("text", ["1 2 3 4 a\n", "lon lat alt i n\n1 2 3 4 a\n", "1\n# x y z a b\n1 2 3 4 a\n"])
 @pytest.mark.parametrize("suffix", [".txt", ".pts"])
 def test_columns_take_the_names_that_are_given(table, text, suffix):

@@ -50,11 +50,9 @@ def open_npz(file: BufferedReader) -> Reader:
     if "points" not in arrays:
         raise FileFormatError(f"expected an array 'points', found {', '.join(map(repr, arrays)) or 'none'}; rename one")
     columns = _columns(arrays.pop("points"))
-    for name, values in arrays.items():
+    for name in arrays:
         if name in columns:
             raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
-        if values.ndim == 0:
-            raise FileFormatError(f"expected one value for each point in {name!r}, found a single value; remove it")
     cloud = PointCloud.from_columns({**columns, **arrays})
     return Reader(lambda n: iter([cloud]), len(cloud), at_once=True)
 

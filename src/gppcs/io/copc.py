@@ -123,11 +123,8 @@ def nodes_of(path: Path, more_than: int = 0) -> Iterator[CopcNodes | None]:
         yield None
         return
     with open(path, "rb") as file:
-        if is_copc(file.read(1024), path.stat().st_size):
-            nodes = CopcNodes(file)
-            yield nodes if nodes.entries["count"].sum() > more_than else None
-        else:
-            yield None
+        nodes = CopcNodes(file) if is_copc(file.read(1024), path.stat().st_size) else None
+        yield nodes if nodes and nodes.entries["count"].sum() > more_than else None
 
 
 def is_copc(start: bytes, size: int) -> bool:

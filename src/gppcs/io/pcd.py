@@ -36,7 +36,7 @@ _TYPES = [np.dtype(name) for name in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", 
 _KEYWORDS = frozenset(["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"])
 _PADDING = "_"
 _BYTES = {"red": 2, "green": 1, "blue": 0, "alpha": 3}  # where a packed colour holds them, on little-endian machines
-_START = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+(?:FIELDS|COLUMNS)\s)")
+_START = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+FIELDS\s)")
 
 
 def open_pcd(file: BufferedReader) -> Reader:
