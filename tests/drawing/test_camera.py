@@ -94,6 +94,11 @@ def test_a_depth_image_is_seen_from_beside_its_camera():
     assert Viewpoint().guessed(points) == ("-y", (20.0, 20.0))
     assert Viewpoint("z").guessed(points) == ("z", (20.0, 20.0))
     assert Viewpoint().guessed(points + np.array([0.0, 0.0, 100.0]))[0] != "-y"  # in front of no camera at the origin
+    fragment = points[np.abs(points[:, 0] + points[:, 1]) < 1.0]  # of several images, in the frame of the first
+    assert 0.4 < len(fragment) / len(points) < 0.8
+    assert Viewpoint().guessed(fragment) == ("-y", (20.0, 20.0))
+    for offset in ((5.0, 0.0, 0.0), (0.0, 0.0, -fragment[:, 2].min())):  # seen from elsewhere
+        assert Viewpoint().guessed(fragment + offset)[0] != "-y"
 
 
 @pytest.mark.parametrize(

@@ -150,7 +150,10 @@ def _frame(flat: Floats) -> tuple[Floats, Floats]:
 
 
 def _is_depth_image(points: Floats, extent: Floats) -> bool:
-    """Return whether points, (N, 3), probably fill the field of view of a depth camera at 0, with z ahead, y down."""
+    """Return whether points, (N, 3), were probably seen by a depth camera at 0 with z ahead and y down, or by several.
+
+    Those of one image fill its field of view. Those of several, in the frame of the first, lie all ahead of that.
+    """
     x, y, z = points.T
     if z.min() <= 0.0 or extent[2] < 0.5 * extent.max():
         return False
@@ -159,7 +162,10 @@ def _is_depth_image(points: Floats, extent: Floats) -> bool:
     if min(size) < 0.3 or max(size) > 3.0:
         return False
     cells, _, _ = np.histogram2d(right, down, 16)
-    return bool(np.mean(cells > 0) >= 0.9)
+    if np.mean(cells > 0) >= 0.9:
+        return True
+    lower, upper = np.percentile(points, (1, 99), axis=0)
+    return bool(lower[2] >= 0.25 * upper[2] and (lower[:2] < 0.0).all() and (upper[:2] > 0.0).all())
 
 
 def _lies(extent: Floats, along: int) -> bool:

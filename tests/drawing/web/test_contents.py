@@ -67,6 +67,7 @@ def test_the_points_are_those_of_the_clouds_to_the_quantisation(report, scan, re
 def test_errors_of_attributes_are_those_of_evaluate(scan, results):
     page = written(report_page(Named("scan.ply", scan), [Named("fps.ply", results[0])], [], detail=["depth", "kind"]))
     original, result = page.described["clouds"]
+    assert page.described["unit"] == ""  # not that of the errors of attributes
     figures = gppcs.evaluate(scan, results[0], detail=["depth", "kind"]).figures()
     assert {name: result["prefixes"][-1]["figures"][name] for name in figures} == figures
     assert {"depth_error_mean", "kind_nearest_error_p95"} <= {each["name"] for each in page.described["figures"]}
