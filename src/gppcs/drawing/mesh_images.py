@@ -16,6 +16,7 @@ from gppcs.engine.kernels import kernel
 GREY = 0.88
 SHARP = math.radians(40.0)  # no smooth shading across edges with a larger angle between their faces
 AMBIENT = 0.12
+AMBIENT_OF_COLOURS = 0.26  # which are to be as bright as those of a cloud beside
 LIGHTS = (  # right, up, to the viewer; intensity: a key light, one at the viewer, a fill light
     ((-0.6, 0.7, 0.4), 0.85),
     ((0.0, 0.0, 1.0), 0.3),
@@ -27,7 +28,7 @@ def mesh_images(mesh: Mesh, cameras: Sequence[Camera], colours: Floats | None = 
     """Return the pictures, (height, width, 3) each, of a mesh with the colours (V, 3), seen by several cameras."""
     split, vertices = _split_at_sharp_edges(mesh)
     paint = np.full((len(vertices), 3), GREY) if colours is None else colours[vertices]
-    return [_image(split, paint, camera) for camera in cameras]
+    return [_image(split, paint, AMBIENT if colours is None else AMBIENT_OF_COLOURS, camera) for camera in cameras]
 
 
 def _split_at_sharp_edges(mesh: Mesh) -> tuple[Mesh, Ints]:
@@ -42,8 +43,8 @@ def _split_at_sharp_edges(mesh: Mesh) -> tuple[Mesh, Ints]:
     return Mesh(mesh.vertices[vertices], faces.reshape(-1, 3)), vertices
 
 
-def _image(mesh: Mesh, colours: Floats, camera: Camera) -> Floats:
-    """Return the picture of a mesh with the colours (V, 3)."""
+def _image(mesh: Mesh, colours: Floats, ambient: float, camera: Camera) -> Floats:
+    """Return the picture of a mesh with the colours (V, 3) and as much ambient light."""
     positions, depth = camera.positions(mesh.vertices)
     shape = camera.shape[::-1]
     nearest, weights = np.full(shape, -1), np.zeros((*shape, 3))
@@ -53,7 +54,7 @@ def _image(mesh: Mesh, colours: Floats, camera: Camera) -> Floats:
     seen = np.einsum("kc,kcx->kx", weight, (mesh.vertex_normals() @ camera.axes.T)[corners])
     seen /= np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), np.finfo(float).tiny)
     seen *= np.where(seen[:, 2:] < 0.0, -1.0, 1.0)  # both sides are lit
-    light = np.full(len(seen), AMBIENT)
+    light = np.full(len(seen), ambient)
     for direction, intensity in LIGHTS:
         light += intensity * np.clip(seen @ (np.array(direction) / np.linalg.norm(direction)), 0.0, 1.0)
     image = np.ones((*shape, 3))
