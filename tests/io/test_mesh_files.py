@@ -1,5 +1,6 @@
 """Meshes that are written are read back, with what the format holds."""
 
+import json
 import re
 
 import numpy as np
@@ -65,15 +66,36 @@ def test_we_read_the_vertices_with_what_the_format_holds(tmp_path, mesh, vertice
 def test_gltf_is_what_trimesh_reads_and_writes(tmp_path, mesh, vertices):
     path = tmp_path / "mesh.glb"
     assert gppcs.write_mesh(path, mesh, vertices, lossy=True) == [*LABEL, *DIGITS]
-    scene = trimesh.load_scene(path, process=False)
+    scene = trimesh.load_scene(path, process=False, skip_materials=True)
     (read,) = scene.geometry.values()
     assert np.array_equal(read.faces, FACES)
     assert np.array_equal(read.visual.vertex_colors[:, :3], np.column_stack(list(COLOURS.values())))
-    scene.apply_translation(np.array([500_000.1, 4_100_000.2, 0]))
+    assert scene.to_mesh().vertices == pytest.approx(CORNERS @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]], abs=1e-7)  # y is up
+    scene.apply_translation(np.array([500_000.1, 0, -4_100_000.2]))
     scene.export(tmp_path / "moved.glb")
     moved = gppcs.read(tmp_path / "moved.glb")
     assert moved.points == pytest.approx(CORNERS + np.array([500_000.1, 4_100_000.2, 0]), abs=1e-6)
     assert moved.coordinate_dtype == np.float64
+
+
+def test_gltf_of_a_survey_keeps_its_millimetres(tmp_path):
+    ball = trimesh.creation.icosphere(2, 40.0)
+    far = gppcs.Mesh(ball.vertices + np.array([432_100.123, 5_412_300.456, 87.9]), ball.faces)
+    gppcs.write_mesh(tmp_path / "far.glb", far)
+    read = gppcs.read_mesh(tmp_path / "far.glb")
+    assert np.abs(read.vertices - far.vertices).max() < 1e-5
+    scene = trimesh.load_scene(tmp_path / "far.glb", process=False)
+    (local,) = scene.geometry.values()
+    assert np.abs(local.vertices).max() < 50
+    assert scene.to_mesh().vertices[:, [0, 2, 1]] * [1, -1, 1] == pytest.approx(far.vertices, abs=1e-5)
+
+
+@pytest.mark.parametrize(("faces", "is_open"), [(FACES, False), (FACES[1:], True)])
+def test_gltf_shows_both_sides_of_open_meshes(tmp_path, faces, is_open):
+    gppcs.write_mesh(tmp_path / "mesh.glb", gppcs.Mesh(CORNERS, faces))
+    data = (tmp_path / "mesh.glb").read_bytes()
+    (material,) = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])["materials"]
+    assert material["doubleSided"] is is_open
 
 
 @pytest.mark.parametrize(

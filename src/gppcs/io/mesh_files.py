@@ -14,7 +14,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, format_of, naming
 from gppcs.io.format import Format
-from gppcs.io.meshes import GLTF, OBJ, OFF, STL, stored_of, write_by_trimesh
+from gppcs.io.meshes import GLTF, OBJ, OFF, STL, origin_of, stored_of, write_gltf, write_stl
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.streams import inner_name, plain_input, whole_output
 
@@ -75,7 +75,8 @@ def write_mesh(
     """Write a mesh file: PLY, OBJ, STL, OFF or glTF.
 
     PLY holds all attributes of the vertices. OBJ, OFF and glTF hold normals and colours of 8 bits. STL holds none; its
-    triangles have normals of their own. The file appears under its name only when it is complete.
+    triangles have normals of their own. glTF is for display: z becomes y, which is up there, and is z again when the
+    file is read; attributes that it cannot hold are left out. The file appears only when it is complete.
 
     Parameters
     ----------
@@ -125,7 +126,8 @@ def write_mesh(
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
     force = flag("force", force)
     chosen = mesh_format_of(path)
-    fit = chosen.fit(cloud, path, flag("lossy", lossy))
+    is_for_display = chosen.name == GLTF.name  # so what it cannot hold is a note
+    fit = chosen.fit(cloud, path, flag("lossy", lossy) or is_for_display)
     with whole_output(path, force) as file:
         assert chosen.write is not None
         # Normals of triangles come from the coordinates before they are rounded.
@@ -146,9 +148,7 @@ def mesh_format_of(path: str | os.PathLike[str]) -> Format:
 _FORMATS = {
     ".ply": PLY,
     ".obj": replace(OBJ, stored=stored_of),  # meshes are written with the normals of their vertices
-    ".stl": replace(
-        STL, write=partial(write_by_trimesh, "stl"), stored=partial(stored_of, groups=(NORMALS,), single=True)
-    ),
+    ".stl": replace(STL, write=write_stl, stored=partial(stored_of, groups=(NORMALS,), single=True)),
     ".off": OFF,
-    ".glb": replace(GLTF, write=partial(write_by_trimesh, "glb"), stored=partial(stored_of, single=True)),
+    ".glb": replace(GLTF, write=write_gltf, stored=partial(stored_of, single=True, origin_of=origin_of)),
 }  # by suffix

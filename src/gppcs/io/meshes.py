@@ -27,6 +27,7 @@ from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, shortened, write_rows
 
+Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
 
@@ -150,7 +151,8 @@ def open_gltf(file: BufferedReader) -> Reader:
         if repeated > max(10**7, len(data)):  # each node of a scene can repeat a mesh
             raise FileFormatError(f"expected a scene of fewer vertices in {len(data):,} bytes, found {repeated:,}")
         mesh = scene.to_mesh()
-        points, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+        points = np.asarray(mesh.vertices, np.float64)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)  # in the file, y is up
+        faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
         colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
@@ -184,15 +186,45 @@ def write_obj(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> Non
     file.writelines(b"f %d//%d %d//%d %d//%d\n" % (a, a, b, b, c, c) for a, b, c in zip(*numbers, strict=True))
 
 
-def write_by_trimesh(file_type: str, file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
-    """Write a mesh as binary STL or glTF."""
+def write_stl(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
+    """Write a mesh as binary STL."""
+    content: Any = _trimesh(cloud, cloud.points, faces).export(file_type="stl")
+    file.write(content)
+
+
+def write_gltf(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
+    """Write a mesh as binary glTF: a node turns y up and moves single coordinates to their place."""
     import trimesh
 
-    normals = cloud.normals()
-    mesh = trimesh.Trimesh(cloud.points, faces, vertex_normals=normals, vertex_colors=colours_of(cloud), process=False)
-    options: dict[str, Any] = {"include_normals": normals is not None} if file_type == "glb" else {}
-    content: Any = mesh.export(file_type=file_type, **options)
+    origin = origin_of(cloud.points)
+    mesh = _trimesh(cloud, cloud.points - origin, faces)
+
+    def with_material(tree: dict[str, Any]) -> None:
+        plain = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+        tree["materials"] = [{"pbrMetallicRoughness": plain, "doubleSided": not mesh.is_watertight}]
+        for part in tree["meshes"]:
+            for primitive in part["primitives"]:
+                primitive["material"] = 0
+
+    scene: Any = trimesh.Scene()
+    scene.add_geometry(mesh, transform=Y_UP @ np.block([[np.eye(3), origin[:, None]], [0.0, 0.0, 0.0, 1.0]]))
+    has_normals = cloud.normals() is not None
+    content: Any = scene.export(file_type="glb", include_normals=has_normals, tree_postprocessor=with_material)
     file.write(content)
+
+
+def _trimesh(cloud: PointCloud, points: Column, faces: Faces) -> Any:
+    import trimesh
+
+    colours = colours_of(cloud)
+    return trimesh.Trimesh(points, faces, vertex_normals=cloud.normals(), vertex_colors=colours, process=False)
+
+
+def origin_of(points: Column) -> Column:
+    """Return a corner (3,) from which single precision keeps the coordinates; zero if they are single."""
+    if not len(points) or np.array_equal(points, points.astype(np.float32)):
+        return np.zeros(3)
+    return np.floor(points.mean(axis=0))
 
 
 def _coordinates(cloud: PointCloud) -> list[Column]:
@@ -221,11 +253,14 @@ def _stacked(cloud: PointCloud) -> Column:
 
 
 def stored_of(
-    cloud: PointCloud, groups: Sequence[Sequence[str]] = (NORMALS, COLOUR), single: bool = False
+    cloud: PointCloud,
+    groups: Sequence[Sequence[str]] = (NORMALS, COLOUR),
+    single: bool = False,
+    origin_of: Callable[[Column], Column] = lambda points: np.zeros(3),
 ) -> PointCloud:
     """Return a cloud with those groups of attributes that are complete, with colours of 8 bits or fractions as text.
 
-    With `single`, coordinates are rounded to float32, and fractions to 8 bits.
+    With `single`, coordinates from an origin are rounded to float32, and fractions to 8 bits.
     """
     numbers = {name for name, values in cloud.attributes.items() if values.dtype.kind in "biuf" and values.ndim == 1}
     names = {name for group in groups if set(group) <= numbers for name in group}
@@ -237,8 +272,11 @@ def stored_of(
         if not are_fractions and not fit_eight_bits(exact):
             columns = dict(zip((*COLOUR, "alpha"), colours.T, strict=False))
             stored = replace(stored, attributes={**stored.attributes, **columns})
+    if not single:
+        return stored
+    origin = origin_of(stored.points)
     with np.errstate(over="ignore"):
-        return replace(stored, points=stored.points.astype(np.float32).astype(np.float64)) if single else stored
+        return replace(stored, points=(stored.points - origin).astype(np.float32).astype(np.float64) + origin)
 
 
 _MESH = frozenset({"faces"})
