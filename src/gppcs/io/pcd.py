@@ -80,34 +80,26 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
 
 
 def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
-    names, sizes, letters = (entries.get(keyword, []) for keyword in ("FIELDS", "SIZE", "TYPE"))
-    counts = entries.get("COUNT", ["1"] * len(names))
-    if not len(names) == len(sizes) == len(letters) == len(counts):
-        raise FileFormatError("expected as many values in the lines FIELDS, SIZE, TYPE and COUNT of the PCD header")
-    types = {f"{dtype.kind.upper()} {dtype.itemsize}": dtype.newbyteorder("<") for dtype in _TYPES}
+    counts = entries.get("COUNT", ["1"] * len(entries.get("FIELDS", [])))
     fields: list[Any] = []
-    for name, size, letter, count in zip(names, sizes, letters, counts, strict=True):
-        kind = f"{letter} {size}"
-        if kind not in types or not as_count(count):
-            raise FileFormatError(
-                "expected TYPE and SIZE of F 4, F 8, or I or U 1, 2, 4 or 8, and COUNT from 1 on, found "
-                f"{shortened(f'{name} {kind} {count}')}"
-            )
-        shape = () if count == "1" else (int(count),)
-        fields.append((f" {len(fields)}" if name == _PADDING else name, types[kind], shape))
-    with reported("numpy", "different FIELDS of few bytes"):
+    with reported("numpy", "a TYPE, SIZE and COUNT for each of different FIELDS"):
+        for name, letter, size, count in zip(entries["FIELDS"], entries["TYPE"], entries["SIZE"], counts, strict=True):
+            if letter not in ("F", "I", "U") or not as_count(count):
+                raise FileFormatError(f"expected TYPE F, I or U, and COUNT from 1 on, found {letter!r} and {count!r}")
+            shape = () if count == "1" else (int(count),)
+            fields.append((f" {len(fields)}" if name == _PADDING else name, f"<{letter.lower()}{size}", shape))
         return np.dtype(fields)
 
 
 def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
     """Yield the columns of a text file, block by block."""
-    widths = {name: math.prod(record[name].shape) for name in record.names or ()}
+    fields = {name: record[name] for name in record.names or ()}
     done = 0
-    for numbers in read_rows(lines_of(file), sum(widths.values()), n_points):
+    for numbers in read_rows(lines_of(file), sum(math.prod(dtype.shape) for dtype in fields.values()), n_points):
         columns, values = {}, iter(numbers)
-        for name, width in widths.items():
-            parts, dtype = [*islice(values, width)], record[name]
-            if name in ("x", "y", "z") and not dtype.shape and dtype == np.float32 and _loses_digits(parts[0]):
+        for name, dtype in fields.items():
+            parts = [*islice(values, math.prod(dtype.shape))]
+            if name in ("x", "y", "z") and dtype == np.float32 and _loses_digits(parts[0]):
                 dtype = np.dtype(np.float64)
             what = f"{dtype.base.name} as {name} of point"
             table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
