@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -60,19 +61,16 @@ def read_polygons(path: Path) -> Polygons:
 
 
 def _rings(content: Any) -> Iterator[Ring]:
-    """Yield the rings of all polygons in an object of GeoJSON."""
-    kind = content["type"]
-    if kind == "Polygon":
-        for ring in content["coordinates"]:
+    """Yield the rings of all polygons in a part of GeoJSON."""
+    kind = content.get("type") if isinstance(content, dict) else None
+    if kind in ("Polygon", "MultiPolygon"):
+        coordinates = content["coordinates"]
+        for ring in coordinates if kind == "Polygon" else chain.from_iterable(coordinates):
             corners = tuple((number(x), number(y)) for x, y, *_ in ring)
             if len(corners) < 3 or not np.isfinite(corners).all():
                 raise ValueError("a ring has no three finite corners")
             yield corners
-    elif kind == "MultiPolygon":
-        for coordinates in content["coordinates"]:
-            yield from _rings({"type": "Polygon", "coordinates": coordinates})
     else:
-        parts = {"Feature": "geometry", "FeatureCollection": "features", "GeometryCollection": "geometries"}
-        inner = content[parts[kind]] if kind in parts else []
-        for part in inner if isinstance(inner, list) else filter(None, [inner]):
+        parts = content.values() if isinstance(content, dict) else content if isinstance(content, list) else ()
+        for part in parts:
             yield from _rings(part)
