@@ -30,7 +30,7 @@ def read(
         The file. A gzip file is decompressed; `-` is standard input. The files that a virtual point cloud (.vpc) lists
         become one cloud; they must have the same attributes.
     format : str, optional
-        Suffix of the format, such as "ply" or ".ply", if neither content nor name tell it.
+        Suffix of the format, such as "ply" or "kitti", if neither content nor name tell it.
     columns : sequence of str, optional
         The name of each column of a text table, with x, y and z. They replace any names in the file.
     inside : sequence of 4 or 6 float, path, (n, 2) array, or list of these, optional
