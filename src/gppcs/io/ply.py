@@ -196,9 +196,9 @@ def _lists(
     if order:
         data = file.read()
     else:  # as if each number were a double one
-        rows = islice(filter(is_row, lines_of(file)), element.count)
+        lines = islice(filter(is_row, lines_of(file)), element.count)
         with reported("NumPy", f"numbers in {element.name}", (ValueError,)):
-            data = np.array(" ".join(rows).split(), "<f8").tobytes()
+            data = np.array(" ".join(lines).split(), "<f8").tobytes()
         double = np.dtype("<f8")
         properties = [_Property(column.name, double, column.length and double) for column in properties]
     counts = [column.length and struct.Struct((order or "<") + column.length.char) for column in properties]
