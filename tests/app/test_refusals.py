@@ -79,6 +79,9 @@ render scan.ply -o a.png --size big | --size
 render scan.ply -o a.png --colour curvatur | 'curvature'
 render nan.npy -o a.png | nan.npy
 render notes.md -o a.png | notes.md
+render scan.ply nan.npy -o a.png | nan.npy
+render empty.ply scan.ply -o a.png | empty.ply
+view nan.npy -o a.html --no-open | nan.npy
 render scan.ply small.ply scan.ply -o a.png | found 3
 report scan.ply small.ply -o small.ply --force | small.ply
 report scan.ply small.ply -o r.txt | .html

@@ -20,6 +20,7 @@ from gppcs.drawing.colours import RGB, Colourable
 from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
 from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
+from gppcs.errors import InputError
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
 from gppcs.evaluation.mesh_comparison import MeshEntry
 
@@ -86,6 +87,9 @@ def draw_pair(
     file: BinaryIO, original: Named, simplified: Named, caption: str, viewpoint: Viewpoint, colour: str | None
 ) -> None:
     """Write a PNG of a finite cloud or mesh and of another beside it; of points, also the surface through them."""
+    for named in (original, simplified):
+        if not len(named.cloud):
+            raise InputError(f"{named.name}: expected points with finite coordinates to draw, found none")
     original, simplified = in_one_unit([original, simplified])
     has_rgb = Colourable.from_cloud(original.cloud).rgb is not None
     everything, legend = painted(original.cloud, colour or (RGB if has_rgb else None))

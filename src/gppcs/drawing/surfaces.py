@@ -45,5 +45,5 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Me
 
 
 def surface_of_few(cloud: PointCloud) -> Mesh | None:
-    """Return the mesh through the finite points of a sparse cloud; None if it is dense, or they lie on no surface."""
-    return surface_through(cloud[cloud.is_finite()]) if len(cloud) <= MAX_SPARSE else None
+    """Return the mesh through the points of a sparse finite cloud; None if it is dense, or they lie on no surface."""
+    return surface_through(cloud) if len(cloud) <= MAX_SPARSE else None

@@ -49,7 +49,6 @@ def report(
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
-    from gppcs.drawing.surfaces import surface_through
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_pymeshlab
 
@@ -64,13 +63,11 @@ def report(
     named_inputs = zip(different_names(inputs), read, strict=True)
     clouds = [Named(name, item.cloud, item.mesh, is_mesh=item.mesh is not None) for name, item in named_inputs]
     finite = [item.cloud[item.cloud.is_finite()] for item in read]
-    if all(map(len, finite)):  # the page refuses empty clouds
-        for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):
-            with timer(f"surface of {named.name}"):
-                if meshes and named.mesh is None:
+    if meshes and all(map(len, finite)):  # the page refuses empty clouds
+        with timer("meshes"):
+            for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):
+                if named.mesh is None:
                     clouds[number] = replace(named, mesh=rebuilt(named.name, cloud, finite[0]))
-                elif number and named.mesh is None and clouds[0].mesh is None:
-                    clouds[number] = replace(named, mesh=surface_through(cloud, finite[0]))
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:
         file.write(page.content())

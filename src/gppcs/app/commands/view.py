@@ -45,7 +45,6 @@ def view(
     from gppcs.app.outputs import check_output
     from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
     from gppcs.drawing.show import new_page
-    from gppcs.drawing.surfaces import surface_of_few
     from gppcs.drawing.web.contents import Named, view_page
     from gppcs.drawing.web.layers import MOST_SHOWN
     from gppcs.drawing.web.levels import Levels
@@ -67,10 +66,7 @@ def view(
     with timer("reading"):
         read = read_each(inputs, input_format, names_of(columns), use_faces=True)
         named = zip(different_names(inputs), read, strict=True)
-        clouds = [
-            Named(name, item.cloud, item.mesh or surface_of_few(item.cloud), is_mesh=item.mesh is not None)
-            for name, item in named
-        ]
+        clouds = [Named(name, item.cloud, item.mesh, is_mesh=item.mesh is not None) for name, item in named]
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = new_page()

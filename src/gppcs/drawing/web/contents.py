@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Any
 
@@ -18,6 +18,7 @@ from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
 from gppcs.drawing.colours import CLASS_NAMES
+from gppcs.drawing.surfaces import surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
@@ -92,6 +93,8 @@ def report_page(
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
+            if result.mesh is None and original.mesh is None:
+                result = replace(result, mesh=surface_through(kept.cloud, surface.cloud))
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             distances = _distances(first.cloud.points, result)
@@ -121,7 +124,11 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     """Return a page of any clouds."""
     blocks, unit = Blocks(), unit_of(clouds[0].cloud.header) or ""
     clouds = in_one_unit(clouds)
-    layers = [Layer(blocks, named, "cloud", CloudSurface.from_cloud(named)) for named in clouds]
+    layers = []
+    for named in clouds:
+        surface = CloudSurface.from_cloud(named)
+        shown = replace(named, mesh=named.mesh or surface_of_few(surface.cloud))
+        layers.append(Layer(blocks, shown, "cloud", surface))
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = ", ".join(named.size_text for named in clouds)
     if not any(named.is_mesh for named in clouds):
