@@ -24,6 +24,7 @@ import gppcs
 import machine
 import report
 import same_work
+import small_clouds
 from clouds import Array, Cloud
 from gppcs.engine.memory import STATUS, peak_memory
 from gppcs.engine.threads import number_of_threads
@@ -195,7 +196,7 @@ def main() -> None:
     sections = [stage_table(done), *method_tables(done)]
     if any(each.single for each in done):
         sections.append(thread_table(done))
-    sections += [same_work.compared(), machine.limits()]
+    sections += [small_clouds.section(), same_work.compared(), machine.limits()]
     files = list(dict.fromkeys(path for each in done for path in each.cloud.files))
     page = report.text(
         "Speed and memory from small clouds to 14 million points", sections, files, [*NOTES, same_work.versions()]

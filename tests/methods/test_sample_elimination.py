@@ -14,7 +14,8 @@ from gppcs.methods.sample_elimination.elimination import (
     eliminate,
     thin,
 )
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from shapes import KINDS
 
 

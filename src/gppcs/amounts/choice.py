@@ -24,7 +24,8 @@ from gppcs.errors import InputError
 from gppcs.methods import Feature, Selection, Task
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 
 
 def choose_by_options(

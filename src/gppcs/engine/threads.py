@@ -31,8 +31,8 @@ _here = threading.local()  # `alone` is true in threads that work without helper
 def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, minimum: int = 1) -> None:
     """Call a kernel on ranges that together are 0 to n, on several threads at once."""
     count = min(RANGES, n // minimum)
-    threads = min(number_of_threads(), count)
-    if threads <= 1:
+    threads = min(number_of_threads(), count) if count > 1 else 1
+    if threads == 1:
         kernel(0, n, *arguments)
         return
     left = iter(range(count))

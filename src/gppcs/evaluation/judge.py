@@ -29,9 +29,9 @@ from gppcs.evaluation.reconstruction import (
 from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, bounds
-from gppcs.spatial.spacing import areas_of_points, paper_radius
+from gppcs.spatial.spacing import areas_of_points, paper_radius, surface_area
 from gppcs.spatial.triangles import qualities
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest

@@ -126,7 +126,8 @@ class LocalGP(Method):
 def _number_at(points: Floats, task: Task) -> int:
     """Return how many points have a spacing on the surface, whose area is that of a sample, (n, 3)."""
     from gppcs.gp.local.candidates import sample
-    from gppcs.spatial.kdtree import KdTree, surface_area
+    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.spacing import surface_area
 
     assert task.spacing is not None
     indices = sample(points, 1)

@@ -1,4 +1,4 @@
-"""A balanced k-d tree over points, the kernels that search it, and an estimate of the area of the surface.
+"""A balanced k-d tree over points, and the kernels that search it.
 
 There are two descents: through the nodes in tree order, without a stack, on to `2 * node` or `after` the node; and to
 the nearest node first, with the stack of `push_children`.
@@ -18,8 +18,6 @@ LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fil
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
 SAMPLED = 64  # the pivot of a split comes from a random sample of this many keys
 LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
-NEIGHBOURS = 8  # whose distance tells the area of a point
-AREA_QUANTILE = 0.99  # quantile to which larger areas are cut, for outliers
 STACK = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
 
@@ -103,16 +101,6 @@ def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
     chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // maximum))])
     _, squared = tree.nearest_of(chosen, min(k + 1, n))
     return np.sqrt(squared[:, -1])
-
-
-def surface_area(tree: KdTree) -> float:
-    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut."""
-    n = tree.points.shape[1]
-    k = min(NEIGHBOURS, n - 1)
-    if k == 0:
-        return 0.0
-    squared = nearest_distances(tree, k, maximum=16_384) ** 2
-    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())
 
 
 @kernel(allocates=False)

@@ -11,7 +11,6 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     LEAF_SIZE,
-    NEIGHBOURS,
     KdTree,
     first_leaf,
     leaf_range,
@@ -24,7 +23,14 @@ STRIDE = 16  # arrays are padded to multiples of this length: two of the widest 
 FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
-TASKS = 256  # runs of leaves; within a run, each search starts from the radius of the one before
+NEIGHBOURS = 8  # whose distance tells the area of a point
+RUN_LEAVES = 8  # leaves of a run at least, the first of which has no radius to start from
+MAX_RUNS = 256
+
+
+def number_of_runs(leaves: int) -> int:
+    """Return the number of runs of leaves, within each of which a search starts from the radius of the one before."""
+    return max(1, min(leaves // RUN_LEAVES, MAX_RUNS))
 
 
 class SearchBuffer(NamedTuple):
@@ -156,7 +162,7 @@ def _within(squared, limit):
 
 def squared_radii(tree: KdTree) -> Floats:
     """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
-    n, tasks = len(tree.order), min(tree.leaves, TASKS)
+    n, tasks = len(tree.order), number_of_runs(tree.leaves)
     squared = np.ones(n)
     if n > 1:
         k = min(NEIGHBOURS, n - 1) + 1

@@ -1,4 +1,4 @@
-"""Estimate the area that each point stands for, and the radius of a neighbourhood."""
+"""Estimate the area of the surface and that which each point stands for, and the radius of a neighbourhood."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import sys
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.spatial.kdtree import AREA_QUANTILE, NEIGHBOURS, KdTree, nearest_distances
-from gppcs.spatial.nearest import squared_radii
+from gppcs.spatial.kdtree import KdTree, nearest_distances
+from gppcs.spatial.nearest import NEIGHBOURS, squared_radii
+
+AREA_QUANTILE = 0.99  # quantile to which larger areas are cut, for outliers
+AREA_POINTS = 16_384  # of a larger cloud, the area is measured on so many points
 
 
 def paper_radius(points: Floats, k: int = 25) -> float:
@@ -29,3 +32,13 @@ def neighbourhood_radius(tree: KdTree, k: int = 25) -> float:
     k = min(k, sys.maxsize)  # which a float can hold
     radius, robust = paper_radius(tree.points.T, k), float(np.median(nearest_distances(tree, k - 1)))
     return radius if robust / 3 <= radius <= 3 * robust else robust
+
+
+def surface_area(tree: KdTree) -> float:
+    """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut."""
+    n = len(tree.order)
+    k = min(NEIGHBOURS, n - 1)
+    if k == 0:
+        return 0.0
+    squared = squared_radii(tree) if n <= AREA_POINTS else nearest_distances(tree, k, AREA_POINTS) ** 2
+    return float(np.pi / k * n * np.minimum(squared, np.quantile(squared, AREA_QUANTILE)).mean())

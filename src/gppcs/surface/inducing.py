@@ -17,7 +17,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import surface_area
+from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.triangles import area_vector, dot, minus, row, unit
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import MEDIAN

@@ -32,6 +32,7 @@ TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation 
 LARGEST = 2.0
 MEDIAN = 0.6745  # Of the absolute value of standard normal numbers.
 SAMPLES = 4096  # Points on which the noise is measured: its error is then about one per cent.
+FEW_SAMPLES = 256  # Of a small cloud, where the fits would take most of the time: the error is four per cent.
 
 
 class NoiseLayer(NamedTuple):
@@ -65,8 +66,9 @@ class NoiseLayer(NamedTuple):
 
 
 def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
-    """Measure the layer of noise on at most `SAMPLES` points, evenly spread over the tree."""
-    sampled = tree.thinned(-(-len(tree.order) // SAMPLES))
+    """Measure the layer of noise on an eighth of the points, `FEW_SAMPLES` to `SAMPLES`, evenly spread."""
+    n = len(tree.order)
+    sampled = tree.thinned(-(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES)))
     feet, fitted = projections(tree, sampled, neighbours)
     return NoiseLayer.between(sampled.points, feet, fitted)
 

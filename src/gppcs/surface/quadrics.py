@@ -10,7 +10,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.nearest import TASKS, WIDER, look_around, search_for, steps_to_nearest
+from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for, steps_to_nearest
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
@@ -32,7 +32,7 @@ def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
-    tasks = min(queries.leaves, TASKS)
+    tasks = number_of_runs(queries.leaves)
     on_ranges(_fit_leaves, tasks, tasks, *tree.arrays, *queries.arrays, min(k, len(tree.order)), fitted)
     return fitted
 

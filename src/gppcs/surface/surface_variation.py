@@ -24,9 +24,9 @@ from gppcs.spatial.kdtree import (
     squared_span_of_boxes,
 )
 from gppcs.spatial.nearest import (
-    TASKS,
     WIDER,
     look_around,
+    number_of_runs,
     pack,
     radius_of_nearest,
     search_buffer,
@@ -223,7 +223,7 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     """Measure each point's neighbourhood of its k nearest points, itself included."""
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
-    tasks = min(tree.leaves, TASKS)
+    tasks = number_of_runs(tree.leaves)
     outputs = features.surface_variation, features.normals, features.neighbours
     on_ranges(_features_of_nearest, tasks, tasks, *tree.arrays, tree.order, min(k, n), *outputs)
     return features

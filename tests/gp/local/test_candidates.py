@@ -4,7 +4,8 @@ from scipy.spatial import cKDTree
 
 from gppcs.gp.local.candidates import gaps_of_isolated, largest_gap, nested_candidates
 from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from shapes import square
 
 

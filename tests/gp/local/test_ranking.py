@@ -7,7 +7,8 @@ from gppcs.gp.local.algorithm import Candidates, Criterion, Ranking, choose_in_s
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.surface_variation import Features
 from shapes import square
 

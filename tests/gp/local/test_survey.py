@@ -4,7 +4,8 @@ import pytest
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import nested_candidates, sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from shapes import rotation, square
 

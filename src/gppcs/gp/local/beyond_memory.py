@@ -57,8 +57,9 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import is_drawn
+from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write_at_once, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Noise, NoiseLayer, projections
 from gppcs.surface.surface_variation import Features

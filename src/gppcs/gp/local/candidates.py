@@ -27,7 +27,8 @@ from gppcs.gp.local.settings import (
     SAMPLED_PER_POINT,
 )
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.kdtree import KdTree, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 

@@ -16,7 +16,7 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
-from gppcs.spatial.nearest import TASKS, WIDER, look_around, radius_of_nearest, search_for
+from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
 from gppcs.surface.moments import tangents
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, NoiseLayer, projections
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
@@ -105,7 +105,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
 def _round(tree: KdTree, normals: Floats, observed: Floats, k: int, selected: Flags) -> tuple[Floats, Floats, Floats]:
     """Return new points and normals of those selected, and the sums of the weights, by the last tree."""
     new, turned, total_weight = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
-    tasks = min(tree.leaves, TASKS)
+    tasks = number_of_runs(tree.leaves)
     on_ranges(_denoise_leaves, tasks, tasks, *tree.arrays, normals, observed, k, selected, new, turned, total_weight)
     return new, turned, total_weight
 

@@ -29,7 +29,7 @@ from gppcs.gp.local.settings import (
     TRIED_ON,
 )
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
-from gppcs.spatial.nearest import TASKS, WIDER, look_around, search_for
+from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for
 from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
@@ -121,7 +121,7 @@ def replacements(
 def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], Floats]:
     """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
     n = len(queries.order)
-    positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), min(queries.leaves, TASKS)
+    positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), number_of_runs(queries.leaves)
     on_ranges(_nearest_of_each, tasks, tasks, *tree.arrays, *queries.arrays, positions, squared)
     return positions, squared
 

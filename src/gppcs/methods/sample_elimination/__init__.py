@@ -41,7 +41,8 @@ class SampleElimination(Method):
 
 def _limit_at_spacing(points: Floats, spacing: float) -> int:
     """Return how many points no two of which are nearer than a spacing there may be at most."""
-    from gppcs.spatial.kdtree import KdTree, surface_area
+    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.spacing import surface_area
 
     # The densest packing has 1.15 points at a distance of 1 in each unit of area, and the area may be off.
     densest = 1.5 * surface_area(KdTree.build(points)) / spacing / spacing

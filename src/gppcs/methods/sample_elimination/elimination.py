@@ -20,8 +20,8 @@ from gppcs.spatial.kdtree import (
     squared_distance_of_boxes,
     squared_distance_to_box,
     squared_span_of_boxes,
-    surface_area,
 )
+from gppcs.spatial.spacing import surface_area
 
 BETA, GAMMA = 0.65, 1.5  # Yuksel's constants of weight limiting
 WHOLE = 2.0**28  # the largest term of a weight; terms are whole numbers, so that sums do not depend on their order
