@@ -11,7 +11,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, nearest_in_tree
-from gppcs.spatial.nearest import TASKS, WIDER, look_around, radius_of_nearest, search_for
+from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
 from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
 from gppcs.surface.fans import lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
@@ -41,7 +41,7 @@ class LocalSurface:
         tree = KdTree.build(points)
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
-        tasks = max(1, min(tree.leaves // 16, TASKS))  # so that most leaves start from another's radius
+        tasks = number_of_runs(tree.leaves)
         on_ranges(_build_fans, tasks, tasks, *tree.arrays, normals, corners)
         return cls(tree, normals, corners)
 
