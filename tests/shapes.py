@@ -159,3 +159,17 @@ def metres_of_degrees(longitude, latitude):
         np.linalg.norm(in_space(east, north) - in_space(-east, -north)) / (2 * step)
         for east, north in ((step, 0), (0, step))
     ]
+
+
+def plate(n, thickness, seed=0):
+    """Points anywhere on a turned plate so many spacings thick, their normals, and its area."""
+    rng, area = np.random.default_rng(seed), 2.0
+    for _ in range(20):
+        sides = np.array([1.0, 1.0, thickness * np.sqrt(area / n)])
+        areas = np.roll(sides, 1) * np.roll(sides, 2)
+        area = 2 * areas.sum()
+    axis, upper = rng.choice(3, n, p=areas / areas.sum()), rng.integers(0, 2, n)
+    points, normals = rng.random((n, 3)) * sides, np.zeros((n, 3))
+    points[np.arange(n), axis], normals[np.arange(n), axis] = upper * sides[axis], 2 * upper - 1
+    turn = rotation(seed)
+    return points @ turn, normals @ turn, area

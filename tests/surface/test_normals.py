@@ -9,7 +9,7 @@ from gppcs.surface import normals as module
 from gppcs.surface.noise import NEIGHBOURS
 from gppcs.surface.normals import estimate_normals
 from gppcs.surface.quadrics import fit_quadrics
-from shapes import odd_clouds, rotation, torus
+from shapes import odd_clouds, plate, rotation, torus
 
 
 def plain_signs(points, normals, near):
@@ -55,6 +55,14 @@ def test_signs_are_those_of_the_spanning_tree(n):
         inside = pieces == piece
         assert len(np.unique(found_pieces[inside])) == 1
         assert abs((signs * found_signs)[inside].sum()) == inside.sum()
+
+
+@pytest.mark.parametrize("thickness", [1.75, 2.0, 3.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_both_sheets_of_a_plate_have_their_signs(thickness, seed):
+    """One of the sheets was turned below 2.5 spacings, as both were taken for a layer of noise."""
+    points, exact, _ = plate(8000, thickness, seed)
+    assert ((estimate_normals(points) * exact).sum(axis=1) < 0).mean() < 0.06
 
 
 def test_each_closed_piece_points_outward_wherever_it_lies(sphere):

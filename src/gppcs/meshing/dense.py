@@ -112,8 +112,10 @@ def _noise(tree: KdTree) -> tuple[float, int]:
     if len(tree.order) <= 2 * wide:
         return 0.0, wide
     layer, wider = layer_of(tree, narrow), layer_of(tree, wide)
-    counts = wider.sigma > 0.25 * float(np.median(nearest_distances(tree, RANK)))
-    return wider.sigma if counts and wider.ratio <= layer.ratio else 0.0, wide
+    spacing = float(np.median(nearest_distances(tree, RANK)))
+    if wider.is_two_sheets() and 2.0 * wider.median > spacing:  # nearer sheets cannot be told apart
+        return 0.0, wide
+    return wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer.ratio else 0.0, wide
 
 
 def _thick_noise(tree: KdTree) -> tuple[float, int]:

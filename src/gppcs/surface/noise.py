@@ -25,6 +25,9 @@ THICK = 0.25
 # What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this. That of
 # noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
 DETAIL = 0.85
+# Two sheets lie on both sides of the quadrics, not about them: the 90th percentile of the distance is below this many
+# medians. Plates have 1.2 to 1.5, an even layer 1.8, Gaussian noise 2.4.
+SHEETS = 1.6
 CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharpness can be measured.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that isolated points still count. Without it the
@@ -40,11 +43,12 @@ class NoiseLayer(NamedTuple):
 
     sigma: float  # Standard deviation of the noise: 90th percentile of the distance to the quadric, divided by 1.645
     radius: float  # Median radius of the neighbourhoods
+    median: float  # Median distance to the quadric
 
     @classmethod
     def from_distances(cls, distances: Floats, radii: Floats) -> NoiseLayer:
         """Return the layer by the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
-        return cls(float(np.quantile(distances, 0.9)) / 1.645, float(np.median(radii)))
+        return cls(float(np.quantile(distances, 0.9)) / 1.645, float(np.median(radii)), float(np.median(distances)))
 
     @classmethod
     def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
@@ -59,6 +63,10 @@ class NoiseLayer(NamedTuple):
     def is_thick(self) -> bool:
         """Return whether neighbourhoods lie within the layer."""
         return self.sigma > THICK * self.radius
+
+    def is_two_sheets(self) -> bool:
+        """Return whether it is no noise, but two sheets, as of a plate."""
+        return 1.645 * self.sigma < SHEETS * self.median
 
     def is_detail(self, wider: NoiseLayer) -> bool:
         """Return whether what lies off quadrics is detail, not noise, by the layer about quadrics of more points."""
