@@ -9,7 +9,7 @@ from gppcs.meshing.halfedges import HalfEdges
 from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
-from shapes import faults, torus
+from shapes import faults, plate, torus
 
 
 @pytest.fixture(scope="module")
@@ -278,6 +278,23 @@ def test_the_smallest_pieces_are_left_out_if_there_are_too_few_vertices_for_all(
     assert len(result.mesh.vertices) == 8
     assert np.unique(result.mesh.vertices[:, 2]).tolist() == [54.0, 63.0]
     assert result.diagnostics.excluded == pytest.approx(25 / 110)
+
+
+@pytest.mark.parametrize("n_points", [100, 1000])
+@pytest.mark.parametrize("thickness", [2.0, 3.0])
+def test_a_plate_keeps_both_sheets(thickness, n_points):
+    """Below 2.5 spacings, both sheets were taken for a layer of noise."""
+    points, _, area = plate(8000, thickness)
+    result = gppcs.mesh(points, n_points=n_points)
+    assert result.mesh.face_areas().sum() == pytest.approx(area, rel=0.05)
+    assert result.diagnostics.joined_sheets == 0.0
+
+
+@pytest.mark.parametrize("thickness", [0.5, 1.0, 1.25])
+def test_sheets_that_become_one_are_told(thickness):
+    points, _, area = plate(8000, thickness)
+    apart = gppcs.mesh(points, n_points=300).diagnostics.joined_sheets
+    assert apart == pytest.approx(thickness * np.sqrt(area / len(points)), rel=0.15)
 
 
 def test_too_few_vertices_for_the_handles_are_an_error():

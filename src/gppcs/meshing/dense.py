@@ -29,6 +29,7 @@ class DensePoints:
     cover: Cover  # what the points cover
     noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
     uneven: bool = False  # whether the noise differs from place to place
+    joined_sheets: float = 0.0  # distance between two sheets that are taken for noise, as points are farther apart
 
     @classmethod
     def from_points(cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False) -> DensePoints | None:
@@ -39,7 +40,7 @@ class DensePoints:
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices)
-        noise, fitted = _thick_noise(tree) if thick else _noise(tree)
+        noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
         near, squared = tree.neighbours(min(EDGES, len(indices) - 1))
@@ -54,7 +55,7 @@ class DensePoints:
             near, squared = tree.neighbours(min(RANK, len(indices) - 1))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, noise)
+        return cls(indices, raw, on_surface, normals, cover, noise, joined_sheets=sheets)
 
     @classmethod
     def _across_uneven(cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, joined: int) -> DensePoints:
@@ -106,20 +107,22 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
-def _noise(tree: KdTree) -> tuple[float, int]:
-    """Return the noise, 0 if it is small or grows with the radius, as detail does, and the points of fits."""
+def _noise(tree: KdTree) -> tuple[float, int, float]:
+    """Return the noise, 0 if it is small or grows as detail does, the points of fits, and how far sheets are apart."""
     narrow, wide = 20, 40
     if len(tree.order) <= 2 * wide:
-        return 0.0, wide
+        return 0.0, wide, 0.0
     layer, wider = layer_of(tree, narrow), layer_of(tree, wide)
     spacing = float(np.median(nearest_distances(tree, RANK)))
-    if wider.is_two_sheets() and 2.0 * wider.median > spacing:  # nearer sheets cannot be told apart
-        return 0.0, wide
-    return wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer.ratio else 0.0, wide
+    sheets = 2.0 * wider.median if wider.is_two_sheets() else 0.0
+    if sheets > spacing:
+        return 0.0, wide, 0.0
+    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer.ratio else 0.0
+    return noise, wide, sheets if sheets > 0.25 * spacing else 0.0
 
 
-def _thick_noise(tree: KdTree) -> tuple[float, int]:
-    """Return the noise of the points of a tree, 0 if no fits reach across it, and the points of fits."""
+def _thick_noise(tree: KdTree) -> tuple[float, int, float]:
+    """Return what `_noise` does, with a noise of 0 if no fits reach across it."""
     largest, fitted = 0.0, 160
     for k in (40, 80, 160, 320, 640):
         if len(tree.order) <= 2 * k:
@@ -128,5 +131,5 @@ def _thick_noise(tree: KdTree) -> tuple[float, int]:
         largest = max(largest, layer.ratio)
         # Wider fits lower the ratio to their radius if a layer is noise; it does not fall in a volume.
         if largest > THICK and layer.ratio < 0.85 * largest:
-            return layer.sigma, fitted
-    return 0.0, fitted
+            return layer.sigma, fitted, 0.0
+    return 0.0, fitted, 0.0

@@ -260,6 +260,7 @@ def _finished(
     return draft, MeshDiagnostics(
         dense_points=len(draft.dense.indices),
         noise=request.unit * draft.dense.noise,
+        joined_sheets=request.unit * draft.dense.joined_sheets,
         mean_distance=request.unit * mean_distance,
         excluded=fraction,
         boundary_loops=topology.boundary_loops,

@@ -20,6 +20,7 @@ class MeshDiagnostics:
 
     dense_points: int  # from which the mesh was made
     noise: float  # root mean square distance of these from the surface; 0 if it is too small to count
+    joined_sheets: float  # distance between two sheets that became one, as the points are farther apart; 0 if none did
     # Mean distance from the mesh of the dense points that the first mesh reaches; of a noisy cloud, that of their
     # projections onto the surface before vertices take their last step.
     mean_distance: float

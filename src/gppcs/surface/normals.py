@@ -119,7 +119,7 @@ def _points_of_fits(tree: KdTree) -> int:
 def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     """Return the points of fits across the noise; quadrics of still more points cut off detail and take long."""
     neighbours, layer = across(partial(layer_of, tree), 4 * NEIGHBOURS)
-    return (SHARP if layer.is_two_sheets() else neighbours), layer
+    return (SHARP if neighbours > NEIGHBOURS and layer.is_two_sheets() else neighbours), layer
 
 
 def _turned(normals: Floats, signed: Floats) -> Floats:

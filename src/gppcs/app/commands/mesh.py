@@ -153,7 +153,10 @@ def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved:
     if diagnostics.outliers or diagnostics.off_surface:
         misses = f"{diagnostics.outliers:,} outliers, and {diagnostics.off_surface:,} that the full mesh misses, too"
         yield f"points that the tolerance does not cover: {misses}; see gppcs evaluate IN --simplified-mesh OUT"
-    if tolerance is None and noise and not moved:
+    if diagnostics.joined_sheets:
+        near = f"two sheets, such as those of a plate, are about {diagnostics.joined_sheets:.3g} apart"
+        yield f"{near}, nearer than the points, and became one; scan with more points to keep both"
+    elif tolerance is None and noise and not moved:
         yield f"the points have noise of about {noise:.4g}, and so has their mesh; --moved removes it"
     if tolerance is not None and noise > tolerance:
         below = f"the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}"
