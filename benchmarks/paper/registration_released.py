@@ -9,9 +9,12 @@ about one axis. Needs the extra `registration`.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from statistics import median
 from time import perf_counter
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before Open3D is loaded: what RANSAC finds depends on the order of its threads
 
 import numpy as np
 from scipy.spatial.transform import Rotation
