@@ -9,12 +9,9 @@ about one axis. Needs the extra `registration`.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from statistics import median
 from time import perf_counter
-
-os.environ["OMP_NUM_THREADS"] = "1"  # before Open3D is loaded: what RANSAC finds depends on the order of its threads
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -45,7 +42,7 @@ NOTES = (
     "All clouds pass the same voxel grid before the global step, so it works on nearly as many points of each and "
     "takes about as long.",
     f"The global RMSE is of {len(SEEDS)} seeds of RANSAC. Where the ranges of two clouds overlap, their order is "
-    "chance.",
+    "chance. The order of its threads is not fixed, so single seeds come out otherwise in another run.",
     "ICP finds the motion up to the rounding of the text. Rounding two coordinates of the turned copy to six decimals "
     "has the root mean square sqrt(2/12) 1e-6 = 4.08e-7. The coordinate along the axis is that of the source.",
 )
