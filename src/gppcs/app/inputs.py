@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
 
 from gppcs import io
 from gppcs.app.printing import print_error
@@ -15,18 +14,10 @@ from gppcs.errors import FileFormatError
 from gppcs.io.mesh_files import mesh_of
 
 
-class Input(NamedTuple):
-    """A cloud that was read, and the faces of its file, as a mesh if they are used."""
-
-    cloud: PointCloud
-    n_faces: int
-    mesh: Mesh | None
-
-
 def read_each(
     paths: Sequence[Path], input_format: str | None, columns: Sequence[str] | None, use_faces: bool = False
-) -> list[Input]:
-    """Read what a command puts side by side; the names of columns are for tables alone."""
+) -> list[tuple[PointCloud, Mesh | None]]:
+    """Read clouds, with their meshes if these are used; the names of columns are for tables alone."""
     with ExitStack() as stack:
         opened = [stack.enter_context(io.CloudFiles([path], input_format, columns, if_needed=True)) for path in paths]
         if columns is not None and not any("columns" in kind.options for files in opened for kind in files.formats()):
@@ -35,7 +26,7 @@ def read_each(
         for path, files in zip(paths, opened, strict=True):
             cloud = files.read()
             mesh = mesh_of(path, files.n_faces) if use_faces else None
-            inputs.append(Input(cloud, files.n_faces, mesh))
+            inputs.append((cloud, mesh))
             note_unused(path, files, are_faces_used=mesh is not None)
         return inputs
 

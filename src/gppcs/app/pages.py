@@ -64,6 +64,12 @@ def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
     return shown
 
 
+def named_inputs(paths: Sequence[Path], read: Sequence[tuple[PointCloud, Mesh | None]]) -> list[Named]:
+    """Return clouds and meshes that were read, by the names of their files."""
+    named = zip(different_names(paths), read, strict=True)
+    return [Named(name, cloud, mesh, is_mesh=mesh is not None) for name, (cloud, mesh) in named]
+
+
 def draw_beside(
     file: BinaryIO,
     original: Named,

@@ -98,7 +98,7 @@ def compare(
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)
     surface = gppcs.read_mesh(mesh) if mesh else None
-    original = read_each([cloud], input_format, names_of(columns))[0].cloud
+    original = read_each([cloud], input_format, names_of(columns))[0][0]
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
     note_units(cloud, original)

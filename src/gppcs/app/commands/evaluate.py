@@ -65,9 +65,7 @@ def evaluate(
     judged = gppcs.read_mesh(simplified_mesh) if simplified_mesh else None
     with timer("reading"):
         read = read_each([original, *filter(None, [simplified])], input_format, names_of(columns))
-    if simplified and read[1].n_faces:
-        print_error(f"note: {simplified}: only its points are judged; its faces are with --simplified-mesh")
-    clouds = [item.cloud[item.cloud.is_finite()] for item in read]
+    clouds = [cloud[cloud.is_finite()] for cloud, _ in read]
     report: Report | MeshReport
     if judged:
         report = gppcs.evaluate_mesh(clouds[0], judged, surface, timer)

@@ -90,7 +90,7 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = (read.cloud for read in read_each(files, input_format, names_of(columns)))
+        original, *others = (read for read, _ in read_each(files, input_format, names_of(columns)))
         kept = _indices_of(original, others[0], keep_points) if keep_points else None
     mesh_format.fit(original, output, lossy)
     with naming(cloud):

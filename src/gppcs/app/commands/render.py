@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -44,9 +45,8 @@ def render(
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import different_names, draw_pair
+    from gppcs.app.pages import draw_pair, named_inputs
     from gppcs.drawing.single import checked_size, draw_single
-    from gppcs.drawing.web.layers import Named
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
 
@@ -57,11 +57,11 @@ def render(
     require_matplotlib()
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
+    read = read_each(sources, input_format, names_of(columns), use_faces=True)
     if len(sources) == 2:
-        names, read = map(visible, different_names(sources)), read_each(sources, input_format, names_of(columns), True)
         first, second = (
-            Named(name, item.cloud[item.cloud.is_finite()], item.mesh, is_mesh=item.mesh is not None)
-            for name, item in zip(names, read, strict=True)
+            replace(named, name=visible(named.name), cloud=named.cloud[named.cloud.is_finite()])
+            for named in named_inputs(sources, read)
         )
         caption = f"{len(second.cloud) / max(len(first.cloud), 1):.1%} of the points"
         with io.whole_output(output, force) as file:
@@ -70,7 +70,7 @@ def render(
             say(f"{output}: {first.size_text} beside {second.size_text}")
         return
     (source,) = sources
-    ((cloud, _, mesh),) = read_each(sources, input_format, names_of(columns), use_faces=True)
+    ((cloud, mesh),) = read
     with naming(source), io.whole_output(output, force) as file:
         title, excluded, outside = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if excluded:

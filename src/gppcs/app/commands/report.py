@@ -48,8 +48,8 @@ def report(
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import SUFFIXES, different_names, how_made, rebuilt
-    from gppcs.drawing.web.contents import Named, report_page
+    from gppcs.app.pages import SUFFIXES, how_made, named_inputs, rebuilt
+    from gppcs.drawing.web.contents import report_page
     from gppcs.engine.extras import require_pymeshlab
 
     timer = started(quiet, threads)
@@ -59,10 +59,8 @@ def report(
     if meshes:
         require_pymeshlab()
     with timer("reading"):
-        read = read_each(inputs, input_format, names_of(columns), use_faces=True)
-    named_inputs = zip(different_names(inputs), read, strict=True)
-    clouds = [Named(name, item.cloud, item.mesh, is_mesh=item.mesh is not None) for name, item in named_inputs]
-    finite = [item.cloud[item.cloud.is_finite()] for item in read]
+        clouds = named_inputs(inputs, read_each(inputs, input_format, names_of(columns), use_faces=True))
+    finite = [named.cloud[named.cloud.is_finite()] for named in clouds]
     if meshes and all(map(len, finite)):  # the page refuses empty clouds
         with timer("meshes"):
             for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):

@@ -43,9 +43,9 @@ def view(
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import SUFFIXES, different_names, how_made, how_run
+    from gppcs.app.pages import SUFFIXES, how_made, how_run, named_inputs
     from gppcs.drawing.show import new_page
-    from gppcs.drawing.web.contents import Named, view_page
+    from gppcs.drawing.web.contents import view_page
     from gppcs.drawing.web.layers import MOST_SHOWN
     from gppcs.drawing.web.levels import Levels
     from gppcs.drawing.web.serving import LevelsServer
@@ -64,9 +64,7 @@ def view(
                 _serve(LevelsServer(levels), opened, quiet)
                 return
     with timer("reading"):
-        read = read_each(inputs, input_format, names_of(columns), use_faces=True)
-        named = zip(different_names(inputs), read, strict=True)
-        clouds = [Named(name, item.cloud, item.mesh, is_mesh=item.mesh is not None) for name, item in named]
+        clouds = named_inputs(inputs, read_each(inputs, input_format, names_of(columns), use_faces=True))
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = new_page()
