@@ -25,11 +25,10 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Me
     dense = cloud if original is None else original
     if len(dense) > MAX_DENSE:
         return None
-    factors = dense.factors()
-    local, frame = normalised(dense.points * factors)
+    local, frame = normalised(dense.points, dense.units)
     distinct = np.flatnonzero(first_occurrences(local))
     tree = KdTree.build(local[distinct])
-    nearest = distinct[tree.nearest_of(frame.near(cloud.points * factors), 1)[0][:, 0]]
+    nearest = distinct[tree.nearest_of(frame.near(cloud.points), 1)[0][:, 0]]
     try:
         result = mesh(dense, keep=np.unique(nearest))
     except GppcsError:  # there are too few points, or they lie on no surface

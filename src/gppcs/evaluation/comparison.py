@@ -20,6 +20,7 @@ from gppcs.evaluation.report import Report
 from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
 from gppcs.simplification import Result, simplify
+from gppcs.spatial.scaling import normalised
 
 PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
 
@@ -132,22 +133,20 @@ def checked_methods(
 
 def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
     """Return the surface rebuilt from a cloud, for a picture."""
-    normals, corner, factors = original.normals(), original.points.min(axis=0), original.factors()
-    points = (cloud.points - corner) * factors
-    guides = () if normals is None else ((original.points - corner) * factors, normals)
+    normals, (positions, frame) = original.normals(), normalised(original.points, original.units)
+    points, guides = frame.near(cloud.points), () if normals is None else (positions, normals)
     try:
         mesh = reconstruct(points, estimated_normals(points, *guides))
     except NoSurfaceError:
         return None
-    return trimmed_mesh(Mesh(mesh.vertices / factors + corner, mesh.faces), original)
+    return trimmed_mesh(Mesh(frame.world(mesh.vertices), mesh.faces), original)
 
 
 def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
     """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan."""
-    corner, factors = original.points.min(axis=0), original.factors()  # squared distances need all digits
-    points, vertices = ((array - corner) * factors for array in (original.points, mesh.vertices))
+    points, frame = normalised(original.points, original.units)
     try:
-        left = without_membranes(Mesh(vertices, mesh.faces), points)
+        left = without_membranes(Mesh(frame.near(mesh.vertices), mesh.faces), points)
         return Mesh(mesh.vertices, left.faces)
     except NoSurfaceError:
         return None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.accuracy import distances_to
+from gppcs.amounts.accuracy import distances_to, errors_of
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
@@ -161,13 +161,10 @@ def _figures_of_mesh(original: PointCloud, result: Named) -> dict[str, object]:
     """Return the figures of a mesh that are told by the distances of the original points to it."""
     distances, diagonal = _distances(original.points, result), math.hypot(*np.ptp(original.points, axis=0))
     counts = {"points_in": len(original), "points_out": len(result.cloud)}
-    lengths = {
-        "surface_mean": distances.mean(),
-        "surface_rms": np.sqrt((distances**2).mean()),
-        "surface_p95": np.percentile(distances, 95),
-        "surface_max": distances.max(),
-    }
-    figures, relative = ({n: float(v / unit) for n, v in lengths.items()} for unit in (1.0, diagonal or 1.0))
+    figures, relative = (
+        {f"surface_{measure}": error for measure, error in errors_of(distances / unit).items()}
+        for unit in (1.0, diagonal or 1.0)
+    )
     shared = counts | {"diagonal": diagonal}
     return {"points": len(result.cloud), "figures": shared | figures, "relative": shared | relative}
 
