@@ -27,9 +27,6 @@ def _option(default: Any, text: str, for_files: bool = False) -> Any:
     return field(default=default, metadata={"help": text, "for_files": for_files})
 
 
-ORDERS = ("importance", "input", "gps_time")
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Options:
     """Options of a simplification, validated as far as possible without the cloud."""
@@ -159,7 +156,7 @@ class Options:
         from gppcs.clouds.quantities import units_of
 
         one_of("invalid", self.invalid, ("error", "drop"))
-        one_of("order", self.order, ORDERS)
+        one_of("order", self.order, ("importance", "input", "gps_time"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
             flag(name, getattr(self, name))
         if self.group is not None and not isinstance(self.group, str):

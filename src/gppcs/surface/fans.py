@@ -13,6 +13,7 @@ from gppcs.surface.moments import tangents
 MAX_FAN = 24  # triangles of a fan; the mean is six
 # Largest squared sine of a turn at which points count as lying on one circle: those of flat grids, and of curved ones.
 ON_CIRCLE = 1e-8, 1e-6
+ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals, whose signs mean nothing
 POINTS_AT_ONCE = 128  # at least, in a range of a thread
 
 

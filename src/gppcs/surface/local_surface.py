@@ -13,7 +13,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
 from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
-from gppcs.surface.fans import lay_out, wrap
+from gppcs.surface.fans import ANY_NORMAL, lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
@@ -113,8 +113,7 @@ def _select(positions, squared, radius, near):
 @kernel
 def _is_fan(points, normals, i, near, farthest, inverse, index, corners):
     """Fill the corners (MAX_TRIANGLES, 2) around point i by neighbours; return whether more would not change them."""
-    any_normal = -2.0  # neighbours are on the same sheet whatever their normals
-    count = lay_out(points.T, normals, i, near, any_normal, SIN_MAX_SLOPE, inverse, index)
+    count = lay_out(points.T, normals, i, near, ANY_NORMAL, SIN_MAX_SLOPE, inverse, index)
     corners[:] = -1
     return wrap(inverse, index, count, i, 0.0, corners) and _widest(points, i, corners) <= np.sqrt(farthest)
 

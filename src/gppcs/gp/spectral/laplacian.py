@@ -12,13 +12,12 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.fans import corners_of_fans
+from gppcs.surface.fans import ANY_NORMAL, corners_of_fans
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, SIN_MAX_SLOPE
 from gppcs.surface.surface_variation import features_of_nearest
 
 FAN_NEIGHBOURS = 30  # points that can be corners of a fan; with more, fans reach over gaps, with fewer they stay open
 ROUNDING = 1e-20  # squared sine of a turn at which points of a flat grid count as lying on one circle
-ANY_NORMAL = -2.0  # neighbours are on the same sheet whatever their normals, whose signs mean nothing
 
 
 @one_blas_thread()
