@@ -159,8 +159,8 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
             )
     file.seek(0)
     content = bytearray(file.read(start))
-    struct.pack_into("<I", content, 100, n_complete)  # some programs count more records than they write
     with reported("laspy", "a LAS header"):
+        struct.pack_into("<I", content, 100, n_complete)  # some programs count more records than they write
         header = laspy.LasHeader.read_from(BytesIO(content))
         header.read_evlrs(file)
         header.point_format.dtype()  # which raises an error if two dimensions have one name
