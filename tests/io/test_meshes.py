@@ -1,5 +1,6 @@
 """Vertices of OFF, OBJ and STL files."""
 
+import json
 import struct
 
 import numpy as np
@@ -155,3 +156,50 @@ def test_what_a_gltf_file_has_beside_vertices_and_faces_is_named(mesh):
     with CloudFiles([path]) as files:
         assert (len(files.read()), files.n_faces) == (len(ball.vertices), len(ball.faces))
         assert files.skipped() == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]
+
+
+def glb(description, numbers=b""):
+    """Return a binary glTF file of a description and the bytes of its buffer."""
+    text = json.dumps(description).encode()
+    chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", numbers + b"\0" * (-len(numbers) % 4))]
+    body = b"".join(struct.pack("<I", len(content)) + name + content for name, content in chunks)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def triangle(**accessor):
+    """Return the description of a glTF triangle and its coordinates, float32."""
+    return {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"} | accessor],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36}],
+    }, TRIANGLES[0].astype("<f4").tobytes()
+
+
+def test_vertices_of_gltf_that_trimesh_would_make_up_are_refused(mesh):
+    description, numbers = triangle()
+    assert read(mesh(".glb", glb(description, numbers))).points.tolist() == [[0, -1, 0], [1, 0, 0], [0, 0, 2]]
+    description["extensionsRequired"] = ["KHR_texture_transform"]  # which says nothing of vertices
+    assert len(read(mesh(".glb", glb(description, numbers)))) == 3
+    description["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    with pytest.raises(FileFormatError, match="without KHR_draco_mesh_compression"):
+        read(mesh(".glb", glb(description, numbers)))
+    for accessor in ({"sparse": {"count": 1}}, {"normalized": True, "componentType": 5122}):
+        with pytest.raises(FileFormatError, match="sparse or normalized"):
+            read(mesh(".glb", glb(*triangle(**accessor))))
+    with pytest.raises(FileFormatError, match="version 2 of glTF, found 1"):
+        read(mesh(".glb", b"glTF" + struct.pack("<5I", 1, 20, 0, 0, 0)))
+
+
+def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(mesh):
+    ball = trimesh.creation.icosphere(1)
+    ball.visual.vertex_colors = np.random.default_rng(0).integers(0, 256, (len(ball.vertices), 4))
+    scene = trimesh.Scene([ball, trimesh.PointCloud(ball.vertices)])
+    with CloudFiles([mesh(".glb", scene.export(file_type="glb"))]) as files:
+        cloud = files.read()
+        assert files.skipped() == ["points, lines or fans (1)"]
+    colours = [cloud.attributes[name] for name in ("red", "green", "blue", "alpha")]
+    assert np.array_equal(np.transpose(colours), ball.visual.vertex_colors)

@@ -30,6 +30,9 @@ from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, 
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
+_TRIANGLES = (4, 5)  # modes of glTF: triangles, and strips of these
+# Extensions of glTF that do not change where vertices are, and one that only allows whole numbers as coordinates.
+_WITHOUT_GEOMETRY = re.compile("KHR_(materials|texture|lights)_|EXT_texture_|KHR_mesh_quantization")
 
 
 def _reader(cloud: PointCloud, n_faces: int, triangles: Callable[[], Faces], skipped: list[str]) -> Reader:
@@ -140,11 +143,15 @@ def open_gltf(file: BufferedReader) -> Reader:
     import trimesh
 
     data = file.read()
+    if (version := int.from_bytes(data[4:8], "little")) != 2:
+        raise FileFormatError(f"expected version 2 of glTF, found {version}; export the file in that version")
     with reported("trimesh", "a whole glTF file"):  # it checks little of a damaged file
         description = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])  # the first chunk
         counts = [accessor["count"] for accessor in description.get("accessors", [])]
         if max(counts, default=0) > len(data):
             raise FileFormatError(f"expected at most {len(data):,} numbers in a file of so many bytes, found more")
+        primitives = [item for part in description.get("meshes", []) for item in part["primitives"]]
+        _check_gltf(description, primitives)
         # Without a resolver, no other file is read.
         scene = trimesh.load_scene(BytesIO(data), file_type="glb", process=False, skip_materials=True)
         repeated = sum(len(scene.geometry[scene.graph[node][1]].vertices) for node in scene.graph.nodes_geometry)
@@ -155,14 +162,32 @@ def open_gltf(file: BufferedReader) -> Reader:
         faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
-        colours = mesh.visual.vertex_colors[:, :3].T if mesh.visual.kind == "vertex" else ()
-        attributes = dict(zip(COLOUR, map(np.ascontiguousarray, colours), strict=False))
-        stored = {name for part in description["meshes"] for item in part["primitives"] for name in item["attributes"]}
+        colours = mesh.visual.vertex_colors.T if mesh.visual.kind == "vertex" else np.empty((0, 0))
+        names = (*COLOUR, "alpha") if (colours[3:] != 255).any() else COLOUR  # trimesh adds alpha where there is none
+        attributes = dict(zip(names, map(np.ascontiguousarray, colours), strict=False))
+        stored = {name for item in primitives for name in item["attributes"]}
         skipped = [f"attribute {name}" for name in sorted(stored - {"POSITION", "COLOR_0"})]
+        n_others = sum(item.get("mode", 4) not in _TRIANGLES for item in primitives)
+        skipped += [f"points, lines or fans ({n_others:,})"] if n_others else []
         skipped += [f"textures ({len(textures):,})"] if (textures := description.get("textures")) else []
     is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
     return _reader(cloud, len(faces), lambda: faces, skipped)
+
+
+def _check_gltf(description: dict[str, Any], primitives: list[dict[str, Any]]) -> None:
+    """Check that trimesh can decode the geometry of a glTF file: of what it does not know it makes zeros."""
+    required = description.get("extensionsRequired", [])
+    if unknown := [name for name in required if not _WITHOUT_GEOMETRY.match(name)]:
+        raise FileFormatError(f"expected a glTF file without {', '.join(unknown)}; export it without compression")
+    accessors = description.get("accessors", [])
+    for item in primitives:
+        for accessor in (accessors[i] for i in (item["attributes"]["POSITION"], item.get("indices")) if i is not None):
+            if "bufferView" not in accessor or "sparse" in accessor or accessor.get("normalized"):
+                raise FileFormatError(
+                    "expected vertices and faces that are stored one by one, found sparse or normalized ones; "
+                    "export the file without compression"
+                )
 
 
 def write_off(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> None:
