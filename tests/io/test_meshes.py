@@ -203,3 +203,5 @@ def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(mesh):
         assert files.skipped() == ["points, lines or fans (1)"]
     colours = [cloud.attributes[name] for name in ("red", "green", "blue", "alpha")]
     assert np.array_equal(np.transpose(colours), ball.visual.vertex_colors)
+    with pytest.raises(FileFormatError, match="found points, lines or fans alone"):
+        read(mesh(".glb", trimesh.Scene(trimesh.PointCloud(ball.vertices)).export(file_type="glb")))

@@ -180,6 +180,8 @@ def _check_gltf(description: dict[str, Any], primitives: list[dict[str, Any]]) -
     required = description.get("extensionsRequired", [])
     if unknown := [name for name in required if not _WITHOUT_GEOMETRY.match(name)]:
         raise FileFormatError(f"expected a glTF file without {', '.join(unknown)}; export it without compression")
+    if primitives and all(item.get("mode", 4) not in _TRIANGLES for item in primitives):
+        raise FileFormatError("expected triangles, found points, lines or fans alone; export the file as PLY")
     accessors = description.get("accessors", [])
     for item in primitives:
         for accessor in (accessors[i] for i in (item["attributes"]["POSITION"], item.get("indices")) if i is not None):
