@@ -5,11 +5,13 @@ import os
 import webbrowser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gppcs
 from command_line import described, files
 from gppcs.evaluation.reconstruction import distances_to
+from web_page import WebPage
 
 
 @pytest.fixture
@@ -84,7 +86,7 @@ def test_results_have_the_surface_through_them_and_a_mesh_is_judged_by_its_surfa
     page = described("r.html")
     original, small, light = page["clouds"]
     assert (original["mesh"], page["solid"]) == (None, True)
-    assert (small["counted"], small["mesh"]["vertices"]) == ("points", 200)
+    assert (small["counted"], small["mesh"]["vertices"], small["mesh"]["missed"]) == ("points", 200, 0)
     assert (light["counted"], light["mesh"]["triangles"]) == ("vertices", len(mesh.faces))
     [prefix] = light["prefixes"]
     distances = distances_to(mesh, ball.points)
@@ -98,3 +100,15 @@ def test_a_sparse_cloud_is_seen_as_the_surface_through_it(printed, folder):
     printed("view", "small.ply", "-o", "v.html", "--no-open")
     page = described("v.html")
     assert (page["lead"], page["solid"], page["clouds"][0]["mesh"]["vertices"]) == ("300 points", True, 300)
+
+
+def test_points_that_lie_on_no_surface_are_seen_beside_it(printed, folder):
+    ball = gppcs.sample("sphere", 3000)
+    stray = np.random.default_rng(0).uniform(60, 90, (10, 3))
+    gppcs.write("ball.npy", np.vstack([ball.points, stray]))
+    gppcs.write("small.npy", np.vstack([ball.points[:300], stray]))
+    printed("report", "ball.npy", "small.npy", "-o", "r.html")
+    page = WebPage(Path("r.html").read_text("utf-8"))
+    mesh = page.described["clouds"][1]["mesh"]
+    assert mesh["missed"] == 10
+    assert page.array(mesh["blocks"]["missed"], 10, 1, np.uint32).ravel().tolist() == [*range(300, 310)]

@@ -22,7 +22,9 @@ export interface Surface {
   triangles: number;
   low: [number, number, number];
   step: [number, number, number];
-  blocks: { positions: string; faces: string; points: string };
+  /** The number of points that are no vertices, and are shown with the surface. */
+  missed: number;
+  blocks: { positions: string; faces: string; points: string; missed?: string };
 }
 
 export interface Prefix {
@@ -163,15 +165,18 @@ export interface Triangles {
   faces: Uint32Array<ArrayBuffer>;
   /** For each vertex the place of the point whose colour it has. */
   points: Uint32Array<ArrayBuffer>;
+  /** The places of the points that are no vertices, if they are shown. */
+  missed: Uint32Array<ArrayBuffer> | null;
 }
 
-export async function trianglesOf({ blocks, vertices, triangles }: Surface): Promise<Triangles> {
+export async function trianglesOf({ blocks, vertices, triangles, missed: n }: Surface): Promise<Triangles> {
   const faces = await unpacked(blocks.faces, triangles, 3, Uint32Array);
   // The second and third column are running sums of the steps from the first vertex.
   for (let i = faces.length - 3; i >= 0; i -= 3)
     for (const j of [i + 1, i + 2]) faces[j] = faces[i]! + faces[j]! - (i > 0 ? faces[j - 3]! : 0);
   const points = await unpacked(blocks.points, vertices, 1, Uint32Array);
-  return { positions: await unpacked(blocks.positions, vertices, 3, Uint16Array), faces, points };
+  const missed = blocks.missed ? await unpacked(blocks.missed, n, 1, Uint32Array) : null;
+  return { positions: await unpacked(blocks.positions, vertices, 3, Uint16Array), faces, points, missed };
 }
 
 export function valuesOf(cloud: Cloud, values: Values): Promise<Uint16Array<ArrayBuffer>> {

@@ -65,6 +65,7 @@ export class Layer {
   readonly radii = new Float32Array(8).fill(1); // factors of the points' radii
   readonly unit: number; // of the positions, in steps
   mesh: Mesh<BufferGeometry, RawShaderMaterial> | null = null;
+  misses = false; // whether some points are no vertices of the mesh, and are shown with it
   private vertexPoints: Uint32Array | null = null; // whose colours the vertices of the mesh have
   octree: Octree | null = null; // with deeper levels of the cloud
   numbers: Map<Values, Uint16Array> | null = null; // of the points of a node
@@ -89,10 +90,11 @@ export class Layer {
   }
 
   /** Give the layer its surface, and return that. */
-  addMesh(surface: Surface, { positions, faces, points }: Triangles): Mesh {
+  addMesh(surface: Surface, { positions, faces, points, missed }: Triangles): Mesh {
     const { colours } = this.arrays;
     const n = surface.vertices;
     this.vertexPoints = points;
+    if (missed) this.joinAllBut(missed);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3, true));
     geometry.setAttribute("colour", new BufferAttribute(colours ? taken(colours, 3, points) : new Uint8Array(3 * n), 3, true));
@@ -106,6 +108,14 @@ export class Layer {
     this.mesh = new Mesh(geometry, new RawShaderMaterial({ glslVersion: GLSL3, side: DoubleSide, ...shaders, uniforms }));
     this.mesh.frustumCulled = false;
     return this.mesh;
+  }
+
+  /** Let the surface stand for all points but some, given their places in the arrays. */
+  private joinAllBut(missed: Uint32Array): void {
+    const joined = new Uint8Array(this.cloud.shown).fill(1);
+    for (const index of missed) joined[index] = 0;
+    this.points.geometry.setAttribute("joined", new BufferAttribute(taken(joined, 1, this.shuffled), 1));
+    this.misses = true;
   }
 
   /** Colour the points by numbers in file order. */
@@ -213,7 +223,7 @@ function clippedTo({ low, high }: Layer["clip"]) {
 function material({ origin, scale, middle, radii, clip }: Layer): RawShaderMaterial {
   const uniforms = {
     low: { value: origin }, extent: { value: scale }, middle: { value: middle }, radii: { value: radii },
-    radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e10 },
+    radius: { value: 1 }, pixels: { value: 1 }, limit: { value: 1e10 }, solid: { value: false },
     light: { value: 1 }, scale: { value: new Vector3(0, 1, 1) }, mode: { value: 0 }, table: { value: AMOUNTS_TABLE },
     ...clippedTo(clip),
   };
@@ -540,8 +550,10 @@ export class Views {
   private drawView({ layer, place, from, to }: View): void {
     const { renderer, target } = this;
     const ratio = renderer.getPixelRatio();
-    const parts = this.withSurfaces && layer.isSolid ? [] : layer.parts;
-    const shown = new Set<Object3D>(parts.length > 0 ? parts.map(({ points }) => points) : [layer.mesh!]);
+    const solid = this.withSurfaces && layer.isSolid;
+    const parts = solid && !layer.misses ? [] : layer.parts;
+    const shown = new Set<Object3D>(parts.map(({ points }) => points));
+    if (solid) shown.add(layer.mesh!);
     for (const other of this.turned.children) other.visible = shown.has(other);
     const bottom = target.height - (place.top + place.height) * ratio;
     const [left, width, height] = [place.left * ratio, place.width * ratio, place.height * ratio];
@@ -558,6 +570,7 @@ export class Views {
       uniforms["radius"]!.value = this.radius(part) * (this.moving ? MOVING : 1) / Math.sqrt(share);
       uniforms["pixels"]!.value = this.pixels(height);
       uniforms["light"]!.value = light;
+      uniforms["solid"]!.value = solid;
     }
     if (layer.mesh) layer.mesh.material.uniforms["light"]!.value = light;
     renderer.render(this.scene, this.camera);

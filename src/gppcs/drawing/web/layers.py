@@ -167,7 +167,14 @@ class Layer:
         packed = packed_faces(faces.reshape(mesh.faces.shape))
         points, frame = normalised(self.cloud.points)
         distinct = np.flatnonzero(first_occurrences(points))
-        nearest = distinct[KdTree.build(points[distinct]).nearest_of(frame.near(mesh.vertices[used]), 1)[0][:, 0]]
+        nearest, squared = KdTree.build(points[distinct]).nearest_of(frame.near(mesh.vertices[used]), 1)
+        vertex_points = distinct[nearest[:, 0]]
+        # Of a mesh that joins the points, those that it misses are shown with it.
+        joins = np.mean(squared == 0.0) > 0.9
+        missed = np.setdiff1d(distinct, vertex_points) if joins else np.empty(0, dtype=np.int64)
         held = {"positions": self.blocks.add(placed.numbers), "faces": self.blocks.add(packed)}
-        held["points"] = self.blocks.add(nearest.astype(np.uint32))  # whose colours the vertices have
-        return {"vertices": len(used), "triangles": triangles, **placed.described(), "blocks": held}
+        held["points"] = self.blocks.add(vertex_points.astype(np.uint32))  # whose colours the vertices have
+        if len(missed):
+            held["missed"] = self.blocks.add(missed.astype(np.uint32))
+        counts = {"vertices": len(used), "triangles": triangles, "missed": len(missed)}
+        return {**counts, **placed.described(), "blocks": held}
