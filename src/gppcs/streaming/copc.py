@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Floats
 from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import Timer
@@ -94,7 +95,7 @@ def _store(
             # All coordinates get one scale together, later.
             at_origin = replace(cloud, points=np.zeros_like(cloud.points), header=header or cloud.header)
             fit = FORMAT.fit(at_origin, target, lossy)
-            if any(" become " in text for text in (*fit.values, *fit.remarks)):  # by the numbers of each chunk
+            if _are_rescaled(cloud, fit.cloud):
                 raise InputError(
                     "expected whole numbers as intensities and colours, found fractions; raise memory, or scale them"
                 )
@@ -121,6 +122,17 @@ def _store(
         raise InputError(f"{target}: expected points with finite coordinates, found none")
     invalid = [f"points with NaN or infinite coordinates ({n_invalid:,})"] if n_invalid else []
     return header, [*invalid, *changes]
+
+
+def _are_rescaled(cloud: PointCloud, stored: PointCloud) -> bool:
+    """Return whether fractions are stored as whole numbers, whose scale depends on the points of a chunk."""
+    for name, values in cloud.attributes.items():
+        numbers = stored.attributes.get(name, stored.attributes.get(FORMAT.renamed(name)))
+        if numbers is None or values.dtype.kind != "f" or numbers.dtype.kind == "f":
+            continue
+        if not np.array_equal(values, numbers):
+            return True
+    return False
 
 
 def _on_one_scale(target: Path, parts: list[Path], header: LasHeader, lossy: bool) -> tuple[LasHeader, list[str]]:
