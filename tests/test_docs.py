@@ -22,14 +22,15 @@ ROOT = Path(__file__).parents[1]
 FOUND = [*ROOT.glob("docs/*.md"), *ROOT.glob("research/*.md"), ROOT / "README.md"]
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in FOUND)
 # Points of the scans, so that the examples run in seconds.
-SMALLER = {
-    "400000": "20000",
-    "400k": "20000",
-    "100k": "20000",
-}  # points of the scans, so that the examples run in seconds
+SMALLER = dict.fromkeys(("400000", "400k", "100k"), "20000")
 # Tables of measurements.
-QUOTED = {"README.md": 2, "research/experiments.md": 1, "docs/results.md": 7, "research/cost.md": 1}
-QUOTED["docs/evaluation.md"] = 1
+QUOTED = {
+    "README.md": 2,
+    "docs/evaluation.md": 1,
+    "docs/results.md": 7,
+    "research/cost.md": 1,
+    "research/experiments.md": 1,
+}
 
 
 @cache

@@ -101,7 +101,9 @@ def simplify(
     order: Annotated[
         Literal["importance", "input", "gps_time"] | None,
         option(
-            f"{HELP['order']} By default that of the input in LAS and LAZ files, else that of importance.", ATTRIBUTES
+            f"{HELP['order']} By default that of the input in LAS and LAZ files, else that of importance.",
+            ATTRIBUTES,
+            metavar="importance|input|gps_time",
         ),
     ] = None,
     mark: Annotated[
