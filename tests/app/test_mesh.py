@@ -54,11 +54,14 @@ def test_options_are_arguments_of_the_function(record, ball, options, arguments)
     assert gppcs.read("small.ply").points == pytest.approx(expected.mesh.vertices, rel=1e-6)
 
 
-def test_a_note_tells_that_a_mesh_has_the_noise_of_its_points(gppcs_command):
-    gppcs.write("noisy.ply", gppcs.sample("sphere", n_points=10_000, noise=0.0075))
-    for options, is_noted in (((), True), (("--moved",), False)):
+def test_vertices_leave_noisy_points_unless_they_must_not_and_a_note_tells(gppcs_command):
+    cloud = gppcs.sample("sphere", n_points=10_000, noise=0.0075)
+    gppcs.write("noisy.ply", cloud)
+    for options, is_moved, is_noted in (((), True, True), (("--moved",), True, False), (("--no-moved",), False, True)):
         err = gppcs_command("mesh", "noisy.ply", "-o", "out.ply", "--force", "--points", 500, *options)[2]
         assert ("noise" in err) == is_noted
+        vertices = gppcs.read("out.ply").points
+        assert np.isin(vertices, cloud.points.astype(np.float32)).all() != is_moved
 
 
 def test_the_run_is_printed_as_a_table(printed, ball):

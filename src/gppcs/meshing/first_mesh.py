@@ -20,8 +20,11 @@ from gppcs.surface.normals import EDGES
 MIN_PIECE = 12  # triangles of a piece; smaller ones are scraps
 
 
-def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool, timer: Timer) -> Draft:
-    """Return the first mesh of points, (N, 3); where triangles hardly agree, thick noise is tried as the reason."""
+def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool | None, timer: Timer) -> Draft:
+    """Return the first mesh of points, (N, 3); where triangles hardly agree, thick noise is tried as the reason.
+
+    Unless it is said whether vertices may leave the points, they do if these are noisy.
+    """
     best, best_agreed = None, 0.0
     errors: list[NoSurfaceError] = []
     for thick in (False, True):
@@ -61,7 +64,7 @@ def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
     return np.union1d(even, forced)
 
 
-def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple[Draft, float]:
+def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool | None) -> tuple[Draft, float]:
     """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
     n, positions, cover_radii = len(joined), dense.positions[joined], dense.cover.radii[joined]
     tree = KdTree.over(np.ascontiguousarray(positions.T))
@@ -80,6 +83,7 @@ def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool) -> tuple
         dense = dense.turned(joined, turned, tree)
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
         agreed = _agreed(votes)
+    moved = dense.noise > 0.0 if moved is None else moved
     normals, is_fixed = dense.normals[joined], np.isin(dense.indices[joined], fixed)
     mesh = assembled(triangles, votes, radii, positions, normals, cover_radii, dense.cover, dense.uneven)
     min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface

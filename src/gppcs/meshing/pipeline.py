@@ -45,7 +45,7 @@ def mesh(
     tolerance: float | str | None = None,
     unit: str | None = None,
     keep: ArrayLike | None = None,
-    moved: bool = False,
+    moved: bool | None = None,
     effort: int = 0,
     fill_holes: float | str | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -81,8 +81,9 @@ def mesh(
         say so.
     keep : (M,) array-like of int, optional
         Indices of the points that become the vertices, such as the `indices` of `gppcs.simplify`.
-    moved : bool
-        Whether vertices may leave the points, so that the mesh fits these better.
+    moved : bool, optional
+        Whether vertices may leave the points, so that the mesh fits these better. By default, they do on a noisy cloud,
+        so that the mesh is free of its noise.
     effort : 0, 1 or 2
         How much time to spend on a better mesh with moved vertices: with 1 or 2, vertices go from where they matter
         least to where they help most, in two rounds, or until that gains little. Then vertices leave the points
@@ -120,7 +121,7 @@ def mesh(
     from gppcs.amounts.constraints import check_finite
 
     timer, effort = timer_of(timer), checked_effort(effort, keep)
-    moved = flag("moved", moved) or effort > 0
+    moved = None if moved is None else flag("moved", moved)
     size = Size.from_arguments(
         n_points=n_points, ratio=ratio, n_faces=n_faces, tolerance=tolerance, unit=unit, keep=keep,
         fill_holes=fill_holes,
@@ -138,7 +139,10 @@ def mesh(
         require_surface(points)
     scale = Scale(float(np.linalg.norm(np.ptp(points, axis=0))), units, frame.exponent)
     hole_size = scale.inside(size.fill_holes) if size.fill_holes else None
-    moved = moved or size.bounds_largest
+    if effort or size.bounds_largest:
+        moved = True
+    elif moved is None and (keep is not None or size.tolerance):
+        moved = False
     request = _Request(points, 2.0**frame.exponent, fixed, moved, effort, hole_size, timer)
     if size.tolerance is None:
         draft, diagnostics = _of_size(request, size.n_faces or n_vertices, size.n_faces is not None)
@@ -151,7 +155,7 @@ def mesh(
         draft, diagnostics = _within_largest_distance(request, scale.inside(size.tolerance.length))
     else:
         draft, diagnostics = _within_mean_distance(request, scale.inside(size.tolerance.length))
-    return _result(cloud, finite, draft, diagnostics, moved, frame, timer)
+    return _result(cloud, finite, draft, diagnostics, frame, timer)
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,7 @@ class _Request:
     points: Floats  # (N, 3), of about unit size
     unit: float  # of these, in that of the cloud
     fixed: Ints  # indices of the points to keep, perhaps none
-    moved: bool
+    moved: bool | None
     effort: int
     hole_size: float | None
     timer: Timer
@@ -174,7 +178,7 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     fraction = excluded(draft)
     target = draft.n_fixed if len(request.fixed) else count
     assigned = _thinned(request, draft, target, counts_faces)
-    if request.moved:
+    if draft.moved:
         with timer("fit"):
             for _ in range(3):
                 assigned = flip(draft, fit(draft, assigned))
@@ -184,7 +188,7 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     with timer("distances"):
         assigned = draft.assigned()
         mean_distance = _mean_distance(first, draft, assigned)
-    if request.moved and draft.dense.noise:
+    if draft.moved and draft.dense.noise:
         with timer("fit"):
             fit_observed(draft, assigned)
     of_fixed = {}
@@ -357,12 +361,12 @@ def _within_largest_distance(request: _Request, tolerance: float) -> tuple[Draft
 
 
 def _result(
-    cloud: PointCloud, finite: Ints, draft: Draft, diagnostics: MeshDiagnostics, moved: bool, frame: Frame, timer: Timer
+    cloud: PointCloud, finite: Ints, draft: Draft, diagnostics: MeshDiagnostics, frame: Frame, timer: Timer
 ) -> MeshResult:
     """Return a mesh in the unit of the cloud, with the attributes of its points."""
     indices = finite[draft.dense.indices[draft.dense_index]]
     vertices = cloud.take(indices)
-    if moved:
+    if draft.moved:
         vertices = vertices.moved(frame.world(draft.vertices))
     if diagnostics.tolerance is not None:  # rounded to the type of the points, vertices may leave the tolerance
         vertices = dataclasses.replace(vertices, coordinate_dtype=np.dtype(np.float64))

@@ -52,7 +52,12 @@ def mesh(
     keep_points: Annotated[
         Path | None, option("A file of points of IN, such as of gppcs simplify: the vertices.", SIZE, metavar="FILE")
     ] = None,
-    moved: Annotated[bool, option("Let vertices leave the points, to fit these better.", None, "--moved")] = False,
+    moved: Annotated[
+        bool | None,
+        option(
+            "Let vertices leave the points, to fit these better. On noisy clouds, they do.", None, "--moved/--no-moved"
+        ),
+    ] = None,
     effort: Annotated[int, option("0, 1 or 2: more time for a better mesh of moved vertices.", metavar="E")] = 0,
     unit: options.Unit = None,
     fill_holes: Annotated[
@@ -70,9 +75,9 @@ def mesh(
     """Make a light mesh straight from a dense cloud.
 
     Give one of --points, --ratio, --faces, --tolerance and --keep-points. The vertices are points of the cloud, with
-    all their attributes; with --tolerance, --moved and --effort they leave the points. Where the points leave holes,
-    the mesh is open. Lengths are in the unit of the coordinates (0.5), in another one (0.5mm), or relative to the
-    diagonal (0.2%).
+    all their attributes; on noisy clouds, and with --tolerance, --moved and --effort, they leave the points. Where the
+    points leave holes, the mesh is open. Lengths are in the unit of the coordinates (0.5), in another one (0.5mm), or
+    relative to the diagonal (0.2%).
     """
     from gppcs import io
     from gppcs.app.inputs import read_each
@@ -99,7 +104,8 @@ def mesh(
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, dropped)
     note_units(cloud, original, unit)
-    for note in _notes(result.diagnostics, len(result.indices), task.n_points, bool(moved or effort)):
+    must_move = True if effort else False if keep_points or tolerance else moved
+    for note in _notes(result.diagnostics, len(result.indices), task.n_points, must_move):
         print_error(f"note: {cloud}: {note}")
     diagnostics = {name: value for name, value in asdict(result.diagnostics).items() if value is not None}
     record = {
@@ -137,7 +143,7 @@ def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[A
     return finite[nearest[:, 0]]
 
 
-def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved: bool) -> Iterator[str]:
+def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved: bool | None) -> Iterator[str]:
     """Yield what the mesh lacks, what its tolerance does not hold for, and that it has the noise of the points."""
     noise, tolerance = diagnostics.noise, diagnostics.tolerance
     if n_points is not None and made < n_points:
@@ -156,7 +162,9 @@ def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved:
     if diagnostics.joined_sheets:
         near = f"two sheets, such as those of a plate, are about {diagnostics.joined_sheets:.3g} apart"
         yield f"{near}, nearer than the points, and became one; scan with more points to keep both"
-    elif tolerance is None and noise and not moved:
+    elif tolerance is None and noise and moved is None:
+        yield f"the points have noise of about {noise:.4g}, so vertices left them; --no-moved keeps vertices at points"
+    elif tolerance is None and noise and moved is False:
         yield f"the points have noise of about {noise:.4g}, and so has their mesh; --moved removes it"
     if tolerance is not None and noise > tolerance:
         below = f"the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}"
