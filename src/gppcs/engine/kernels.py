@@ -6,7 +6,6 @@ import contextlib
 import functools
 import hashlib
 import pickle
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from platform import machine
@@ -25,6 +24,7 @@ from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from gppcs.engine.inner_kernels import InnerKernel, KernelCompiler
@@ -32,22 +32,6 @@ from gppcs.engine.inner_kernels import InnerKernel, KernelCompiler
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
 SHIPPED_FOR, FEATURES = ("x86-64-v3", X86) if machine().lower() in ("x86_64", "amd64") else ("generic", "")
-
-
-@contextlib.contextmanager
-def _without(module: str) -> Iterator[None]:
-    """Let imports of a module fail, unless it is imported already."""
-    hides = sys.modules.setdefault(module, None) is None  # type: ignore[arg-type]
-    try:
-        yield
-    finally:
-        if hides:
-            del sys.modules[module]
-
-
-with _without("scipy.linalg.cython_blas"):  # Numba loads SciPy's linear algebra to see that it is there: 0.2 seconds
-    from numba.np import arraymath
-arraymath._HAVE_BLAS = True
 
 
 def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = True, **options: Any) -> Any:
@@ -92,7 +76,7 @@ class _KernelCache(NullCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Return the code for some types of arguments, or None if there is none."""
-        target_context.refresh()
+        rtsys.initialize(target_context)  # all that code needs to run; to compile, Numba loads much more
         name = self._name(sig, target_context.codegen().magic_tuple())
         paths = [folder / name for folder in kernel_cache.folders()]
         if shipped := _shipped():
@@ -110,8 +94,9 @@ class _KernelCache(NullCache):
             return
         processor = data.library.codegen.magic_tuple()
         name = self._name(sig, SHIPPED_FOR if SHIPPED_FOR in processor else processor)
+        *parts, _ = data._reduce()  # without what functions of Numba would need to call Python: to load it takes long
         with contextlib.suppress(OSError):  # the disk is full, or the folder was removed: it is compiled next time too
-            kernel_cache.write(folder / name, dumps(data._reduce()))
+            kernel_cache.write(folder / name, dumps((*parts, ())))
             self._folder = folder
 
     def _name(self, sig: Any, processor: Any) -> str:
