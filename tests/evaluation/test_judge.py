@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.evaluation import judge, reconstruction
+from gppcs.evaluation import reconstruction
 from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh
 from shapes import square
@@ -227,15 +227,6 @@ def test_one_outlier_decides_the_largest_distance_but_not_its_percentile():
     assert after.covering_p999 == pytest.approx(before.covering_p999, rel=0.1)
     distances = cdist(points, kept).min(axis=1)
     assert before.covering_p999 == pytest.approx(np.quantile(distances, 0.999))
-
-
-VALUES = st.lists(st.floats(-100, 100), min_size=1, max_size=30)
-
-
-@given(VALUES, st.floats(0, 1), st.floats(0.01, 100))
-def test_equal_weights_give_the_usual_percentile(values, share, weight):
-    found = judge._weighted_quantile(np.array(values), np.full(len(values), weight), share)
-    assert found == pytest.approx(np.quantile(values, share, method="hazen"), rel=1e-9, abs=1e-9)
 
 
 # with a mesh

@@ -280,18 +280,10 @@ def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("n" * 33, "laspy reports: "),
-        ("X", "different names"),
-    ],
-)
-def test_names_that_extra_bytes_cannot_have(tmp_path, name, message):
-    with pytest.raises(OutputError, match=message):
-        write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), {name: np.zeros(2)}))
-    with pytest.raises(OutputError, match="laspy reports: "):
-        write(tmp_path / "a.las", PointCloud(np.zeros((1, 3)), {f"a{i}": np.zeros(1) for i in range(342)}))
+@pytest.mark.parametrize("names", [["n" * 33], ["X"], [f"a{i}" for i in range(342)]])
+def test_names_that_extra_bytes_cannot_have(tmp_path, names):
+    with pytest.raises(OutputError):
+        write(tmp_path / "a.las", PointCloud(np.zeros((2, 3)), dict.fromkeys(names, np.zeros(2))))
     assert not any(tmp_path.iterdir())
 
 
