@@ -98,6 +98,24 @@ def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
     assert (found == (sums[1] > sums[0]))[moved].mean() > 0.97  # the nearest fans are searched near the vertex only
 
 
+def test_fewer_points_go_back_beside_a_parallel_sheet():
+    rng = np.random.default_rng(8)
+    one, two = (rng.random((2_000, 3)) * [1.0, 1.0, 0.0] + [0.0, 0.0, z] for z in (0.0, 0.04))
+    points = np.concatenate([one, two])
+    before = LocalSurface.from_points(points[::20])
+    before = replace(before, tree=before.tree.in_own_order())
+    after = LocalSurface.from_points(before.tree.points.T + 0.004 * rng.standard_normal((200, 3)))
+    owners, moved = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32), np.ones(200, dtype=bool)
+    assert (
+        len(farther(before, after, np.ascontiguousarray(points.T), owners, moved, np.zeros(200))) < 100
+    )  # planes of some reach across
+    single = LocalSurface.from_points(one[::20])
+    single = replace(single, tree=single.tree.in_own_order())
+    after = LocalSurface.from_points(single.tree.points.T + 0.004 * rng.standard_normal((100, 3)))
+    owners = single.tree.nearest_of(one, 1)[0][:, 0].astype(np.int32)
+    assert len(farther(single, after, np.ascontiguousarray(one.T), owners, moved[:100], np.zeros(100))) > 90
+
+
 def test_points_to_keep_stay():
     points = sphere_cap()
     chosen = np.random.default_rng(2).choice(len(points), 150, replace=False)

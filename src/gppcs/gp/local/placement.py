@@ -404,13 +404,25 @@ def farther(
     sums = np.zeros((2, len(moved)))
     for surface, of_surface in zip((chosen, placed), sums, strict=True):
         vertices = np.ascontiguousarray(surface.tree.points.T)
-        arguments = surface.tree.order, vertices, surface.corners, feet, members, starts, moved, of_surface
+        arguments = (
+            surface.tree.order,
+            vertices,
+            surface.normals,
+            surface.corners,
+            feet,
+            members,
+            starts,
+            moved,
+            of_surface,
+        )
         on_ranges(_add_distances, len(moved), *surface.tree.arrays, *arguments, minimum=64)
     return np.flatnonzero(sums[1] > sums[0] + rounding)
 
 
 @kernel
-def _add_distances(begin, end, points, lower, upper, order, vertices, corners, feet, members, starts, moved, sums):
+def _add_distances(
+    begin, end, points, lower, upper, order, vertices, normals, corners, feet, members, starts, moved, sums
+):
     """Fill `sums`, (m,), with the distances of moved cells from the fans near their points, in a range of the tree.
 
     The feet of a cell are `members` from `starts`, (m + 1,), on. Several fans may have the same triangle.
@@ -427,6 +439,9 @@ def _add_distances(begin, end, points, lower, upper, order, vertices, corners, f
             squared[q] = local[0, q] ** 2 + local[1, q] ** 2 + local[2, q] ** 2
         radius, limit, count = np.sqrt(squared[:full].max()), np.inf, 0
         nearest_in_tree(points, lower, upper, apex[0], apex[1], apex[2], near, gaps)
+        if _is_beside_a_sheet(vertices, normals, near):
+            sums[order[i]] = np.nan  # fans may reach from one sheet to the other, so the sum says little
+            continue
         for centre in near:  # the first is the point itself
             a = minus(row(vertices, centre), apex)
             for j, k in corners[centre]:
@@ -442,6 +457,18 @@ def _add_distances(begin, end, points, lower, upper, order, vertices, corners, f
             limit = radius + np.sqrt(squared[:full].max())
         for q in range(judged):
             sums[order[i]] += np.sqrt(squared[q])
+
+
+@kernel(allocates=False)
+def _is_beside_a_sheet(vertices, normals, near):
+    """Return whether a parallel sheet is near a point, (k,) with the point first; where points scatter, none is."""
+    along = False
+    for j in near[1:]:
+        step, normal = minus(row(vertices, j), row(vertices, near[0])), row(normals, near[0])
+        if abs(dot(row(normals, j), normal)) < 0.9:
+            return False
+        along = along or dot(step, normal) ** 2 > 0.5 * dot(step, step)
+    return along
 
 
 @kernel
