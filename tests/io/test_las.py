@@ -272,6 +272,11 @@ def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
     write(path, PointCloud(np.eye(3), decibels), lossy=True, force=True)
     assert laspy.read(path).intensity.tolist() == [0, 0, 65535]
     assert losses("a.las", PointCloud(np.eye(3), decibels))[0].endswith("intensity (-20.5 to 0 become 0 to 65535)")
+    for numbers in ([-2048, 0, 2047], [-2048.0, 0.0, 2047.0], [0, 40_950, 81_900]):  # as in PTS, or of more bits
+        write(path, PointCloud(np.eye(3), {"intensity": np.array(numbers)}), lossy=True, force=True)
+        np.testing.assert_allclose(np.asarray(laspy.read(path).intensity, float), [0, 32768, 65535], atol=9)
+        with pytest.raises(OutputError, match=rf"{numbers[0]:g} to {numbers[2]:g} become 0 to 65535"):
+            write(path, PointCloud(np.eye(3), {"Intensity": np.array(numbers)}), force=True)
     colours = {name: np.array([0, 51, k], np.float32) / 255 for k, name in enumerate(("red", "green", "blue"))}
     write(path, PointCloud(np.eye(3), colours), force=True)  # nothing is lost beyond 16 bits
     assert laspy.read(path).blue.tolist() == [0, 51 * 257, 2 * 257]

@@ -89,7 +89,7 @@ class Format:
             if new in stored.attributes:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
-                if (new == name or column.dtype.kind == "f") and not _are_equal(column, stored.attributes[new]):
+                if (new == name or column.dtype.kind in "iuf") and not _are_equal(column, stored.attributes[new]):
                     limits, is_exact = _scaling(column, stored.attributes[new])
                     (remarks if is_exact else values).append(
                         f"the {'scale' if is_exact else 'exact values'} of attribute {name}{limits}"
@@ -142,7 +142,7 @@ def _are_equal(values: Column, stored: Column) -> bool:
 
 def _scaling(values: Column, stored: Column) -> tuple[str, bool]:
     """Return in words which numbers the least and the largest become, and whether this is an exact change of depth."""
-    if not len(values) or values.dtype.kind != "f" or stored.dtype.kind not in "iu":
+    if not len(values) or values.dtype.kind not in "iuf" or stored.dtype.kind not in "iu":
         return "", False
     (lower, upper), (first, last) = (
         (float(np.fmin.reduce(part)), float(np.fmax.reduce(part))) for part in (values, stored)

@@ -231,21 +231,22 @@ def las_name(name: str) -> str:
 
 
 def _in_las_terms(cloud: PointCloud) -> PointCloud:
-    """Return a cloud with the names of LAS, and with fractions as intensities and colours in 16 bits."""
+    """Return a cloud with the names of LAS, and with 16 bits of intensities and colours that do not fit these."""
     in_header = cloud.header.las.point_format.dimension_names if isinstance(cloud.header, LasHeader) else ()
     columns: dict[str, Column] = {}
     for name, values in cloud.attributes.items():
         new = name if name in in_header else las_name(name)
         columns[name if new in cloud.attributes or new in columns else new] = values
     for group in (("intensity",), COLOUR):
-        floats = [columns[name] for name in group if name in columns and columns[name].dtype.kind == "f"]
-        if len(floats) == len(group) and all(column.ndim == 1 for column in floats):
-            table: NDArray[Any] = np.stack(floats)
+        wide = [columns[name] for name in group if name in columns and not np.can_cast(columns[name].dtype, np.uint16)]
+        if len(wide) == len(group) and all(column.ndim == 1 and column.dtype.kind in "iuf" for column in wide):
+            table: NDArray[Any] = np.stack(wide)
             if not table.size or np.isinf(table).any():
                 continue
             lower = min(0.0, float(np.fmin.reduce(table, axis=None)))
-            if lower < 0.0 or not np.array_equal(table, np.rint(table), equal_nan=True):
-                full = full_scale(table) if lower == 0.0 else float(np.fmax.reduce(table, axis=None)) - lower
+            upper = float(np.fmax.reduce(table, axis=None))
+            if lower < 0.0 or upper > 65535.0 or not np.array_equal(table, np.rint(table), equal_nan=True):
+                full = full_scale(table) if lower == 0.0 and upper <= 65535.0 else upper - lower
                 scaled = np.clip(np.nan_to_num(table - lower) * (65535 / (full or 1.0)), 0, 65535)
                 columns |= zip(group, np.rint(scaled).astype(np.uint16), strict=True)
     dimensions = {dimension.name: dimension for dimension in _dimensions().values()}
