@@ -1,7 +1,7 @@
 """The figure of research/local-field.md: what the method `gp` computes on the sample scan `medallion`.
 
-Run as `python benchmarks/field_figure.py`; needs the extra `view`, and no data. The four panels show the last stage of
-the choice: roughness, desired spacing, posterior standard deviation given the first half of the kept points, and all
+Run as `python benchmarks/field_figure.py`; needs the extra `picture`, and no data. The four panels show the last stage
+of the choice: roughness, desired spacing, posterior standard deviation given the first half of the kept points, and all
 kept points. It writes research/local-field.png.
 """
 
