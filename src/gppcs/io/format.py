@@ -89,7 +89,8 @@ class Format:
             if new in stored.attributes:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
-                if (new == name or column.dtype.kind in "iuf") and not _are_equal(column, stored.attributes[new]):
+                is_same_unit = (name, new) != ("scan_angle_rank", "scan_angle")
+                if is_same_unit and not _are_equal(column, stored.attributes[new]):
                     limits, is_exact = _scaling(column, stored.attributes[new])
                     (remarks if is_exact else values).append(
                         f"the {'scale' if is_exact else 'exact values'} of attribute {name}{limits}"

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import COLOUR
 from gppcs.engine.arrays import Floats
 from gppcs.engine.memory import available_memory
 from gppcs.engine.timer import Timer
@@ -97,7 +98,8 @@ def _store(
             fit = FORMAT.fit(at_origin, target, lossy)
             if _are_rescaled(cloud, fit.cloud):
                 raise InputError(
-                    "expected whole numbers as intensities and colours, found fractions; raise memory, or scale them"
+                    "expected intensities and colours as whole numbers of 16 bits, found others; "
+                    "raise memory, or scale them"
                 )
             if header is not None and fit.cloud.header != header:
                 raise InputError(
@@ -125,12 +127,12 @@ def _store(
 
 
 def _are_rescaled(cloud: PointCloud, stored: PointCloud) -> bool:
-    """Return whether fractions are stored as whole numbers, whose scale depends on the points of a chunk."""
+    """Return whether intensities or colours are stored on a scale that depends on the points of a chunk."""
     for name, values in cloud.attributes.items():
-        numbers = stored.attributes.get(name, stored.attributes.get(FORMAT.renamed(name)))
-        if numbers is None or values.dtype.kind != "f" or numbers.dtype.kind == "f":
+        new = name if name in stored.attributes else FORMAT.renamed(name)
+        if new not in ("intensity", *COLOUR) or new not in stored.attributes:
             continue
-        if not np.array_equal(values, numbers):
+        if not np.array_equal(values, stored.attributes[new], equal_nan=values.dtype.kind == "f"):
             return True
     return False
 
