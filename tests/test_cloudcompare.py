@@ -85,7 +85,7 @@ def plugin(monkeypatch):
 def told(plugin, monkeypatch):
     """Collect the messages, and answer each dialog."""
     messages = []
-    monkeypatch.setattr(plugin, "_tell", messages.append)
+    monkeypatch.setattr(plugin, "_show", messages.append)
     monkeypatch.setattr(plugin, "_ask", lambda defaults: {**defaults, plugin.AMOUNT: "40"})
     return messages
 

@@ -31,7 +31,7 @@ def simplify_selected() -> None:
     program = pycc.GetInstance()
     clouds = [entity for entity in program.getSelectedEntities() if isinstance(entity, pycc.ccPointCloud)]
     if not clouds:
-        _tell("Select one or more point clouds first.")
+        _show("Select one or more point clouds first.")
         return
     answers = _ask({AMOUNT: "5%", METHOD: DEFAULT.name, WEIGHT: "0.5"})
     if answers is None:
@@ -39,7 +39,7 @@ def simplify_selected() -> None:
     for cloud in clouds:
         made = pycc.RunInThread(_outcome, cloud, answers[AMOUNT], answers[METHOD], answers[WEIGHT])
         if isinstance(made, Exception):
-            _tell(f"{cloud.getName()}: {made}")
+            _show(f"{cloud.getName()}: {made}")
         else:
             program.addToDB(made)
     program.updateUI()
@@ -94,7 +94,7 @@ def _ask(defaults: dict[str, str]) -> dict[str, str] | None:
     return entered or None
 
 
-def _tell(text: str) -> None:
+def _show(text: str) -> None:
     """Show a message."""
     import tkinter
     from tkinter import messagebox

@@ -109,8 +109,8 @@ def draw_pair(
     columns.append(column(simplified, everything.at(simplified.cloud.points), caption))
     are_points = original.mesh is None and simplified.mesh is None
     if are_points and (surface := surface_through(simplified.cloud, original.cloud)):
-        joined = Named("joined", simplified.cloud, surface, is_mesh=True)
-        columns.append(column(joined, everything, "the surface through them"))
+        colours = everything.at(spread_over(surface))
+        columns.append(Column("joined", colours, "the surface through them", surface, is_mesh=True))
     draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 

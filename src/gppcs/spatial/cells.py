@@ -28,8 +28,8 @@ def distinct_in_single(points: Floats) -> Ints:
 
     Two grids, half a cell apart, leave hardly any points that differ by less, such as by rounding.
     """
-    some = points[:: max(1, len(points) // 10_000)]
-    extent = np.ptp(np.quantile(some, (0.01, 0.99), axis=0), axis=0).max()  # without strays, such as at the origin
+    sample = points[:: max(1, len(points) // 10_000)]
+    extent = np.ptp(np.quantile(sample, (0.01, 0.99), axis=0), axis=0).max()  # without strays, such as at the origin
     if not extent:
         return np.flatnonzero(first_occurrences(points))
     scale = 2.0**24 / extent

@@ -105,7 +105,7 @@ def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
 
 @kernel(allocates=False)
 def first_leaf(lower):
-    """Return the node number of the first leaf, which is also the number of leaves. Shapes: low (nodes, ...)."""
+    """Return the node number of the first leaf, which is also the number of leaves. Shapes: lower (nodes, ...)."""
     return lower.shape[0] // 2
 
 

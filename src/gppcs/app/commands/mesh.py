@@ -95,8 +95,8 @@ def mesh(
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
-        original, *others = (read for read, _ in read_each(files, input_format, names_of(columns)))
-        kept = _indices_of(original, others[0], keep_points) if keep_points else None
+        original, *selected = (read for read, _ in read_each(files, input_format, names_of(columns)))
+        kept = _indices_of(original, selected[0], keep_points) if keep_points else None
     mesh_format.fit(original, output, lossy)
     with naming(cloud):
         result = gppcs.mesh(original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer)

@@ -401,21 +401,11 @@ def farther(
     starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(moved)))])
     members = np.empty_like(owners)
     _gather(owners, starts[:-1].copy(), members)
-    sums = np.zeros((2, len(moved)))
+    cells, sums = (feet, members, starts, moved), np.zeros((2, len(moved)))
     for surface, of_surface in zip((chosen, placed), sums, strict=True):
         vertices = np.ascontiguousarray(surface.tree.points.T)
-        arguments = (
-            surface.tree.order,
-            vertices,
-            surface.normals,
-            surface.corners,
-            feet,
-            members,
-            starts,
-            moved,
-            of_surface,
-        )
-        on_ranges(_add_distances, len(moved), *surface.tree.arrays, *arguments, minimum=64)
+        fans = surface.tree.order, vertices, surface.normals, surface.corners
+        on_ranges(_add_distances, len(moved), *surface.tree.arrays, *fans, *cells, of_surface, minimum=64)
     return np.flatnonzero(sums[1] > sums[0] + rounding)
 
 
