@@ -44,6 +44,9 @@ POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours | --set
 POINTS --invalid odd | '--invalid': 'odd'
 POINTS --mark kept --index | index
+POINTS --mark kept --order input | mark without order
+POINTS --order gps_time | 'gps_time'
+POINTS --rank --method voxel | ranking
 POINTS --workers 0 | workers
 simplify - -o out.ply --points 5 --workers 2 | standard input
 POINTS --keep 'z > 5' | quota, or read no others with only
