@@ -99,6 +99,8 @@ def test_cells_with_few_points_keep_none(tmp_path, keep):
     assert len(gppcs.simplify(points, n_points=100, method=method).indices) == 100
     with pytest.raises(gppcs.InputError, match="expected 2,000 cells with enough points"):
         gppcs.simplify(points, n_points=2_000, method=method)
+    with pytest.raises(gppcs.InputError, match="found none; lower min_points"):
+        gppcs.simplify(points, spacing=1e-6, max_gap=1.0, method=method)
     gppcs.write(tmp_path / "a.npy", points)
     on_disk = gppcs.simplify(tmp_path / "a.npy", spacing=0.1, method=method, workers=1)
     assert len(on_disk.indices) == len(kept)

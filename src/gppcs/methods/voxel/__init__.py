@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
+from gppcs.errors import InputError
 from gppcs.methods.method import Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter, require
 
@@ -83,6 +84,8 @@ class Voxel(Method):
                 indices, means = representatives(placed, edge, worth(points, self.keep, task.values), self.min_points)
                 means += corner
             chosen = points[indices]
+        if not len(indices):
+            raise InputError("expected cells with enough points, found none; lower min_points, or raise spacing")
         kept = np.arange(len(indices))
         if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
