@@ -93,6 +93,8 @@ def test_results_have_the_surface_through_them_and_a_mesh_is_judged_by_its_surfa
     assert prefix["figures"]["surface_mean"] == pytest.approx(distances.mean(), rel=1e-4)
     assert prefix["figures"]["surface_max"] == pytest.approx(distances.max(), rel=1e-4)
     assert f"100 vertices, {len(mesh.faces)} triangles" in page["lead"]
+    err = gppcs_command("report", "small.ply", "ball.ply", "-o", "s.html", "-q")[2]
+    assert err.count("more points than the first") == 1  # not for each number of points
 
 
 def test_a_sparse_cloud_is_seen_as_the_surface_through_it(printed, folder):

@@ -91,7 +91,7 @@ def _messages_on_stderr() -> Iterator[None]:
     logger, handler = logging.getLogger("gppcs"), logging.StreamHandler()
     handler.setFormatter(logging.Formatter("gppcs: %(message)s"))
     with warnings.catch_warnings():
-        warnings.simplefilter("always", UserWarning)
+        warnings.simplefilter("default", UserWarning)  # each once
         warnings.showwarning = lambda message, *_, **__: print_error(f"note: {message}")
         logger.addHandler(handler)
         logger.setLevel(logging.INFO)
