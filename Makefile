@@ -57,16 +57,16 @@ viewer/node_modules: viewer/package-lock.json
 	cd viewer && npm ci --no-audit --no-fund || echo "without Node.js: the tests in a browser are skipped"
 
 demo: $(VENV)/.demo  ## Make a sample scan, simplify it, draw a picture, print the figures
-	@echo "Making a scan of 400,000 points. The first time, gppcs compiles its kernels, which takes about a minute."
+	@echo "Making a scan of 400,000 points. The first time, gppcs compiles its kernels in the next steps, which takes a minute or two."
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --force
 	@echo "Keeping 3 % of the points."
-	$(BIN)/gppcs simplify demo/scan.ply -o demo/simplified.ply --ratio 0.03 --force
+	$(BIN)/gppcs simplify demo/scan.ply -o demo/small.ply --ratio 0.03 --force
 	@echo "Measuring what was lost."
-	$(BIN)/gppcs evaluate demo/scan.ply demo/simplified.ply
+	$(BIN)/gppcs evaluate demo/scan.ply demo/small.ply
 	@echo "Drawing both."
-	$(BIN)/gppcs render demo/scan.ply demo/simplified.ply -o demo/picture.png --force
-	@echo "Look at demo/picture.png. The clouds are demo/scan.ply and demo/simplified.ply."
+	$(BIN)/gppcs render demo/scan.ply demo/small.ply -o demo/picture.png --force
+	@echo "Look at demo/picture.png. The clouds are demo/scan.ply and demo/small.ply."
 
 pictures: demo  ## Draw anew the pictures of README.md and docs/, except those of benchmarks and of the page
 	cp demo/picture.png docs/picture.png
@@ -82,7 +82,7 @@ pictures: demo  ## Draw anew the pictures of README.md and docs/, except those o
 	$(BIN)/gppcs render demo/road.ply demo/marked.ply -o docs/quota.png --colour marking --force
 
 page-picture: demo viewer/node_modules  ## Draw anew the picture of the page in docs/viewing.md; needs Node.js and Chromium
-	$(BIN)/gppcs report demo/scan.ply demo/simplified.ply -o demo/report.html --force
+	$(BIN)/gppcs report demo/scan.ply demo/small.ply -o demo/report.html --force
 	cd viewer && node photograph.mjs "$$(command -v chromium)" ../demo/report.html ../docs/page.png
 
 test: $(VENV)/.installed  ## Check style and types, run all tests but the slow ones

@@ -13,7 +13,7 @@ QUOTA = {"nz > 0": 3}
 PARAMETERS = [  # with a number of points, unless they are an amount themselves
     (
         {"n_points": None},
-        "one of ratio, n_points, tolerance, spacing and max_gap, found none",
+        "tolerance, spacing and max_gap, found none",
     ),
     ({"ratio": 0.5, "n_points": 5}, "found ratio and n_points"),
     ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),

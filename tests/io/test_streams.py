@@ -107,7 +107,7 @@ def test_existing_files_are_kept_unless_forced(tmp_path):
     path = tmp_path / "cloud.xyz"
     path.write_text("precious")
     for attempt in (lambda: write(path, CLOUD), lambda: check_writable(path)):
-        with pytest.raises(OutputError, match=r"cloud\.xyz: the file exists already"):
+        with pytest.raises(OutputError, match=r"cloud\.xyz: the file exists"):
             attempt()
     assert path.read_text() == "precious"
     write(path, CLOUD, force=True)
@@ -135,7 +135,7 @@ def test_a_file_that_appears_during_the_work_is_kept(tmp_path):
             file.write(b"ours")
             path.write_text("theirs")
 
-    with pytest.raises(OutputError, match=r"cloud\.xyz: the file exists already"):
+    with pytest.raises(OutputError, match=r"cloud\.xyz: the file exists"):
         late()
     assert [file.read_text() for file in tmp_path.iterdir()] == ["theirs"]
 

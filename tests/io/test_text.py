@@ -116,8 +116,8 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("1 2 3\n4 5 6\n7 8\n", "point 3: expected 3 columns, found '7 8'"),
         ("1 2 3\n\n# no\n4 five 6\n", "point 2: expected a number, found 'five'"),
         ("1 2\n", "line 1: expected at least three numbers, found '1 2'"),
-        ("1 2 3x\n", "line 1: expected numbers, or different names of columns with x, y, z, found '1 2 3x'"),
-        ("# id lon lat\n1 2 3\n", "line 1: expected different names of columns with x, y, z, found '# id lon lat'"),
+        ("1 2 3x\n", "line 1: expected numbers, or names of columns, each once, with x, y, z, found '1 2 3x'"),
+        ("# id lon lat\n1 2 3\n", "line 1: expected names of columns, each once, with x, y, z, found '# id lon lat'"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
         ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),
@@ -126,7 +126,7 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ('1,2,3,a\n4,5,6,"b\n', "pandas reports: .*EOF inside string"),
         ("1,2,3,a\n4,5,6,\0\n", "expected text in UTF-8"),
         ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text of at most 1,000 characters"),
-        ("1,5;2,5;3,5\n", "line 1: expected numbers, or different names of columns"),
+        ("1,5;2,5;3,5\n", "line 1: expected numbers, or names of columns, each once"),
     ],
 )
 def test_bad_rows_are_shown(table, monkeypatch, text, message):

@@ -35,13 +35,13 @@ class Options:
         None, "Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%."
     )
     n_points: int | str | None = _option(
-        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are no more, all are kept in order."
+        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are fewer, all are kept in order."
     )
     tolerance: float | str | None = _option(
         None,
-        "Keep the fewest points whose local surface no original point is farther from than this, outliers aside: "
-        "0.5 (in the unit of the coordinates), 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind it, it "
-        "bounds that error instead; with :max, outliers count, too. In place of a number.",
+        "Keep the fewest points such that no original point is farther than this from the surface through them, "
+        "outliers aside: 0.5 (in the unit of the coordinates), 0.5mm, or 0.02% of the diagonal. With :p95, :mean or "
+        ":rms behind it, it bounds that error instead; with :max, outliers count, too. In place of a number.",
     )
     spacing: float | str | None = _option(
         None,
@@ -282,7 +282,8 @@ class Options:
         names = [name for name in ("ratio", "n_points", "tolerance", "spacing") if getattr(self, name) is not None]
         if len(names) > 1 or not (names or self.max_gap is not None):
             actual = " and ".join(names) or "none"
-            raise ParameterError(f"expected one of ratio, n_points, tolerance, spacing and max_gap, found {actual}")
+            sizes = "ratio, n_points (--points), tolerance, spacing and max_gap"
+            raise ParameterError(f"expected one of {sizes}, found {actual}; a ratio of 0.1 keeps a tenth of the points")
         _ = self.size, self.max_error, self.lengths
 
     def _check_features(self) -> None:

@@ -133,4 +133,4 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
 
 
 def _exists(target: Path) -> OutputError:
-    return OutputError(f"{target}: the file exists already; choose another name, or overwrite it with force")
+    return OutputError(f"{target}: the file exists; choose another name, or overwrite it with --force or force=True")

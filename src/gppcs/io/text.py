@@ -38,7 +38,7 @@ from gppcs.io.rows import (
     write_rows,
 )
 
-_NAMES = "different names of columns with x, y, z"
+_NAMES = "names of columns, each once, with x, y, z"
 # By these, a comment names columns.
 _COLUMNS = {"lon", "lat", "longitude", "latitude", "easting", "northing", "height", "time", "intensity", "red"}
 _PTS_ATTRIBUTES = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}

@@ -150,7 +150,7 @@ def _check_folder(folder: Path, names: list[str], inputs: list[Path], force: boo
     if is_standard(folder) or ((folder.exists() or folder.is_symlink()) and not folder.is_dir()):
         raise OutputError(f"{folder}: expected a folder, found something else; name a folder")
     if not force and folder.is_dir() and any(folder.iterdir()):
-        raise OutputError(f"{folder}: expected a new or empty folder; choose another, or overwrite tables with force")
+        raise OutputError(f"{folder}: expected a new or empty folder; choose another, or overwrite tables with --force")
     check_distinct([folder / name for name in names], inputs)
     for name in names:
         check_writable(folder / name, force, makes_folders=True)
