@@ -46,7 +46,7 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"spacing": 4.0, "method": "hc"}, "expected a method that supports spacing, found 'hc'; use 'gp' or 'fps'"),
     ({"scores": True, "method": "fps"}, "expected a method that supports scores, found 'fps'; use 'gp'"),
     ({"detail": "nx", "method": "fps"}, "expected a method that supports detail, found 'fps'; use 'gp'"),
-    ({"keep": [1], "method": "fps"}, "expected a method that supports keep, found 'fps'; use 'gp'"),
+    ({"keep": [1], "method": "voxel"}, "expected a method that supports keep, found 'voxel'; use 'gp' or 'fps'"),
     ({"keep": [4000]}, "indices from 0 to 3999, found 4000"),
     ({"keep": [-1]}, "found -1"),
     ({"keep": [True]}, "a mask of the 4,000 points"),
