@@ -13,7 +13,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, format_of, naming
-from gppcs.io.format import Format
+from gppcs.io.format import Fit, Format
 from gppcs.io.meshes import GLTF, OBJ, OFF, STL, origin_of, stored_of, write_gltf, write_stl
 from gppcs.io.ply import FORMAT as PLY
 from gppcs.io.streams import inner_name, plain_input, whole_output
@@ -125,14 +125,18 @@ def write_mesh(
     if not isinstance(cloud, PointCloud) or not np.array_equal(cloud.points, mesh.vertices):
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
     force = flag("force", force)
-    chosen = mesh_format_of(path)
-    is_for_display = chosen.name == GLTF.name  # so what it cannot hold is a note
-    fit = chosen.fit(cloud, path, flag("lossy", lossy) or is_for_display)
+    chosen, fit = mesh_format_of(path), fit_vertices(cloud, path, flag("lossy", lossy))
     with whole_output(path, force) as file:
         assert chosen.write is not None
         # Normals of triangles come from the coordinates before they are rounded.
         chosen.write(file, replace(fit.cloud, points=cloud.points), faces=mesh.faces)
     return [*fit.values, *fit.remarks]
+
+
+def fit_vertices(cloud: PointCloud, path: str | os.PathLike[str], lossy: bool) -> Fit:
+    """Compare vertices with what a mesh file can store; of glTF, which is for display, lost values are no error."""
+    chosen = mesh_format_of(path)
+    return chosen.fit(cloud, path, lossy or chosen.name == GLTF.name)
 
 
 def mesh_format_of(path: str | os.PathLike[str]) -> Format:

@@ -83,21 +83,21 @@ def mesh(
     from gppcs.app.inputs import read_each
     from gppcs.clouds.quantities import unit_of
     from gppcs.io.files import naming
-    from gppcs.io.mesh_files import mesh_format_of, write_mesh
+    from gppcs.io.mesh_files import fit_vertices, mesh_format_of, write_mesh
     from gppcs.meshing.arguments import Size
 
     timer = started(quiet, threads)
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
     task = Size.from_arguments(**size, keep=keep_points)
-    mesh_format = mesh_format_of(output)
+    mesh_format_of(output)
     files = [cloud, *filter(None, [keep_points])]
     io.check_distinct([output], files)
     io.check_writable(output, force)
     with timer("reading"):
         original, *selected = (read for read, _ in read_each(files, input_format, names_of(columns)))
         kept = _indices_of(original, selected[0], keep_points) if keep_points else None
-    mesh_format.fit(original, output, lossy)
+    fit_vertices(original, output, lossy)
     with naming(cloud):
         result = gppcs.mesh(original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer)
     with timer("writing"):
