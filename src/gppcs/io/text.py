@@ -102,7 +102,8 @@ def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
                 raise _unexpected(_NAMES, *other_names[:2])
             break
         elif has_header or not (are_names or columns):
-            raise _unexpected("numbers as x, y and z" if has_header else f"numbers, or {_NAMES}", number, line)
+            beside = "as x, y and z" if has_header else f"or {_NAMES}"
+            raise _unexpected(f"numbers such as 1.5, {beside}", number, line)
         else:
             has_header = True
             preview.names = columns or [field or f"column_{i}" for i, field in enumerate(fields, 1)]

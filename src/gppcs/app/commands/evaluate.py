@@ -58,7 +58,7 @@ def evaluate(
 
     timer = started(quiet, threads)
     if (simplified is None) == (simplified_mesh is None):
-        raise ParameterError("expected either SIMPLIFIED or --simplified-mesh, found both or neither")
+        raise ParameterError("expected a second file, SIMPLIFIED, or --simplified-mesh FILE, found both or neither")
     if detail and simplified_mesh:
         raise ParameterError("expected --detail with SIMPLIFIED, found --simplified-mesh")
     surface = gppcs.read_mesh(mesh) if mesh else None

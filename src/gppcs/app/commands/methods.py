@@ -54,7 +54,8 @@ def methods(
 
 def _explain(method: type[Method]) -> None:
     """Print the description of a method and the meaning of each of its parameters."""
-    say(f"{method.name}: {method.summary}\n\n{method.description}\n\nSource: {method.source}")
+    parts = (f"{method.name}: {method.summary}", method.description, f"Source: {method.source}")
+    say("\n\n".join(filter(None, parts)))
     for feature, meaning in method.supports.items():
         say(f"\nsupports {feature}: {meaning}")
     for key, parameter in parameters_of(method).items():
