@@ -222,8 +222,8 @@ def measured_scene(name: str) -> gppcs.PointCloud:
 def exact_scene(name: str) -> gppcs.PointCloud:
     """Return points of the surfaces of a sample scene, seen by its sensor along other rays, without noise."""
     exact = dataclasses.replace(SCENES[name], measured=lambda rays, distances, rng: distances)
-    seen = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
-    return gppcs.PointCloud.from_object(seen.points[seen.normals.any(axis=1)].astype(np.float64))
+    points, normals, *_ = exact.scan(SURFACE_SAMPLE, np.random.default_rng(OTHER_SEED))
+    return gppcs.PointCloud(points[normals.any(axis=1)].astype(np.float64))
 
 
 @dataclass(frozen=True)
