@@ -22,7 +22,7 @@ def test_a_cloud_goes_to_another_format_and_back(printed, scan, suffix):
 def test_what_is_lost_is_left_out_by_name(gppcs_command, scan):
     code, out, err = gppcs_command("convert", "scan.ply", "other.obj", "--lossy", "-q")
     assert (code, out) == (0, "")
-    assert err.startswith("gppcs: note: other.obj: left out: attribute nx (float32)")
+    assert err.startswith("gppcs: note: other.obj: does not hold: attribute nx (float32)")
     assert (gppcs.read("other.obj").points.astype(np.float32) == scan.points).all()
 
 

@@ -41,9 +41,9 @@ def print_error(message: str) -> None:
 
 
 def note_left_out(path: Path, names: list[str]) -> None:
-    """Print on stderr what was left out."""
+    """Print on stderr what a file does not hold as it was."""
     if names:
-        print_error(f"note: {path}: left out: {', '.join(names)}")
+        print_error(f"note: {path}: does not hold: {', '.join(names)}")
 
 
 def note_units(path: Path | str, cloud: PointCloud, unit: str | None = None) -> None:

@@ -75,8 +75,8 @@ def write_mesh(
     """Write a mesh file: PLY, OBJ, STL, OFF or glTF.
 
     PLY holds all attributes of the vertices. OBJ, OFF and glTF hold normals and colours of 8 bits. STL holds none; its
-    triangles have normals of their own. glTF is for display: z becomes y, which is up there, and is z again when the
-    file is read; attributes that it cannot hold are left out. The file appears only when it is complete.
+    triangles have normals of their own. glTF is for display: z becomes y, which is up there, and is z again when
+    gppcs reads the file; attributes that it cannot hold are left out. The file appears only when it is complete.
 
     Parameters
     ----------

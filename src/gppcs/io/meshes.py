@@ -27,6 +27,7 @@ from gppcs.io.columns import coordinate_type, default_names
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, shortened, write_rows
 
+GENERATOR = "gppcs"  # of glTF files whose node turns y up
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
@@ -158,7 +159,9 @@ def open_gltf(file: BufferedReader) -> Reader:
         if repeated > max(10**7, len(data)):  # each node of a scene can repeat a mesh
             raise FileFormatError(f"expected a scene of fewer vertices in {len(data):,} bytes, found {repeated:,}")
         mesh = scene.to_mesh()
-        points = np.asarray(mesh.vertices, np.float64)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)  # in the file, y is up
+        points = np.asarray(mesh.vertices, np.float64)
+        if description.get("asset", {}).get("generator") == GENERATOR:  # which turned z up to y up
+            points = points[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
         faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
@@ -228,6 +231,7 @@ def write_gltf(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
 
     def with_material(tree: dict[str, Any]) -> None:
         plain = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+        tree["asset"]["generator"] = GENERATOR
         tree["materials"] = [{"pbrMetallicRoughness": plain, "doubleSided": not mesh.is_watertight}]
         for part in tree["meshes"]:
             for primitive in part["primitives"]:
