@@ -213,7 +213,7 @@ class _Search:
 
 
 def _exponent(few: int, error_of_few: float, many: int, error: float, lower: float) -> float:
-    """Estimate p in error ~ M^-p from two numbers of points; 1 if the errors do not fall."""
-    if not 0.0 < error < error_of_few < math.inf:
+    """Estimate p in error ~ M^-p from two numbers of points; 1 if these are the same or the errors do not fall."""
+    if few == many or not 0.0 < error < error_of_few < math.inf:
         return 1.0
     return min(max(math.log(error_of_few / error) / math.log(many / few), lower), MAXIMUM_EXPONENT)

@@ -103,7 +103,7 @@ def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
     return np.sqrt(squared[:, -1])
 
 
-@kernel(allocates=False)
+@kernel(allocates=False, fastmath=False)
 def first_leaf(lower):
     """Return the node number of the first leaf, which is also the number of leaves. Shapes: lower (nodes, ...)."""
     return lower.shape[0] // 2

@@ -20,13 +20,13 @@ from gppcs.spatial.kdtree import (
 )
 
 
-@kernel
+@kernel(fastmath=False)
 def dot(a, b):
     """Return the dot product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@kernel(fastmath=False)
 def minus(a, b):
     """Return the difference a - b of two vectors."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
@@ -38,7 +38,7 @@ def row(points, i):
     return points[i, 0], points[i, 1], points[i, 2]
 
 
-@kernel
+@kernel(fastmath=False)
 def cross(a, b):
     """Return the cross product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

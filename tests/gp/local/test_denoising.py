@@ -5,9 +5,9 @@ import pytest
 
 import gppcs
 from gppcs.errors import InputError, ParameterError
-from gppcs.gp.local import algorithm
 from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
+from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
 
 NOISE = 0.01
@@ -146,7 +146,7 @@ def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypa
     distances = {}
     for step in (True, False):
         if not step:
-            monkeypatch.setattr(algorithm, "inducing_points", lambda kept, observed, places: kept)
+            monkeypatch.setattr(inducing, "inducing_points", lambda kept, observed, places: kept)
         kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
         distances[step] = LocalSurface.from_points(kept).nearest_to(true)[0].mean()
     assert distances[True] < 0.97 * distances[False]
