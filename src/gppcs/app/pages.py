@@ -110,7 +110,7 @@ def draw_pair(
     are_points = original.mesh is None and simplified.mesh is None
     if are_points and (surface := surface_through(simplified.cloud, original.cloud)):
         colours = everything.at(spread_over(surface))
-        columns.append(Column("joined", colours, "the surface through them", surface, is_mesh=True))
+        columns.append(Column("surface", colours, "the surface through them", surface, is_mesh=True))
     draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
