@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.meshing.result import MeshDiagnostics
 
 EPILOG = (
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
@@ -104,8 +103,7 @@ def mesh(
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
     note_left_out(output, dropped)
     note_units(cloud, original, unit)
-    must_move = True if effort else False if keep_points or tolerance else moved
-    for note in _notes(result.diagnostics, len(result.indices), task.n_points, must_move):
+    for note in _notes(result, original, task.n_points, bool(moved or effort)):
         print_error(f"note: {cloud}: {note}")
     diagnostics = {name: value for name, value in asdict(result.diagnostics).items() if value is not None}
     record = {
@@ -143,8 +141,11 @@ def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[A
     return finite[nearest[:, 0]]
 
 
-def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved: bool | None) -> Iterator[str]:
-    """Yield what the mesh lacks, what its tolerance does not hold for, and that it has the noise of the points."""
+def _notes(result: gppcs.MeshResult, original: PointCloud, n_points: int | None, must_move: bool) -> Iterator[str]:
+    """Yield what the mesh lacks, what its tolerance does not hold for, and what became of the noise of the points."""
+    import numpy as np
+
+    diagnostics, made = result.diagnostics, len(result.indices)
     noise, tolerance = diagnostics.noise, diagnostics.tolerance
     if n_points is not None and made < n_points:
         yield f"the mesh has {made:,} vertices, fewer than the {n_points:,} asked for"
@@ -162,10 +163,12 @@ def _notes(diagnostics: MeshDiagnostics, made: int, n_points: int | None, moved:
     if diagnostics.joined_sheets:
         near = f"two sheets, such as those of a plate, are about {diagnostics.joined_sheets:.3g} apart"
         yield f"{near}, nearer than the points, and became one; scan with more points to keep both"
-    elif tolerance is None and noise and moved is None:
-        yield f"the points have noise of about {noise:.4g}, so vertices left them; --no-moved keeps vertices at points"
-    elif tolerance is None and noise and moved is False:
-        yield f"the points have noise of about {noise:.4g}, and so has their mesh; --moved removes it"
+    elif tolerance is None and noise and not must_move:
+        noisy = f"the points have noise of about {noise:.4g}"
+        if np.array_equal(result.mesh.vertices, original.points[result.indices]):
+            yield f"{noisy}, and so has their mesh; --moved removes it"
+        else:
+            yield f"{noisy}, so vertices left them; --no-moved keeps vertices at points"
     if tolerance is not None and noise > tolerance:
         below = f"the tolerance of {tolerance:.3g} is below the noise of the points, {noise:.3g}"
         yield f"{below}, which the mesh follows; give a larger tolerance, or --points M with --moved"
