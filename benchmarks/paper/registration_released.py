@@ -21,7 +21,7 @@ import gppcs
 import report
 from experiment import CANDIDATES
 from gppcs.methods.hc.clustering import hierarchical_clusters
-from registration import PAPER, Array, as_open3d, open3d
+from registration import PAPER, Array, as_open3d, global_registration, open3d
 
 VOXEL = 0.01
 SEEDS = range(5)  # of RANSAC and of the angle
@@ -74,26 +74,13 @@ def features(cloud: open3d.geometry.PointCloud) -> open3d.pipelines.registration
 
 def register(points: Array, seed: int) -> Run:
     """Register a cloud, (N, 3), with its rounded copy."""
-    tools, threshold = open3d.pipelines.registration, 1.5 * VOXEL
+    tools = open3d.pipelines.registration
     pair = [as_open3d(text) for text in as_text(points, seed)]
     coarse = [cloud.voxel_down_sample(VOXEL) for cloud in pair]
     described = [features(cloud) for cloud in coarse]
     open3d.utility.random.seed(seed)
-    checkers = [
-        tools.CorrespondenceCheckerBasedOnEdgeLength(0.9),
-        tools.CorrespondenceCheckerBasedOnDistance(threshold),
-    ]
     start = perf_counter()
-    rough = tools.registration_ransac_based_on_feature_matching(
-        *coarse,
-        *described,
-        mutual_filter=True,
-        max_correspondence_distance=threshold,
-        estimation_method=tools.TransformationEstimationPointToPoint(False),
-        ransac_n=3,
-        checkers=checkers,
-        criteria=tools.RANSACConvergenceCriteria(100_000, 0.999),
-    )
+    rough = global_registration(*coarse, described, VOXEL)
     seconds = perf_counter() - start
     fine = tools.registration_icp(
         *pair, 0.4 * VOXEL, rough.transformation, tools.TransformationEstimationPointToPoint()
