@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import hashlib
+import inspect
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -470,12 +471,19 @@ def digest_of(cloud: gppcs.PointCloud) -> str:
     return hashlib.sha256(cloud.points.tobytes() + (b"" if normals is None else normals.tobytes())).hexdigest()
 
 
+@cache
+def code_of_judge() -> str:
+    """Return a digest of the code that judges points."""
+    files = sorted(Path(reconstruction.__file__).parent.glob("*.py"))
+    text = "".join(path.read_text() for path in files) + "".join(map(inspect.getsource, (figures, distances_from)))
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
 class Runs:
     """Figures of runs, kept in a file of JSON lines, so that a call that was cut short can go on.
 
-    A run is found again only if nothing that decides its figures has changed: the code of its method, of the judge and
-    of its condition, and the number of threads. So a change of one method leaves the runs of the others valid. If a
-    changed method keeps the same points, they are not judged again.
+    A run is taken from the file only if the same commit made it with as many threads. Points that are in the file, too,
+    are not judged again while the code that judges is the same: judging takes longer than most methods.
 
     Attributes
     ----------
@@ -501,11 +509,12 @@ class Runs:
         run = (condition.name, label, str(start))
         depth = reconstruction.OCTREE_DEPTH
         key = f"commit {report.commit()}, {number_of_threads()} threads, depth {depth}"
+        judge = f"judge {code_of_judge()}, depth {depth}"
         if (key, *run) not in self.known:
             print(", ".join(run), file=sys.stderr)
             try:
                 kept, seconds = work()
-                judged = (key, condition.name, digest_of(kept))
+                judged = (judge, condition.name, digest_of(kept))
                 found = {**(self.judged.get(judged) or figures(condition, kept)), "seconds": seconds}
                 self.known[key, *run] = self.judged[judged] = found
             except Exception as error:  # leaves a blank cell, and other runs go on; the next call tries again
