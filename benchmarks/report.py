@@ -6,6 +6,7 @@ import hashlib
 import os
 import platform
 import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,11 @@ def write_sections(
     notes: Sequence[str] = (),
     introduction: str = "",
 ) -> None:
-    """Do the same for several tables, with a paragraph before them and notes after them."""
+    """Do the same for several tables, with notes after them.
+
+    Before them stands a paragraph, by default the first line of the script's docstring.
+    """
+    introduction = introduction or (sys.modules["__main__"].__doc__ or "").partition("\n")[0]
     page = text(title, sections, data, notes, introduction)
     print(page)
     (HERE / "results" / f"{name}.md").write_text(page + SEAL + seal(page) + "\n")

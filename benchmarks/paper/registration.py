@@ -7,19 +7,20 @@ true motion is known, so the table also has the errors of the motion that was fo
 that do not fit, so it can be small for a wrong motion. Each run has its own views and motion, the same for all clouds.
 
 All lengths of a scene are multiples of one: the spacing of as many farthest points of its source as the simplified
-cloud has. Open3D comes with the extra `registration`. Its RANSAC has a seed, but the order of its threads is not fixed.
-So the figures of the global step differ a little between calls.
+cloud has. Open3D comes with the extra `registration`. Its RANSAC has a seed, but gives the same motion twice only if
+one thread works on it. So this runs on one processor. Times are CPU seconds.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 try:
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before Open3D counts the threads that it starts
     import open3d
 except (ImportError, OSError) as error:  # the latter where a library of the system is missing
     raise SystemExit(
@@ -85,7 +87,7 @@ class Scene:
 
 
 class Run(NamedTuple):
-    """The figures of one registration: RMSE in the file's unit, degrees, diagonals, seconds."""
+    """The figures of one registration: RMSE in the file's unit, degrees, diagonals, CPU seconds."""
 
     points: float
     global_rmse: float
@@ -168,21 +170,21 @@ def global_registration(
 def register(scene: Scene, method: str, seed: int) -> Run:
     """Simplify by a method of gppcs, or not at all, then register."""
     spacing = scene.spacing
-    clock = [perf_counter()]
+    clock = [process_time()]
 
     def thin(points: Array) -> Array:
         return gppcs.simplify(points, ratio=scene.ratio, method=method).cloud.points
 
     pair = [as_open3d(points) for points in scene.pair(thin if method in gppcs.METHODS else np.asarray)]
-    clock.append(perf_counter())
+    clock.append(process_time())
     coarse = [cloud.voxel_down_sample(spacing) for cloud in pair] if method == GRID else pair
     described = [features(cloud, spacing) for cloud in coarse]
-    clock.append(perf_counter())
+    clock.append(process_time())
     open3d.utility.random.seed(seed)
     rough = global_registration(*coarse, described, spacing)
-    clock.append(perf_counter())
+    clock.append(process_time())
     fine = open3d.pipelines.registration.registration_icp(*pair, spacing, rough.transformation)
-    clock.append(perf_counter())
+    clock.append(process_time())
     rotation = Rotation.from_matrix(fine.transformation[:3, :3] @ scene.motion[:3, :3].T).magnitude()
     centre = scene.source.mean(axis=0)
     shift = np.linalg.norm(moved(centre, fine.transformation) - moved(centre, scene.motion))
@@ -231,7 +233,7 @@ def main() -> None:
     report.write(
         "paper_registration",
         f"Registration by Open3D {open3d.__version__}, original and simplified clouds: "
-        f"medians of errors and least times of {RUNS} runs",
+        f"medians of errors and least CPU seconds of {RUNS} runs",
         (
             "scene",
             "ratio",
