@@ -1,8 +1,9 @@
 """Say which clouds of the paper's experiments are in GPPCS_DATA, make those that can be made, and name the others.
 
-With `--fetch`, the files of the Stanford repository and the bust of Nefertiti are fetched and converted. The others
-have to be had by hand: their addresses are printed, with what cannot be made without them. The hash of a cloud is the
-SHA-256 of its coordinates as little-endian float32, in the order of the file, so it does not depend on the format.
+With `--fetch`, the files of the Stanford repository, the bust of Nefertiti and the clouds that authors published are
+fetched. The others have to be had by hand: their addresses are printed, with what cannot be made without them. The hash
+of a cloud is the SHA-256 of its coordinates as little-endian float32, in the order of the file, so it does not depend
+on the format. A file that stays as it was published has a commit in its address, which fixes its content.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class File:
-    """A cloud or mesh NAME.ply.
+    """A cloud or mesh NAME.ply, or a file that stays as it was published.
 
     Attributes
     ----------
     name : str
-        Of the file, without suffix.
+        Of the file, without suffix; of one that stays as it is, with its folder and suffix.
     hash : str
-        Of the copy with which the pages were made.
+        Of the copy with which the pages were made; empty for one that stays as it is.
     origin : str
         Its address, with the file in an archive after `#`, or in words; empty if it is made.
     make : callable, optional
@@ -55,7 +56,18 @@ class File:
     @property
     def path(self) -> Path:
         """Where it is expected."""
-        return report.DATA / f"{self.name}.ply"
+        return report.DATA / (self.name if self.stays else f"{self.name}.ply")
+
+    @property
+    def stays(self) -> bool:
+        """Whether it is used as it was published."""
+        return "/" in self.name
+
+    def __str__(self) -> str:
+        """Return its address, its hash, and the pages that cannot be made without it."""
+        identity = "the commit in the address fixes its content" if self.stays else f"hash {self.hash}"
+        pages = ", ".join(page for page, names in PAGES.items() if self.name in names) or "other clouds"
+        return f"{self.origin or 'made from other files by data.py'}; {identity}; not made without it: {pages}"
 
 
 def sampled(mesh: str, n: int, seed: int) -> Array:
@@ -76,7 +88,30 @@ def noisy(clean: str, mesh: str, level: str) -> Array:
     return points + float(level) * diagonal * rng.standard_normal(points.shape)
 
 
+def published(repository: str, commit: str, path: str) -> File:
+    """Return a file of a commit of a repository on GitHub."""
+    return File(f"published/{commit[:7]}_{Path(path).name}", "", f"{GITHUB}/{repository}/{commit}/{path}")
+
+
+OF_THE_PAPER = tuple(
+    published("stutipathak5/gps-for-point-clouds", commit, f"resources/results/{name}")
+    for commit, name in (
+        ("0dd34b0b90f5d6b71553ab8138c95a5009c68e7c", "bun_zipper.ply.npz"),
+        ("4aa6c94fee2fa0b07c1450541935b3525e0934b0", "bun_zipper.ply.npz"),
+        ("2739b71294ac2ca4745204cd93ca8d73e061c1b2", "bun_zipper_0.1.npz"),
+        ("4aa6c94fee2fa0b07c1450541935b3525e0934b0", "dragon_vrip.ply.xyz"),
+    )
+)
+OF_WEIGHTED_POISSON = tuple(  # a room, and the points that the authors' program made of it
+    published("vvvwo/Weighted-Poisson-disk-Resampling", commit, f"WPDEXE/{folder}/conferenceRoom_1.ply")
+    for commit, folder in (
+        ("4260bf8c7a9de22398803181d3c917683702a092", "input"),
+        ("cc2eec4408d219473102e6f0e9765c1c7cff2c07", "output"),
+    )
+)
 FILES = (
+    *OF_THE_PAPER,
+    *OF_WEIGHTED_POISSON,
     File(
         "bunny",
         "b343f4663008f69bfe13e2e994fc3e112a54392df9366ede3ab33bc936a6ada5",
@@ -195,7 +230,8 @@ PAGES = {  # the clouds without which a page cannot be made
     "ablation": ("bunny",),
     "all_points": ("dragon",),
     "paper_differences": ("bunny", "dragon"),
-    "paper_published": ("bunny", "dragon"),
+    "paper_published": ("bunny", "dragon", *(file.name for file in OF_THE_PAPER)),
+    "weighted_poisson": tuple(file.name for file in OF_WEIGHTED_POISSON),
     "paper_table1": ("dragon", "armadillo_173k_resampled", "armadillo_50k"),
     "paper_lucy": ("dragon",),
     "paper_noise": (
@@ -211,9 +247,18 @@ PAGES = {  # the clouds without which a page cannot be made
 }
 
 
-def missing_for(page: str) -> list[str]:
-    """Return the names of the clouds that a page needs and that are not there."""
-    return [name for name in PAGES.get(page, ()) if not (report.DATA / f"{name}.ply").is_file()]
+def missing_for(page: str) -> list[File]:
+    """Return the files that a page needs and that are not there."""
+    return [file for file in FILES if file.name in PAGES.get(page, ()) and not file.path.is_file()]
+
+
+def path_of(name: str) -> Path:
+    """Return the path of a file; if it is not there, the script ends with its address."""
+    (file,) = (file for file in FILES if file.name == name)
+    if not file.path.is_file():
+        print(f"expected {file.path}, found no such file. It can be had at: {file}", file=sys.stderr)
+        raise SystemExit(2)
+    return file.path
 
 
 def hash_of(points: Array) -> str:
@@ -231,6 +276,10 @@ def fetch(file: File) -> None:
             content = archive.extractfile(member).read()
     elif address.endswith(".gz"):
         content = gzip.decompress(content)
+    if file.stays:
+        file.path.parent.mkdir(exist_ok=True)
+        file.path.write_bytes(content)
+        return
     part = file.path.with_name(f"{file.name}_fetched{Path(member or address).suffix}")
     part.write_bytes(content)
     try:
@@ -255,11 +304,8 @@ def state(file: File, may_fetch: bool) -> str:
         except (OSError, gppcs.errors.GppcsError) as error:
             how = str(error)
     if not file.path.is_file():
-        reason = "" if how == "there" else f" ({how})"
-        needed_by = ", ".join(page for page, names in PAGES.items() if file.name in names)
-        origin = file.origin or "made from other files"
-        return f"missing{reason}: {origin}; hash {file.hash}; not made without it: {needed_by or 'other clouds'}"
-    if hash_of(gppcs.read(file.path).points) == file.hash:
+        return f"missing{'' if how == 'there' else f' ({how})'}: {file}"
+    if file.stays or hash_of(gppcs.read(file.path).points) == file.hash:
         return how
     return f"{how}, but not the copy of the pages, whose hash is {file.hash}"
 
@@ -270,8 +316,8 @@ def main() -> None:
     for file in FILES:
         print(f"{file.name}: {state(file, '--fetch' in sys.argv[1:])}")
     for page in PAGES:
-        if names := missing_for(page):
-            print(f"results/{page}.md cannot be made without {', '.join(names)}")
+        if files := missing_for(page):
+            print(f"results/{page}.md cannot be made without {', '.join(file.name for file in files)}")
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ class Script:
         return [
             *(name for name in self.needs if not find_spec(name)),
             *(name for name in self.programs if not which(name)),
-            *data.missing_for(self.page),
+            *(f"{file.name} ({file})" for file in data.missing_for(self.page)),
         ]
 
     @property
@@ -94,6 +94,7 @@ SCRIPTS = (
     Script("tolerance.py", "tolerance", ("pymeshlab",)),
     Script("perception.py", "perception", ("pymeshlab", "pyvista")),
     Script("rivals.py", "rivals", ("CGAL",)),
+    Script("weighted_poisson.py", "weighted_poisson"),
     Script("viewing.py", "viewing", ("pymeshlab",), programs=("node", "chromium")),
     Script("paper/table1.py", "paper_table1", ("pymeshlab",)),
     Script("paper/ablation.py", "ablation"),

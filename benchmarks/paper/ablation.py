@@ -17,6 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import data
 import gppcs
 import report
 
@@ -56,7 +57,7 @@ def cells(paper: float, ours: list[float]) -> tuple[str, ...]:
 
 def main() -> None:
     """Print and write the table."""
-    path = report.DATA / "bunny.ply"
+    path = data.path_of("bunny")
     cloud = gppcs.read(path)
     variation = {row[:2]: cells(*row[2:]) for row in table(cloud, FPS_VARIATION)}
     rows = [

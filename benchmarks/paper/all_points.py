@@ -9,6 +9,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import data
 import gppcs
 import report
 
@@ -28,7 +29,7 @@ METHODS = {
 
 def main() -> None:
     """Print and write the table."""
-    path = report.DATA / "dragon.ply"
+    path = data.path_of("dragon")
     cloud = gppcs.read(path)
     rows, first = [], None
     for name, method in METHODS.items():

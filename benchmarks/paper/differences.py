@@ -18,6 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import data
 import gppcs
 import report
 from published import CLOUDS, Published
@@ -35,12 +36,12 @@ class Case(NamedTuple):
     def authors_rows(self) -> list[tuple[str, ...]]:
         """Return the rows of the authors' figures in 1e-4 diagonals."""
         if self.printed:
-            diagonal = np.linalg.norm(np.ptp(gppcs.read(report.DATA / f"{self.name}.ply").points, axis=0))
+            diagonal = np.linalg.norm(np.ptp(gppcs.read(data.path_of(self.name)).points, axis=0))
             return [("the authors', printed", *(f"{1e4 * length / diagonal:.1f}" for length in self.printed), "")]
         return [
-            (f"the authors', {cloud.commit[:7]}", *(f"{value:.1f}" for value in errors_of(cloud)), "")
+            (f"the authors', {Path(cloud.file.name).name}", *(f"{value:.1f}" for value in errors_of(cloud)), "")
             for cloud in self.published
-            if cloud.file.is_file()
+            if cloud.file.path.is_file()
         ]
 
 
@@ -95,7 +96,7 @@ def section(case: Case) -> report.Section:
     """Measure all rows on a cloud."""
     rows = case.authors_rows()
     for name, methods in ways(case.n_points).items():
-        found = [errors(report.DATA / f"{case.name}.ply", case.n_points, method) for method in methods]
+        found = [errors(data.path_of(case.name), case.n_points, method) for method in methods]
         rows.append((name, *(spread(list(values)) for values in zip(*found, strict=True))))
         print(*rows[-1], sep=" | ", file=sys.stderr)
     return report.Section(
@@ -111,7 +112,7 @@ def main() -> None:
         "paper_differences",
         "What separates gp-spectral from the authors' own results, 1e-4 diagonals",
         [section(case) for case in CASES],
-        [report.DATA / f"{case.name}.ply" for case in CASES],
+        [data.path_of(case.name) for case in CASES],
         [f"Random choices: the median of {len(SEEDS)} seeds, and the range."],
     )
 

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import gppcs
 import report
+from data import path_of
 from gppcs.amounts.options import Options, method_of
 from gppcs.engine.timer import timer_of
 from gppcs.evaluation.comparison import PREPARATION_POINTS, Entry, those_that_fit
@@ -132,11 +133,6 @@ def asked(settings: Methods) -> dict[str, gppcs.Method]:
     return methods
 
 
-def path_of(name: str) -> Path:
-    """Return the path of a file of the data."""
-    return report.DATA / f"{name}.ply"
-
-
 def runs(conditions: Sequence[Condition], methods: Methods) -> dict[str, list[Entry]]:
     """Return the entries of each method whose memory suffices, one for each condition."""
     largest = max(conditions, key=lambda condition: len(condition.cloud))
@@ -192,8 +188,8 @@ def keep(
     introduction: str = "",
 ) -> None:
     """Print the tables, and write them to results/NAME.md if they are of all methods."""
-    data, notes = [path_of(file) for file in dict.fromkeys(files)], [*notes, SECONDS_NOTE]
+    paths, notes = [path_of(file) for file in dict.fromkeys(files)], [*notes, SECONDS_NOTE]
     if sys.argv[1:]:
-        print(report.text(title, sections, data, notes, introduction))
+        print(report.text(title, sections, paths, notes, introduction))
     else:
-        report.write_sections(name, title, sections, data, notes, introduction)
+        report.write_sections(name, title, sections, paths, notes, introduction)

@@ -32,7 +32,7 @@ COLUMNS = (
 
 def main() -> None:
     """Print and write the table."""
-    path = experiment.path_of("lucy")
+    path = report.DATA / "lucy.ply"
     is_lucy = path.is_file()
     cloud = gppcs.read(path) if is_lucy else gppcs.PointCloud(mesh_sample(POINTS))
     name = "Lucy" if is_lucy else "samples of the Dragon's mesh in place of Lucy"

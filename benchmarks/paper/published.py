@@ -1,14 +1,12 @@
 """What the clouds are that the authors published in the history of their repository.
 
-They are expected in GPPCS_DATA/published, under the names that this prints with their addresses. If a file is missing,
-the rest is measured. The first third of each should be farthest points of a random part of the cloud, and the others
-the points of that part in the order of their surface variation, as `fps-variation` has them.
+data.py fetches them into GPPCS_DATA/published. The first third of each should be farthest points of a random part of
+the cloud, and the others the points of that part in the order of their surface variation, as `fps-variation` has them.
 """
 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,54 +15,40 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+import data
 import gppcs
 import report
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import paper_radius
 from gppcs.surface.surface_variation import features_in_radius
 
-REPOSITORY = "https://raw.githubusercontent.com/stutipathak5/gps-for-point-clouds"
 NEIGHBOURS = 12  # in data.py of the commit of the Dragon; the .npz files hold the surface variation
 ROUNDING = 1e-6  # largest difference of surface variation between jakteristics and gppcs
 
 
-@dataclass(frozen=True)
-class Published:
-    """A simplified cloud: commit and path, its original, and the size of the random part in the authors' program."""
+class Published(NamedTuple):
+    """A simplified cloud, the name of its original, and the size of the random part in the authors' program."""
 
-    commit: str
-    path: str
+    file: data.File
     original: str
-    random_part: int | None = None
-
-    @property
-    def file(self) -> Path:
-        """Where the file is expected."""
-        return report.DATA / "published" / f"{self.commit[:7]}_{Path(self.path).name}"
-
-    @property
-    def address(self) -> str:
-        """Where the file can be had."""
-        return f"{REPOSITORY}/{self.commit}/{self.path}"
+    random_part: int
 
 
-CLOUDS = (
-    Published("0dd34b0b90f5d6b71553ab8138c95a5009c68e7c", "resources/results/bun_zipper.ply.npz", "bunny", 15_000),
-    Published("4aa6c94fee2fa0b07c1450541935b3525e0934b0", "resources/results/bun_zipper.ply.npz", "bunny", 15_000),
-    Published("2739b71294ac2ca4745204cd93ca8d73e061c1b2", "resources/results/bun_zipper_0.1.npz", "bunny", 15_000),
-    Published("4aa6c94fee2fa0b07c1450541935b3525e0934b0", "resources/results/dragon_vrip.ply.xyz", "dragon", 45_000),
+CLOUDS = tuple(
+    Published(file, *of)
+    for file, of in zip(data.OF_THE_PAPER, (*3 * [("bunny", 15_000)], ("dragon", 45_000)), strict=True)
 )
 
 
 def points_and_variation(cloud: Published) -> tuple[NDArray[np.float64], gppcs.PointCloud, NDArray[np.float64]]:
     """Return the simplified points, (M, 3), the original cloud of N points, and its surface variation, (N,)."""
-    original = gppcs.read(report.DATA / f"{cloud.original}.ply")
-    if cloud.file.suffix == ".npz":
-        with np.load(cloud.file) as arrays:
+    path, original = data.path_of(cloud.file.name), gppcs.read(data.path_of(cloud.original))
+    if path.suffix == ".npz":
+        with np.load(path) as arrays:
             return arrays["simp_coords"], gppcs.PointCloud(arrays["org_coords"]), arrays["org_curv"]
     tree = KdTree.build(original.points)
     radius = paper_radius(original.points, NEIGHBOURS)
-    return gppcs.read(cloud.file).points, original, features_in_radius(tree, radius).surface_variation
+    return gppcs.read(path).points, original, features_in_radius(tree, radius).surface_variation
 
 
 class Order(NamedTuple):
@@ -102,7 +86,7 @@ def order_of(points: NDArray[np.float64], original: NDArray[np.float64], variati
 
 def errors(cloud: Published) -> tuple[float, float]:
     """Return H mean and H max of a cloud by `gppcs.evaluate`, in 1e-4 diagonals."""
-    path = report.DATA / f"{cloud.original}.ply"
+    path = data.path_of(cloud.original)
     figures = gppcs.evaluate(path, points_and_variation(cloud)[0], gppcs.read_mesh(path))
     rebuilt = figures.rebuilt_estimated
     assert rebuilt
@@ -115,31 +99,24 @@ def row(cloud: Published) -> tuple[str, ...]:
     order = order_of(points, original.points, variation)
     mean, largest = errors(cloud)
     return (
-        f"{cloud.path}, {cloud.commit[:7]}",
+        Path(cloud.file.name).name,
         f"{len(points):,}",
         f"{order.farther} of {order.farthest:,}",
         f"{order.ascents} of {order.steps:,}",
         f"{order.fraction:.3f}",
-        f"{cloud.random_part / len(original):.3f}" if cloud.random_part else "",
+        f"{cloud.random_part / len(original):.3f}",
         f"{mean:.2f}",
         f"{largest:.1f}",
     )
 
 
 def main() -> None:
-    """Print and write the table, if all clouds are there."""
-    missing = [cloud for cloud in CLOUDS if not cloud.file.is_file()]
-    for cloud in missing:
-        print(f"missing: {cloud.file}, to be had at {cloud.address}", file=sys.stderr)
-    there = [cloud for cloud in CLOUDS if cloud not in missing]
-    if not there:
-        print("none of the published clouds is there, so their page is not made", file=sys.stderr)
-        return
+    """Print and write the table."""
     sections = [
         report.Section(
             "",
             (
-                "file, commit",
+                "commit and file",
                 "points",
                 "first third: points farther from the earlier ones than the one before",
                 "the others: steps to a larger surface variation",
@@ -148,14 +125,11 @@ def main() -> None:
                 "H mean, 1e-4 diagonals",
                 "H max",
             ),
-            [row(cloud) for cloud in there],
+            [row(cloud) for cloud in CLOUDS],
         )
     ]
-    title, files = "The clouds that the authors published", [cloud.file for cloud in there]
-    if missing:
-        print(report.text(title, sections, files))
-    else:
-        report.write_sections("paper_published", title, sections, files)
+    files = [data.path_of(cloud.file.name) for cloud in CLOUDS]
+    report.write_sections("paper_published", "The clouds that the authors published", sections, files)
 
 
 if __name__ == "__main__":

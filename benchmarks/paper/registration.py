@@ -8,7 +8,7 @@ that do not fit, so it can be small for a wrong motion. Each run has its own vie
 
 All lengths of a scene are multiples of one: the spacing of as many farthest points of its source as the simplified
 cloud has. Open3D comes with the extra `registration`. Its RANSAC has a seed, but gives the same motion twice only if
-one thread works on it. So this runs on one processor. Times are CPU seconds.
+one thread works on it. So Open3D has one here. Times are CPU seconds.
 """
 
 from __future__ import annotations
@@ -27,18 +27,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import data
+import gppcs
+import report
+
+PROCESSORS = os.sched_getaffinity(0)
 try:
-    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # before Open3D counts the threads that it starts
+    os.sched_setaffinity(0, {max(PROCESSORS)})  # Open3D counts them when it is imported, and starts as many threads
     import open3d
 except (ImportError, OSError) as error:  # the latter where a library of the system is missing
     raise SystemExit(
         f"registration needs Open3D: pip install 'gppcs[registration]', and on Debian libusb-1.0-0 ({error})"
     ) from error
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-import gppcs
-import report
+finally:
+    os.sched_setaffinity(0, PROCESSORS)
 
 METHODS = ("hc", "gp-spectral", "gp")
 ORIGINAL, GRID = "original", "original, global step on a voxel grid"
@@ -221,8 +225,8 @@ def scenes(scans: Mapping[str, Array], seed: int) -> list[Scene]:
 
 def main() -> None:
     """Print and write the table."""
-    files = {"Dragon": "dragon.ply", "room": "3dmatch_room_fragment.ply", "face": "face_rangemap.ply"}
-    paths = {name: report.DATA / file for name, file in files.items()}
+    files = {"Dragon": "dragon", "room": "3dmatch_room_fragment", "face": "face_rangemap"}
+    paths = {name: data.path_of(file) for name, file in files.items()}
     scans = {name: gppcs.read(path).points for name, path in paths.items()}
     runs = defaultdict(list)
     for seed in range(RUNS):

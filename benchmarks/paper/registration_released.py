@@ -42,7 +42,7 @@ NOTES = (
     "All clouds pass the same voxel grid before the global step, so it works on nearly as many points of each and "
     "takes about as long.",
     f"The global RMSE is of {len(SEEDS)} seeds of RANSAC. Where the ranges of two clouds overlap, their order is "
-    "chance. A seed gives the same figure twice only if one thread works, so this runs on one processor.",
+    "chance. A seed gives the same figure twice only if one thread works, so Open3D has one here.",
     "ICP finds the motion up to the rounding of the text. Rounding two coordinates of the turned copy to six decimals "
     "has the root mean square sqrt(2/12) 1e-6 = 4.08e-7. The coordinate along the axis is that of the source.",
 )

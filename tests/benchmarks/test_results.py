@@ -48,6 +48,34 @@ def test_a_missing_cloud_is_named_with_its_address_and_hash(script, tmp_path, mo
         assert file.origin in line
         assert file.hash in line
     assert "results/ablation.md cannot be made without bunny" in lines
+    with pytest.raises(SystemExit, match="2"):
+        data.path_of(data.OF_THE_PAPER[0].name)
+    message = capsys.readouterr().err
+    assert "gps-for-point-clouds/0dd34b0b90f5d6b71553ab8138c95a5009c68e7c" in message
+    assert "not made without it: paper_published" in message
+
+
+def test_points_of_weighted_poisson_disks_stand_beside_ours(script, tmp_path, monkeypatch):
+    page, pages = script("weighted_poisson.py"), {}
+    monkeypatch.setattr(page.report, "DATA", tmp_path)
+    monkeypatch.setattr(
+        page.report, "write_sections", lambda name, title, sections, paths: pages.update({name: sections})
+    )
+    (tmp_path / "WPD").write_text('#!/bin/sh\ncp "$1/cloud.ply" "$2/cloud.ply"\n')
+    (tmp_path / "WPD").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    room = gppcs.sample("bracket", n_points=600)
+    (tmp_path / "published").mkdir()
+    for name, cloud in zip(("dragon.ply", *page.data.OF_WEIGHTED_POISSON), (room, room, room.points[:60]), strict=True):
+        gppcs.write(getattr(name, "path", tmp_path / str(name)), cloud)
+    page.main()
+    rows = [[row[:2] for row in section.rows] for section in pages["weighted_poisson"]]
+    assert rows[0][:3] == [
+        ("weighted Poisson disks, published", "60"),
+        ("weighted Poisson disks, run here", "600"),
+        ("gp", "60"),
+    ]
+    assert rows[1][:2] == [("weighted Poisson disks, run here", "600"), ("gp", "18")]
 
 
 def test_a_mesh_and_a_cloud_in_archives_are_fetched(script, tmp_path, monkeypatch):
