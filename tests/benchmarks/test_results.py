@@ -90,12 +90,14 @@ def test_a_mesh_and_a_cloud_in_archives_are_fetched(script, tmp_path, monkeypatc
     addresses = {
         "mesh": f"{(tmp_path / 'in.tar.gz').as_uri()}#folder/in.ply",
         "cloud": (tmp_path / "cloud.ply").as_uri(),
+        "published/cloud.ply": (tmp_path / "cloud.ply").as_uri(),
     }
     for name, address in addresses.items():
         file = data.File(name, data.hash_of(np.eye(3)), address)
         assert data.state(file, may_fetch=False).startswith("missing")
         assert data.state(file, may_fetch=True) == "fetched"
     assert len(gppcs.read_mesh(tmp_path / "data" / "mesh.ply").faces) == 1
+    assert (tmp_path / "data" / "published" / "cloud.ply").read_bytes() == (tmp_path / "cloud.ply").read_bytes()
 
 
 @pytest.mark.parametrize("name", ["modelnet_airplane_0001_2048", "armadillo_100k_noise_1e-2"])
