@@ -103,7 +103,7 @@ def arguments():
     for name in CALLS:
         function, *only = name.split()
         names = only or inspect.signature(getattr(gppcs, function)).parameters
-        yield from ((name, argument) for argument in names if argument != "workers")  # which would start processes
+        yield from ((name, argument) for argument in names if argument != "workers")  # which would look for a scheduler
 
 
 @pytest.mark.parametrize(("name", "argument"), [*arguments()])

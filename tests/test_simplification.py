@@ -4,6 +4,7 @@ import gc
 import itertools
 import re
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -259,7 +260,7 @@ def test_the_same_points_come_in_the_order_asked_for(tmp_path, beyond_memory):
     gppcs.write(tmp_path / "a.ply", gppcs.PointCloud(cloud.points, {"gps_time": times}))
     path, options = tmp_path / "a.ply", {"n_points": 300, "scores": True}
     if beyond_memory:
-        options["workers"] = 1
+        options["workers"] = ThreadPoolExecutor(1)
     ranking = gppcs.simplify(path, **options)
     for order, positions in (
         ("input", np.argsort(ranking.indices)),

@@ -1,5 +1,6 @@
 """Clouds whose axes have different units are measured in one of them, and keep their coordinates."""
 
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from types import SimpleNamespace
 
@@ -130,7 +131,7 @@ def test_one_frame_holds_for_all_tiles_beyond_memory(two, tmp_path):
     for tile, half in zip(tiles, halves, strict=True):
         gppcs.write(tile, two.cloud.take(half))
     points = two.metres[np.concatenate(halves)]
-    result = gppcs.simplify(tiles, spacing="3m", method="voxel", workers=1)
+    result = gppcs.simplify(tiles, spacing="3m", method="voxel", workers=ThreadPoolExecutor(1))
     chosen = gppcs.simplify(points, spacing=3.0, method="voxel").indices
     assert set(result.indices) == set(chosen)
     assert (result.cloud.points == two.cloud.points[np.concatenate(halves)][result.indices]).all()

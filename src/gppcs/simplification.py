@@ -145,7 +145,7 @@ def simplify(
     only: str | None = None,
     assume_same_crs: bool = False,
     memory: int | str | None = None,
-    workers: int | str | Executor | None = None,
+    workers: str | Executor | None = None,
     scratch: str | os.PathLike[str] | None = None,
     timer: Timer | None = None,
 ) -> Result:

@@ -60,9 +60,9 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"quota": QUOTA, "tolerance": 0.1}, "expected ratio or n_points with quota"),
     ({"quota": QUOTA, "n_points": 9, "max_gap": 0.1}, "expected ratio or n_points with quota"),
     ({"quota": QUOTA, "group": "nx"}, "quota without group"),
-    ({"workers": 0}, "workers to be a number of processes from 1 to 10,000, .* found 0"),
     ({"workers": "dask"}, "or an executor of concurrent.futures, found 'dask'"),
-    ({"workers": 2}, "expected workers with a cloud in files, found one in memory"),
+    ({"workers": 2}, "found 2; the threads of this process are set by"),
+    ({"workers": "tcp://a:1"}, "expected workers with a cloud in files, found one in memory"),
     ({"memory": "lots"}, "an amount of memory such as 4GB or 512MB, found 'lots'"),
 ]
 INPUTS = [

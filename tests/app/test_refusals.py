@@ -47,8 +47,8 @@ POINTS --mark kept --index | index
 POINTS --mark kept --order input | mark without order
 POINTS --order gps_time | 'gps_time'
 POINTS --rank --method voxel | ranking
-POINTS --workers 0 | workers
-simplify - -o out.ply --points 5 --workers 2 | standard input
+POINTS --workers 2 | --threads
+simplify - -o out.ply --points 5 --workers tcp://localhost:1 | standard input
 POINTS --keep 'z > 5' | quota, or read no others with only
 POINTS --threads x | '--threads': Input should be a valid integer
 POINTS --memory lots | memory

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.engine import threads
-from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threads
+from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threads, sharing_cores
 
 pytestmark = pytest.mark.usefixtures("default_threads")
 
@@ -74,6 +75,23 @@ def test_the_default_is_that_of_the_affinity():
         assert number_of_threads() == 1
     finally:
         os.sched_setaffinity(0, before)
+
+
+def test_threads_that_work_on_parts_share_the_cores():
+    set_threads(4)
+    both_are_here = threading.Barrier(2, timeout=20)
+
+    def share(part):
+        with sharing_cores():
+            both_are_here.wait()
+            threads = number_of_threads()
+            both_are_here.wait()
+        return threads
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(share, range(2))) == [2, 2]
+    with sharing_cores():
+        assert number_of_threads() == 4
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_cells_with_few_points_keep_none(tmp_path, keep):
     with pytest.raises(gppcs.InputError, match="found none; lower min_points"):
         gppcs.simplify(points, spacing=1e-6, max_gap=1.0, method=method)
     gppcs.write(tmp_path / "a.npy", points)
-    on_disk = gppcs.simplify(tmp_path / "a.npy", spacing=0.1, method=method, workers=1)
+    on_disk = gppcs.simplify(tmp_path / "a.npy", spacing=0.1, method=method, workers=ThreadPoolExecutor(1))
     assert len(on_disk.indices) == len(kept)
 
 

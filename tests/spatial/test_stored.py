@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gppcs.spatial import stored
+from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.stored import RECORD, StoredPoints, boxes_for, without, write_run
 
 POINTS = np.random.default_rng(0).random((3_000, 3))
@@ -44,6 +45,8 @@ def test_a_part_and_its_halo_do_not_depend_on_the_runs(tmp_path_factory, cuts, w
         inside = (own >= part.first) & (own < part.last)
         around = (np.abs(POINTS - (part.lower + part.upper) / 2) <= (part.upper - part.lower) / 2 + width).all(axis=1)
         expected = inside | around if width else inside
+        drawn = points.near(part, width, repeats=True, fraction=0.3).indices
+        np.testing.assert_array_equal(drawn, np.flatnonzero(expected & is_drawn(np.arange(3_000), 0.3)))
         if not repeats:
             expected[-100:] = False
         np.testing.assert_array_equal(near.indices, np.flatnonzero(expected))

@@ -141,10 +141,10 @@ class Options:
         "temporary files, where other points are chosen than in memory, but equally good ones.",
         True,
     )
-    workers: int | str | Executor | None = _option(
+    workers: str | Executor | None = _option(
         None,
-        "Share the work among this many processes of this machine, in place of threads, or among the workers of a "
-        "Dask scheduler, such as tcp://10.0.0.5:8786; in Python also of an executor of concurrent.futures.",
+        "Share the work among the workers of a Dask scheduler, such as tcp://10.0.0.5:8786, in place of threads of "
+        "this process; in Python also of an executor of concurrent.futures.",
         True,
     )
     scratch: str | os.PathLike[str] | None = _option(
@@ -349,12 +349,10 @@ def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] 
 
 
 def _check_workers(workers: Any) -> None:
-    """Check that workers are a number of processes, the address of a scheduler, or an executor."""
-    if workers is None or isinstance(workers, Executor) or (isinstance(workers, str) and "://" in workers):
-        return
-    is_text = isinstance(workers, str) and workers.isascii() and workers.isdigit()
-    if isinstance(workers, bool) or not (is_text or isinstance(workers, int)) or not 1 <= int(workers) <= 10_000:
+    """Check that workers are the address of a scheduler, or an executor."""
+    is_address = isinstance(workers, str) and "://" in workers
+    if not (workers is None or is_address or isinstance(workers, Executor)):
         raise ParameterError(
-            "expected workers to be a number of processes from 1 to 10,000, the address of a Dask scheduler such as "
-            f"tcp://10.0.0.5:8786, or an executor of concurrent.futures, found {shown(workers)}"
+            "expected workers to be the address of a Dask scheduler such as tcp://10.0.0.5:8786, or an executor of "
+            f"concurrent.futures, found {shown(workers)}; the threads of this process are set by --threads, set_threads"
         )

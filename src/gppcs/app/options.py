@@ -66,7 +66,7 @@ Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
 Resolution = Annotated[float | None, from_field("resolution", INPUT, "LENGTH")]
 Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT, "error|drop")]
 Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
-Workers = Annotated[str | None, from_field("workers", LARGE, "COUNT|ADDRESS")]
+Workers = Annotated[str | None, from_field("workers", LARGE, "ADDRESS")]
 Colour = Annotated[str | None, option("Colour by rgb, variation or an attribute.", LOOK, metavar="NAME")]
 View = Annotated[
     str | None,

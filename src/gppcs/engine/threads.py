@@ -12,7 +12,7 @@ import math
 import os
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough
 _wanted: int | None = None  # what `set_threads` set
 _pool: ThreadPoolExecutor | None = None  # the helping threads, which start when they are first needed
 _growing = threading.Lock()
-_here = threading.local()  # `alone` is true in threads that work without helpers
+_here = threading.local()  # `shares` is true in threads that share the cores
+_sharing = 0  # how many threads these are
 
 
 def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, minimum: int = 1) -> None:
@@ -71,15 +72,24 @@ def _pool_of(size: int) -> ThreadPoolExecutor:
 
 def number_of_threads() -> int:
     """Return the number of threads that a call uses."""
-    if getattr(_here, "alone", False):
-        return 1
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return _wanted or int(min(cores, _quota()))
+    threads = _wanted or int(min(cores, _quota()))
+    return max(1, threads // _sharing) if getattr(_here, "shares", False) else threads
 
 
-def work_alone() -> None:
-    """Let the calling thread work without helpers, as it is itself one of several."""
-    _here.alone = True
+@contextlib.contextmanager
+def sharing_cores() -> Iterator[None]:
+    """Let the calling thread have its share of the cores, which grows when other threads leave such a block."""
+    global _sharing
+    with _growing:
+        _sharing += 1
+    _here.shares = True
+    try:
+        yield
+    finally:
+        _here.shares = False
+        with _growing:
+            _sharing -= 1
 
 
 def set_threads(count: int | None) -> None:
@@ -120,8 +130,8 @@ def _limit(group: Path) -> float | None:
 
 def _start_anew() -> None:
     """Forget the helping threads, which a forked process lacks."""
-    global _pool, _growing
-    _pool, _growing = None, threading.Lock()
+    global _pool, _growing, _sharing
+    _pool, _growing, _sharing = None, threading.Lock(), 0
     _quota.cache_clear()
 
 

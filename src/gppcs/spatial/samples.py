@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.boxes import Part
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import squared_radii
 from gppcs.spatial.scaling import bounds
-from gppcs.spatial.stored import StoredPoints
+
+if TYPE_CHECKING:
+    from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)
 
@@ -26,10 +31,19 @@ def point_hashes(points: Floats, seed: int = 0) -> NDArray[np.uint64]:
 
 def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return a random number for each value, (n,) (SplitMix64; Steele, Lea and Flood 2014)."""
-    mixed = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return mixed ^ (mixed >> np.uint64(31))
+    result = np.empty_like(values)
+    on_ranges(_hash_all, len(values), values, result, minimum=1 << 14)
+    return result
+
+
+@kernel(allocates=False)
+def _hash_all(begin, end, values, result):
+    """Fill `result`, (n,), with the random numbers of a range of values."""
+    for i in range(begin, end):
+        mixed = (values[i] + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        result[i] = mixed ^ (mixed >> np.uint64(31))
 
 
 def is_drawn(indices: Ints, fraction: float) -> Flags:

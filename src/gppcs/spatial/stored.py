@@ -6,10 +6,11 @@ The points come in chunks. Some of them together are sorted into a file, a *run*
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from io import FileIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import uuid4
@@ -20,8 +21,10 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.spatial.boxes import Boxes, MapParts, Part
 from gppcs.spatial.cells import first_occurrences
+from gppcs.spatial.samples import is_drawn
 
-BOX = 1 << 15  # Points of a box, unless there are more boxes than the sample can tell apart.
+BOX = 1 << 14  # Points of a box, unless there are more boxes than the sample can tell apart.
+BLOCK = 1 << 16  # Points that are copied at once: few fit into the cache, and take little memory.
 RECORD = np.dtype([("row", np.int64), ("place", np.float64, 3)])
 
 
@@ -83,12 +86,15 @@ class StoredPoints:
         """Return parts of at most so many points each, unless a box has more."""
         return self.boxes.parts(self.counts, maximum)
 
-    def near(self, part: Part, width: float = 0.0, *, repeats: bool = False) -> Neighbourhood:
-        """Read the points of a part and of a halo of some width around it, by default without repeats."""
+    def near(self, part: Part, width: float = 0.0, *, repeats: bool = False, fraction: float = 1.0) -> Neighbourhood:
+        """Read the points of a part and of a halo of some width around it, by default without repeats.
+
+        With a fraction below 1, these are a random sample, as `is_drawn` marks it.
+        """
         around = _in_spans(self.boxes.around(part, width)) if width else []
-        records = self.records([(part.first, part.last)])
+        records = self.records([(part.first, part.last)], fraction)
         count = len(records)
-        records = np.concatenate([records, part.near(self.records(around), width)])
+        records = np.concatenate([records, part.near(self.records(around, fraction), width)])
         order = np.argsort(records["row"], kind="stable")
         records = records[order]
         near = Neighbourhood(records, order < count)
@@ -105,15 +111,17 @@ class StoredPoints:
             rest = np.sort(np.concatenate([rest, np.setdiff1d(records["row"], indices)]))[:count]
         return rest
 
-    def records(self, spans: Sequence[tuple[int, int]]) -> NDArray[Any]:
-        """Read the points of spans of boxes, each with its first box and the one behind."""
+    def records(self, spans: Sequence[tuple[int, int]], fraction: float = 1.0) -> NDArray[Any]:
+        """Read the points of spans of boxes, each with its first box and the one behind, or a random sample."""
         records = [np.empty(0, dtype=self.kind)]
         for run in self.runs:
             in_run = [(max(first, run.first), min(last, run.last)) for first, last in spans]
             in_run = [(first, last) for first, last in in_run if first < last]
             if in_run:
                 with (self.folder / run.name).open("rb", buffering=0) as file:
-                    records += [_read(file, run, first, last, self.kind) for first, last in in_run]
+                    for first, last in in_run:
+                        piece = _read(file, run, first, last, self.kind)
+                        records.append(piece if fraction >= 1.0 else piece[is_drawn(piece["row"], fraction)])
         return np.concatenate(records)
 
 
@@ -144,15 +152,19 @@ def boxes_for(sample: Floats, n: int) -> Boxes:
 
 def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> tuple[Run, Ints]:
     """Write some records as a run, and return it with the number of its points in each box."""
-    of_point = boxes.box_of(np.ascontiguousarray(records["place"]))
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(records), BLOCK)]
+    of_point = np.empty(len(records), dtype=np.min_scalar_type(len(boxes)))  # sorted by radix, up to 16 bits
+    for block in blocks:
+        of_point[block] = boxes.box_of(np.ascontiguousarray(records["place"][block]))
     counts = np.bincount(of_point, minlength=len(boxes))
     first, last = (int(of_point.min()), int(of_point.max()) + 1) if len(records) else (0, 0)
+    order = np.argsort(of_point, kind="stable")
     starts = np.concatenate([[0], np.cumsum(counts[first:last])])
-    write_at_once(folder / name, starts, records[np.argsort(of_point, kind="stable")])
+    write_at_once(folder / name, chain([starts], (records[order[block]] for block in blocks)))
     return Run(name, first, last), counts
 
 
-def write_at_once(path: Path, *arrays: NDArray[Any]) -> None:
+def write_at_once(path: Path, arrays: Iterable[NDArray[Any]]) -> None:
     """Write arrays to a file, which appears once it is complete: a task may be done by two workers at once."""
     unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
     with unfinished.open("wb") as file:

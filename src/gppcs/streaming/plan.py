@@ -42,7 +42,7 @@ class Plan:
     @property
     def part(self) -> int:
         """Points of a part of a file that one task reads, so that a scheduler has at most 10,000 tasks."""
-        return max(1 << 22, self.points_in // 10_000)
+        return max(1 << 20, self.points_in // 10_000)
 
 
 def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:

@@ -32,7 +32,7 @@ from gppcs.streaming import plan
 SAMPLED = 1 << 18  # Points of the sample by which space is divided.
 SPARE = 1.1  # Sampled points for each one needed, so that there are hardly ever too few.
 FEWEST = 256  # Sampled points, if there are so many different ones.
-RUN = 1 << 19  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
+RUN = 1 << 20  # Points of a run at most, unless a chunk has more: with too few, too many files are read.
 
 
 @dataclass
@@ -243,7 +243,7 @@ def _sort(
     for name, first, count in group:
         chunk = records[begin : begin + count]
         raw = np.fromfile(folder / name, dtype=_raw_type(weights.n_positive > 0, len(names)))
-        chunk["row"], chunk["place"] = raw["row"] + first, raw["place"]
+        chunk["row"], chunk["place"] = raw["row"] + first, frame.local(np.ascontiguousarray(raw["place"]))
         if weights.n_positive:
             relative = weights.relative(np.ascontiguousarray(raw["weight"]))
             chunk["weight"] = np.where(relative > 0.0, relative, 1.0)  # points of weight 0 are here only to be kept
@@ -253,7 +253,6 @@ def _sort(
         if attribute is not None:
             chunk["value"] = columns[attribute]
         begin += count
-    records["place"] = frame.local(np.ascontiguousarray(records["place"]))
     return write_run(folder, group[0][0].replace(".raw", ".run"), boxes, records)
 
 

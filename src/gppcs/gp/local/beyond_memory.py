@@ -189,15 +189,9 @@ def _evenly(parts: list[Part]) -> list[Part]:
     return parts[:: -(-len(parts) // 16)]
 
 
-def _sampled(stage: StoredStage, part: Part, halo: float) -> Neighbourhood:
-    """Return those points of a part and its halo that are in the sample."""
-    near = stage.stored.near(part, halo)
-    return near.take(np.flatnonzero(is_drawn(near.indices, stage.sampled)))
-
-
 def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) -> Floats:
     """Return how far about `maximum` points of a part lie off quadrics, and the radii of their neighbourhoods."""
-    near = _sampled(stage, part, 0.5 * HALO * stage.noise.spacing)
+    near = stage.stored.near(part, 0.5 * HALO * stage.noise.spacing, fraction=stage.sampled)
     if not near.inside.any():
         return np.zeros((len(fits), 2, 0))
     tree = KdTree.build(near.points)
@@ -213,7 +207,7 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
 def _residuals(stage: StoredStage, part: Part) -> Floats:
     """Return what linear functions leave of the detail of a part's points, and the detail, (n, 1 + k)."""
     radius = FIT_RADIUS * stage.edge
-    near = _sampled(stage, part, radius)
+    near = stage.stored.near(part, radius, fraction=stage.sampled)
     tree = KdTree.build(near.points)
     values = near.records["detail"][tree.order].astype(np.float64)
     return np.column_stack([residuals(tree, values, radius), values])[near.inside[tree.order]]
@@ -412,7 +406,7 @@ def _measure(stage: StoredStage, part: Part) -> Floats:
     records = require_fields(near.records, stage.measured)
     records["inside"] = near.inside
     records["variation"], records["normal"] = features.surface_variation, features.normals
-    write_at_once(stage.file(part), records)
+    write_at_once(stage.file(part), [records])
     rough = records["rough"] if stage.detail else np.zeros(len(records))
     variation = np.stack([features.surface_variation, rough])[:, near.inside]
     return variation[:, :: max(1, variation.shape[1] // SAMPLES)]
@@ -486,13 +480,14 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
     old, vertices = chosen["row"], np.ascontiguousarray(chosen["place"])
     of_vertex = stage.stored.boxes.box_of(vertices)
     stays = (of_vertex < part.first) | (of_vertex >= part.last) | np.isin(old, fixed)
-    near = stage.stored.near(part, halo)
     if stays.all():
         return old[:0], old[:0]
-    if not noise.is_negligible:
-        noise = replace(noise, tree=KdTree.build(near.points[is_drawn(near.indices, stage.sampled)]))
     cell_points = CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS
     fraction = min(1.0, cell_points * stage.target / stage.stored.n_places)
+    sampled = 1.0 if stage.detail else fraction if noise.is_negligible else max(fraction, stage.sampled)
+    near = stage.stored.near(part, halo, fraction=sampled)
+    if not noise.is_negligible:
+        noise = replace(noise, tree=KdTree.build(near.points[is_drawn(near.indices, stage.sampled)]))
     vertex_attributes = detail = None
     if stage.detail:
         alike = KdTree.build(near.points).nearest_of(vertices, 1)[0][:, 0]  # repeats are not there
