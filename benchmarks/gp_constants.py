@@ -72,6 +72,8 @@ CONSTANTS = (
     Constant("MAX_REFINEMENT", "candidates with weights", "times those without"),
     Constant("FIRST_STAGE", "points of the first stage", "points"),
     Constant("MIN_CANDIDATES", "candidates for each point to keep", "candidates"),
+    Constant("FEWEST_CELLS", "cells of the grid for each point to keep, where many are kept", "cells"),
+    Constant("WANTED_FROM", "points for each point to keep, from which on there are all cells", "points"),
     Constant("MAX_CELLS", "occupied cells for each that the area has room for", "cells"),
     Constant("ISOLATION", "within which an isolated candidate has no other", "target spacings"),
     Constant("OUTLIERS", "of isolated candidates, those isolated within twice the distance", "-"),

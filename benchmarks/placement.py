@@ -32,7 +32,7 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
     def __call__(self, task: gppcs.Task) -> gppcs.Selection:
         """Choose, then place."""
         found = super().__call__(task)
-        area, noise, _, _ = survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)
+        area, noise, *_ = survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)
         return replace(found, indices=place(task.points, found.indices, 0, area, noise))
 
 

@@ -30,7 +30,8 @@ def mean_distance(points, places):
 
 def placed(points, chosen, fixed=0, noise=QUIET, passes=2):
     area = 2 * np.pi * 0.5
-    new = replacements(points[chosen], np.arange(len(chosen)) < fixed, points, area / len(points), noise, passes=passes)
+    stays, cells = np.arange(len(chosen)) < fixed, KdTree.build(points)
+    new = replacements(points[chosen], stays, cells, area / len(points), noise, passes=passes)
     return np.where(new < 0, chosen, new)
 
 

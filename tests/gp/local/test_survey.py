@@ -12,12 +12,12 @@ from shapes import rotation, square
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
     """Noisy points would pass for sharp ones."""
-    area, noise, sharpness, _ = survey(sphere, 1_000, 8.0, Timer())
+    area, noise, sharpness, *_ = survey(sphere, 1_000, 8.0, Timer())
     assert area == pytest.approx(4 * np.pi, rel=0.1)
     assert noise.is_negligible
     assert (sharpness > 0).all()
     noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
-    _, noise, sharpness, _ = survey(noisy, 1_000, 8.0, Timer())
+    _, noise, sharpness, *_ = survey(noisy, 1_000, 8.0, Timer())
     assert not noise.is_negligible
     assert noise.sigma == pytest.approx(0.01, rel=0.3)
     assert (sharpness == 0).all()
@@ -26,7 +26,7 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
 def test_noise_and_stages_share_one_area(sphere):
     """The number of occupied cells corrects it where most of the points lie in a dot."""
     points = np.concatenate([sphere[:300], 1e-4 * sphere[300:30_000]])
-    area, noise, sharpness, _ = survey(points, 500, 8.0, Timer())
+    area, noise, sharpness, *_ = survey(points, 500, 8.0, Timer())
     assert area != pytest.approx(surface_area(KdTree.build(points)), rel=0.5)
     assert noise.spacing == np.sqrt(area / 500)
     assert nested_candidates(points, sharpness, 500, area, 8.0)[-1].area == area

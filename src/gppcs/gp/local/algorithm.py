@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Stage, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
@@ -42,7 +42,8 @@ def choose(
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
-    area, noise, sharpness, detail = survey(points, n_points, candidate_density, timer, attributes)  # step 1
+    candidate_density = cells_for(candidate_density, len(points), n_points)
+    area, noise, sharpness, detail, tree = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     with timer("candidates"):
         stages = nested_candidates(points, sharpness, n_points, area, candidate_density, fixed)  # step 2
     with timer("noise"):
@@ -50,13 +51,14 @@ def choose(
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:  # step 8: about twice as many points in each as in the one before
         with timer("features"):
-            tree, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
+            tree_of_stage, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
-            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
+            ranking = choose_in_stage(ranking, field, tree_of_stage, stage, criterion, on_progress)
     with timer("placement"):
         values = None if detail is None else detail.values
-        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values)  # step 7, Eqs. (10) and (20)
+        # Step 7, Eqs. (10) and (20).
+        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values, tree)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
 
 

@@ -32,6 +32,7 @@ from gppcs.gp.local.algorithm import (
 )
 from gppcs.gp.local.candidates import (
     cell_edge,
+    cells_for,
     count_isolated,
     gaps_of_isolated,
     largest_gap,
@@ -136,6 +137,7 @@ def choose_stored(
     Shapes: fixed (m,), fixed_points (m, 3) without repeats.
     """
     candidate_density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
+    candidate_density = cells_for(candidate_density, stored.n_places, n_points)
     parts = stored.parts(2 * PART)
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points
@@ -498,6 +500,7 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
     if not len(drawn):
         return old[:0], old[:0]
     area = stage.area / (fraction * stage.stored.n_places)
-    new = replacements(vertices, stays, near.points, area, noise, vertex_attributes, detail, farthest=0.5 * halo)
+    cells = KdTree.build(near.points)
+    new = replacements(vertices, stays, cells, area, noise, vertex_attributes, detail, farthest=0.5 * halo)
     moved = np.flatnonzero(new >= 0)
     return old[moved], near.indices[new[moved]]

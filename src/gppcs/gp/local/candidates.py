@@ -18,6 +18,7 @@ from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.settings import (
+    FEWEST_CELLS,
     FIRST_STAGE,
     ISOLATION,
     MAX_CELLS,
@@ -25,6 +26,7 @@ from gppcs.gp.local.settings import (
     OUTLIERS,
     SAMPLE_SIZE,
     SAMPLED_PER_POINT,
+    WANTED_FROM,
 )
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -35,10 +37,11 @@ from gppcs.surface.surface_variation import features_in_radius
 
 def survey(
     points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
-) -> tuple[float, Noise, NDArray[np.float32], Detail | None]:
-    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3).
+) -> tuple[float, Noise, NDArray[np.float32], Detail | None, KdTree | None]:
+    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3), and the tree over it.
 
-    The sharpness is the surface variation within the edge length of a cell, plus that of the detail; 0 if not measured.
+    There is no tree if the cloud was sampled. The sharpness is the surface variation within the edge length of a cell,
+    plus that of the detail; 0 if not measured.
     """
     with timer("sample"):
         indices = sample(points, n_points)
@@ -58,7 +61,7 @@ def survey(
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
-    return area, noise, sharpness, detail
+    return area, noise, sharpness, detail, tree if len(indices) == len(points) else None
 
 
 def sample_size(n_points: int) -> int:
@@ -74,6 +77,11 @@ def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
     draws = round(-n * math.log1p(-size / n))  # with replacement: some points are drawn twice
     indices = np.unique(np.random.default_rng(0).integers(0, n, draws))
     return indices[first_occurrences(points[indices])]
+
+
+def cells_for(wanted: float, n: int, n_points: int) -> float:
+    """Return the number of candidate cells for each point to keep: as many as wanted, or fewer where many are kept."""
+    return min(wanted, max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
 
 
 def sharpness_of(tree: KdTree, edge: float) -> Floats:

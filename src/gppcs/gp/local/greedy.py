@@ -20,7 +20,9 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.greedy_state import (
     TAKEN,
+    UNSCORED,
     GreedyState,
+    computed_from,
     condition_on,
     is_in_range,
     observe,
@@ -93,7 +95,7 @@ def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int,
     count = len(tree.lower)
     state = GreedyState(
         tree.order, conditioning, variances, scores, conditioning.squared[:, -1].copy(),
-        np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
+        np.zeros(len(scores), dtype=bool), np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
     state.scores[chosen] = state.ranges[chosen] = TAKEN
@@ -189,30 +191,32 @@ def choose_down(
     n, count = len(state.scores), len(parts.counts)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
-        _exchange_boundaries(field, error_weight, state, parts)
+        _exchange_boundaries(threshold, field, error_weight, state, parts)
         on_ranges(choose_in_parts, count, threshold, n, field, error_weight, state, parts)
         chosen = int((parts.counts - parts.sent).sum())
-    _exchange_boundaries(field, error_weight, state, parts)
+    _exchange_boundaries(threshold, field, error_weight, state, parts)
     _renew_upper(state, count)
     choose_in_parts(0, 1, threshold, n, field, error_weight, state, rest)
 
 
-def _exchange_boundaries(field: LocalField, error_weight: float, state: GreedyState, parts: Parts) -> None:
+def _exchange_boundaries(
+    threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts
+) -> None:
     """Condition all parts on what their neighbours have chosen since the last exchange."""
-    on_ranges(_receive, len(parts.counts), field, error_weight, state, parts)
+    on_ranges(_receive, len(parts.counts), computed_from(threshold, error_weight), field, error_weight, state, parts)
     parts.sent[:] = parts.counts
 
 
 @kernel
-def _receive(begin, end, field, error_weight, state, parts):
+def _receive(begin, end, computed, field, error_weight, state, parts):
     """Condition the points of some parts on what their neighbours have chosen; note their own scores."""
     workspace = workspace_below(field, state, len(parts.counts))
     for part in range(begin, end):
-        _receive_in_part(part, field, error_weight, state, parts, workspace)
+        _receive_in_part(part, computed, field, error_weight, state, parts, workspace)
 
 
 @kernel(allocates=False)
-def _receive_in_part(part, field, error_weight, state, parts, workspace):
+def _receive_in_part(part, computed, field, error_weight, state, parts, workspace):
     """Condition the points of a part on what its neighbours have chosen; note their scores."""
     n, count = len(state.scores), len(parts.counts)
     root, changed = count + part, 0
@@ -222,7 +226,11 @@ def _receive_in_part(part, field, error_weight, state, parts, workspace):
             new = parts.positions[slot]
             x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
             if is_in_range(state.boxes, root, x, y, z, field.spacings[new], state.boxes[root, 6]):
-                _, changed = condition_on(new, root, field, state, workspace, changed)
+                _, changed = condition_on(new, root, computed, field, state, workspace, changed)
+    for i in range(n * part // count, n * (part + 1) // count):
+        if state.outdated[i] and state.scores[i] >= computed:
+            state.outdated[i], state.scores[i], workspace.changed[changed] = False, UNSCORED, i
+            changed += 1
     rescore(changed, field, error_weight, state, workspace)
     for i in range(n * part // count, n * (part + 1) // count):
         parts.seen[i] = state.scores[i]
@@ -241,13 +249,15 @@ def choose_in_parts(begin, end, threshold, maximum, field, error_weight, state, 
     count = len(parts.counts)
     workspace = workspace_below(field, state, count)
     deferred = np.empty(len(workspace.changed), dtype=np.int64)
-    scores = np.empty(len(deferred), dtype=np.float64)
+    scores, computed = np.empty(len(deferred), dtype=np.float64), computed_from(threshold, error_weight)
     for part in range(begin, end):
-        _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, workspace, deferred, scores)
+        _choose_in_part(
+            part, threshold, computed, maximum, field, error_weight, state, parts, workspace, deferred, scores
+        )
 
 
 @kernel(allocates=False)
-def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts, workspace, deferred, scores):
+def _choose_in_part(part, threshold, computed, maximum, field, error_weight, state, parts, workspace, deferred, scores):
     """Let a part choose; `deferred` and `scores`, with an entry for each of its points, are scratch memory."""
     root, waiting = len(parts.counts) + part, 0
     while state.best[root] >= threshold and state.best[root] > TAKEN and parts.counts[part] < maximum:
@@ -258,7 +268,7 @@ def _choose_in_part(part, threshold, maximum, field, error_weight, state, parts,
             set_score(state, root, new, TAKEN)
         else:
             _take(new, part, state, parts)
-            observe(new, root, field, error_weight, state, workspace)
+            observe(new, root, computed, field, error_weight, state, workspace)
     for which in range(waiting):
         set_score(state, root, deferred[which], scores[which])
 

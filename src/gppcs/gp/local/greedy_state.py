@@ -1,7 +1,8 @@
 """The state of a greedy choice: the scores in the nodes of the tree, and what a newly chosen point changes.
 
 The choice is exact although each new point changes few posteriors. A posterior changes only if the new point is among
-the nearest on which the point is conditioned, and a node is skipped only if this holds for none of its points.
+the nearest on which the point is conditioned, and a node is skipped only if this holds for none of its points. Where
+parts choose down to a threshold, scores far below it wait: that of a variance rises seldom, and little.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.gp.local.kernel import LANES, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, compute_posteriors, work_for
@@ -28,6 +29,8 @@ class GreedyState(NamedTuple):
     variances: Floats  # (n,), posterior variance; of a chosen point, that before its choice
     scores: Floats  # (n,)
     ranges: Floats  # (n,), squared distance in the field to the last of the points that it is conditioned on
+    # (n,), whether the score is that before the last points came, as it is too low to matter yet.
+    outdated: Flags
     # (nodes, 8), one line of memory each: lower and upper corner, largest squared range, largest squared spacing.
     boxes: Floats
     best: Floats  # (nodes,), the largest score in the node
@@ -54,18 +57,30 @@ def workspace_below(field, state, count):
     )
 
 
+@kernel
+def computed_from(threshold, error_weight):
+    """Return from which score on scores are kept up to date while points are chosen down to a threshold.
+
+    A variance hardly ever rises, so a score far below the threshold will not reach it. An error may rise.
+    """
+    return 0.9 * threshold if error_weight == 0.0 else 0.0
+
+
 @kernel(fastmath=False, allocates=False)
-def observe(new, root, field, error_weight, state, workspace):
-    """Condition the points below the node `root` on a new chosen point, and update their scores and nodes."""
-    nodes, points = condition_on(new, root, field, state, workspace, 0)
+def observe(new, root, computed, field, error_weight, state, workspace):
+    """Condition the points below a node on a new chosen point; update nodes, and scores from `computed` on."""
+    nodes, points = condition_on(new, root, computed, field, state, workspace, 0)
     rescore(points, field, error_weight, state, workspace)
     for v in range(nodes - 1, -1, -1):  # children before their parents
         renew(workspace.visited[v], state)
 
 
 @kernel(fastmath=False, allocates=False)
-def condition_on(new, root, field, state, workspace, count):
-    """Condition the points below a node on a new one; return the numbers of visited nodes and of changed points."""
+def condition_on(new, root, computed, field, state, workspace, count):
+    """Condition the points below a node on a new one; return the numbers of visited nodes and of changed points.
+
+    A point whose score is below `computed` is not changed but outdated.
+    """
     boxes, ranges, last = state.boxes, state.ranges, state.conditioning.nearest.shape[1] - 1
     n, leaves = len(ranges), first_leaf(boxes)
     x, y, z = field.positions[0, new], field.positions[1, new], field.positions[2, new]
@@ -95,10 +110,12 @@ def condition_on(new, root, field, state, workspace, count):
             if workspace.gaps[i - begin] < ranges[i]:
                 _keep_nearest(state.conditioning, i, new, workspace.gaps[i - begin])
                 ranges[i] = state.conditioning.squared[i, last]
-                if state.scores[i] != UNSCORED:
+                if state.scores[i] >= computed:
                     state.scores[i] = UNSCORED
                     workspace.changed[count] = i
                     count += 1
+                elif state.scores[i] != UNSCORED:
+                    state.outdated[i] = True
         node = after(node, root)
     return seen, count
 

@@ -43,27 +43,35 @@ NEAR_FANS = 9  # Fans in which the surface near a cell is searched: of its point
 
 
 def place(
-    points: Floats, chosen: Ints, fixed: int, area: float, noise: Noise, detail: NDArray[np.float32] | None = None
+    points: Floats,
+    chosen: Ints,
+    fixed: int,
+    area: float,
+    noise: Noise,
+    detail: NDArray[np.float32] | None = None,
+    tree: KdTree | None = None,
 ) -> Ints:
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
-    Shapes: points (N, 3), chosen (m,), detail (N, k); returns (m,).
+    The tree over all points is built if it is not there. Shapes: points (N, 3), chosen (m,), detail (N, k); returns
+    (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
         drawn = np.flatnonzero(is_drawn(np.arange(len(points)), fraction))
         detail = None if detail is None else detail.take(drawn, axis=0)
-        new = replacements(points[chosen], stays, points[drawn], area / len(drawn), noise, old, detail)
+        cells = KdTree.build(points[drawn])
+        new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
         return np.where(new < 0, chosen, drawn[new])
-    new = replacements(points[chosen], stays, points, area / len(points), noise, old, detail)
+    new = replacements(points[chosen], stays, tree or KdTree.build(points), area / len(points), noise, old, detail)
     return np.where(new < 0, chosen, new)
 
 
 def replacements(
     vertices: Floats,
     stays: Flags,
-    points: Floats,
+    cells: KdTree,
     area: float,
     noise: Noise,
     old: NDArray[np.float32] | None = None,
@@ -73,11 +81,10 @@ def replacements(
 ) -> Ints:
     """Return for which point each vertex, a chosen point, is exchanged, -1 where it stays.
 
-    `area` is that for each point. `old` and `detail` are attributes of the vertices and of the points. No vertex goes
-    farther than `farthest` at once. Shapes: vertices (m, 3), stays (m,), points (n, 3), old (m, k), detail (n, k);
-    returns (m,).
+    The tree is over the points, and `area` is that for each. `old` and `detail` are attributes of the vertices and of
+    the points. No vertex goes farther than `farthest` at once. Shapes: vertices (m, 3), stays (m,), old (m, k), detail
+    (n, k); returns (m,).
     """
-    cells = KdTree.build(points)
     of_point, cells = cells.order, cells.in_own_order()
     if noise.is_negligible:
         feet, normals = cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
