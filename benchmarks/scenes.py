@@ -46,8 +46,10 @@ SCENES: Mapping[str, type[Condition]] = {
     "room": SampleScene,
     "street": SampleScene,
     "terrain": SampleScene,
+    "forest": SampleScene,
+    "plot": SampleScene,
 }
-HELD_OUT = ("redwood_fragment", "street", "terrain")  # no constant of gp was decided by these
+HELD_OUT = ("redwood_fragment", "street", "terrain", "forest", "plot")  # no constant of gp was decided by these
 MEASURES = (SURFACE, SURFACE_P95, SURFACE_BY_AREA, SURFACE_P95_BY_AREA, FEATURES, COVER_P999)
 CONDITIONS = [make(name, None, ratio) for name, make in SCENES.items() for ratio in RATIOS]
 INTRODUCTION = (
@@ -58,9 +60,9 @@ INTRODUCTION = (
 )
 NOTES = (
     f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
-    f"room, street and terrain are scenes of `gppcs sample` with {SCENE:,} points. {SURFACE_SAMPLE:,} other points of "
-    "their surfaces judge them, seen by the same sensor without noise, and without leaves. The other scenes are "
-    "compared with their own points, noise included.",
+    f"room, street, terrain, forest and plot are scenes of `gppcs sample` with {SCENE:,} points. {SURFACE_SAMPLE:,} "
+    "other points of their surfaces judge them, seen by the same sensor without noise, and without leaves. The other "
+    "scenes are compared with their own points, noise included.",
     f"Mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of the "
     "cloud turned at random, with other random numbers; all are judged on the cloud as it is.",
     "Rivals are those of quality.md. The best rival may differ between conditions and between measures.",

@@ -11,14 +11,21 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.columns import COLOUR
 from gppcs.errors import ParameterError, nearest_name, number, shown, whole_number
 from gppcs.scans.bracket import BRACKET
+from gppcs.scans.case import CASE
 from gppcs.scans.fan import FAN
+from gppcs.scans.gears import GEARS
+from gppcs.scans.horse import HORSE
 from gppcs.scans.medallion import MEDALLION
+from gppcs.scans.moth import MOTH
 from gppcs.scans.painted import FRESCO, PAINTED, ROAD
 from gppcs.scans.patch import Patch, Scan, SurfacePoints
+from gppcs.scans.plant import PLANT
+from gppcs.scans.plate import PLATE
 from gppcs.scans.scenes.room import ROOM
 from gppcs.scans.scenes.scene import Scene
 from gppcs.scans.scenes.street import STREET
 from gppcs.scans.scenes.terrain import TERRAIN
+from gppcs.scans.scenes.wood import FOREST, PLOT
 from gppcs.scans.sphere import SPHERE
 from gppcs.scans.statue import STATUE
 
@@ -26,9 +33,12 @@ __all__ = ["SCANS", "SCENES", "Patch", "Scan", "Scene", "SurfacePoints", "sample
 
 SCANS: dict[str, Scan] = {
     "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "statue": STATUE, "sphere": SPHERE, "painted": PAINTED,
-    "fresco": FRESCO, "road": ROAD,
+    "fresco": FRESCO, "road": ROAD, "horse": HORSE, "moth": MOTH, "case": CASE, "plate": PLATE, "gears": GEARS,
+    "plant": PLANT,
 }  # fmt: skip
-SCENES: dict[str, Scene] = {"room": ROOM, "street": STREET, "terrain": TERRAIN}
+SCENES: dict[str, Scene] = {
+    "room": ROOM, "street": STREET, "terrain": TERRAIN, "forest": FOREST, "plot": PLOT,
+}  # fmt: skip
 
 
 def sample(
@@ -41,16 +51,19 @@ def sample(
 ) -> PointCloud:
     """Return a synthetic scan, whose surface is known exactly.
 
-    The objects are about 100 mm long: a medallion, a bracket, a fan, a statue and a sphere. The detail of three others
-    is no shape: "painted" is the statue with colours, "fresco" a wall of 4 m with a picture, "road" 20 m of a road with
-    markings. Points of objects are random on the surface, in random order. The scenes are what a sensor sees from its
-    place, with its noise and with shadows, in the order of its measurements: a room (4 m, by a depth camera), a street
-    (60 m, by a LiDAR on a car) and a terrain (120 m, from the air).
+    The objects are about 100 mm long: a medallion, a bracket, a fan, a statue, a sphere, a horse, a moth with thin
+    wings, a case with ribs and holes, a bent plate, gears and a plant in a pot. The detail of three others is no shape:
+    "painted" is the statue with colours, "fresco" a wall of 4 m with a picture, "road" 20 m of a road with markings.
+    Points of objects are random on the surface, in random order. The scenes are what a sensor sees from its place, with
+    its noise and with shadows, in the order of its measurements: a room (4 m, by a depth camera), a street (60 m, by a
+    LiDAR on a car), a terrain (120 m, from the air), and a wooded slope (50 m), as a "forest" from a drone and as a
+    "plot" from two tripods on the ground.
 
     Parameters
     ----------
     name : str
-        "medallion", "bracket", "fan", "statue", "sphere", "painted", "fresco", "road", "room", "street" or "terrain".
+        "medallion", "bracket", "fan", "statue", "sphere", "horse", "moth", "case", "plate", "gears", "plant",
+        "painted", "fresco", "road", "room", "street", "terrain", "forest" or "plot".
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from gppcs.scans.jets import Jet
 
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # its lower and upper corners
 Attributes = dict[str, NDArray[Any]]
 Paint = Callable[[Floats, np.random.Generator], Attributes]
 Trim = Callable[[Floats, Floats], Flags]
@@ -70,12 +71,27 @@ class Patch:
         return SurfacePoints(*(values[kept] for values in drawn))
 
 
+class Part(Protocol):
+    """A part of a surface, such as a `Patch`."""
+
+    @property
+    def colour(self) -> Colour:
+        """Its red, green and blue."""
+
+    @property
+    def weight(self) -> float:
+        """Its share of the proposals for points."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
+        """Draw points that are uniform by area, by so many proposals."""
+
+
 @dataclass(frozen=True)
 class Scan:
     """A sample scan: patches that make up its whole surface, the corners of its box in mm, and what paints points."""
 
-    patches: tuple[Patch, ...]
-    box: tuple[tuple[float, float, float], tuple[float, float, float]]
+    patches: tuple[Part, ...]
+    box: Box
     paint: Paint | None = None
 
 

@@ -1,1 +1,1 @@
-"""Scenes that a depth camera, a moving LiDAR and an aeroplane measure."""
+"""Scenes that a depth camera, a moving LiDAR and an aeroplane or a tripod measure."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -108,3 +108,33 @@ def _halves(bundle: Rays, centres: Floats) -> tuple[Ints, Ints]:
 def with_noise(sigma: float) -> Callable[[Rays, Floats, np.random.Generator], Floats]:
     """Return what a sensor measures whose distances have Gaussian noise."""
     return lambda rays, distances, rng: distances + sigma * rng.standard_normal(len(distances))
+
+
+def from_the_air(flights: Sequence[float], swath: float, half: float, altitude: float) -> Callable[[int], Rays]:
+    """Return rays in parallel scan lines, strip by strip, in the order of time.
+
+    Each strip is seen from a line of flight along y, at its x and the altitude: `swath` to both sides, and in y from
+    -half to half.
+    """
+
+    def rays(count: int) -> Rays:
+        per_strip = count / len(flights)
+        # Scan lines are 1.6 times as far from each other as points on a line.
+        on_line = max(1, round(np.sqrt(per_strip * 1.6 * swath / half)))
+        lines = max(1, int(np.ceil(per_strip / on_line)))
+        y, x = np.meshgrid(half * _midpoints(lines), swath * _midpoints(on_line), indexing="ij")
+        strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in flights]
+        aims = np.concatenate(strips)
+        origins = np.stack([np.repeat(flights, y.size), aims[:, 1], np.full(len(aims), altitude)], axis=1)
+        # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
+        aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * altitude
+        directions = aims - origins
+        return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+    return rays
+
+
+def _midpoints(count: int) -> Floats:
+    """Return the midpoints of equal parts of the range from -1 to 1."""
+    midpoints: Floats = 2.0 * (np.arange(count) + 0.5) / count - 1.0
+    return midpoints

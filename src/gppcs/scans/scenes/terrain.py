@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.scenes.scene import Rays, Scene, with_noise
+from gppcs.scans.scenes.scene import Scene, from_the_air, with_noise
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, cylinder, foliage, polygon, relief
 
 HALF = 60.0  # half the side of the square, in x and y
@@ -101,32 +101,8 @@ def _power_line() -> list[Surface]:
     return parts
 
 
-def _rays(count: int) -> Rays:
-    """Return rays in parallel scan lines, strip by strip, in the order of time."""
-    altitude = 500.0
-    flights, swath = (-36.0, 0.0, 36.0), 40.0  # x of the lines of flight, and half the width that each sees
-    per_strip = count / len(flights)
-    # Scan lines are 1.6 times as far from each other as points on a line.
-    on_line = max(1, round(np.sqrt(per_strip * 1.6 * swath / HALF)))
-    lines = max(1, int(np.ceil(per_strip / on_line)))
-    y, x = np.meshgrid(HALF * _midpoints(lines), swath * _midpoints(on_line), indexing="ij")
-    strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in flights]
-    aims = np.concatenate(strips)
-    origins = np.stack([np.repeat(flights, y.size), aims[:, 1], np.full(len(aims), altitude)], axis=1)
-    # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
-    aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * altitude
-    directions = aims - origins
-    return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
-
-
-def _midpoints(count: int) -> Floats:
-    """Return the midpoints of equal parts of the range from -1 to 1."""
-    midpoints: Floats = 2.0 * (np.arange(count) + 0.5) / count - 1.0
-    return midpoints
-
-
 TERRAIN = Scene(
     (relief(ground, HALF, (-5.0, 9.0), Look((120, 140, 80), 2)), *_houses(), *_trees(), *_power_line()),
-    _rays,
+    from_the_air((-36.0, 0.0, 36.0), 40.0, HALF, 500.0),
     with_noise(0.03),
 )
