@@ -17,8 +17,9 @@ import report
 Array = NDArray[np.float64]
 
 KEPT = 28_000
+TENTH = 0.1
 DRAGON = report.DATA / "dragon.ply"
-NOISE = 1e-4  # standard deviation of the samples of the mesh, in diagonals of its box
+NOISE, LITTLE_NOISE = 1e-4, 2e-5  # standard deviations of samples of the mesh, in diagonals of its box
 BLOCK = 1_000_000  # points sampled at a time
 
 SIDE = 200.0  # metres, of the square with scanners and buildings
@@ -51,16 +52,17 @@ def of_file(name: str, file: str, size: int, amount: float) -> Cloud:
     return Cloud(name, size, amount, lambda: gppcs.read(path).points, (path,))
 
 
-def of_mesh(size: int) -> Cloud:
+def of_mesh(size: int, amount: float = KEPT, noise: float = NOISE) -> Cloud:
     """Return a cloud of points on the mesh of the Dragon."""
-    return Cloud("samples of the Dragon's mesh", size, KEPT, partial(mesh_sample, size), (DRAGON,))
+    name = "samples of the Dragon's mesh" + ("" if noise == NOISE else f", noise {noise:.0e}".replace("e-0", "e-"))
+    return Cloud(name, size, amount, partial(mesh_sample, size, noise), (DRAGON,))
 
 
-def mesh_sample(n: int) -> Array:
+def mesh_sample(n: int, noise: float) -> Array:
     """Return n points on the mesh of the Dragon, (n, 3), uniform by area, with Gaussian noise."""
     mesh = gppcs.read_mesh(DRAGON)
     areas = np.cumsum(mesh.face_areas())
-    noise = NOISE * np.linalg.norm(np.ptp(mesh.vertices, axis=0))
+    noise *= np.linalg.norm(np.ptp(mesh.vertices, axis=0))
     rng = np.random.default_rng(0)
     points = np.empty((n, 3))
     for begin in range(0, n, BLOCK):
@@ -118,12 +120,21 @@ SERIES = (  # one shape with more and more points, simplified to the same number
     of_mesh(5_000_000),
     of_mesh(14_000_000),
 )
+TENTHS = (  # the same, but a tenth of the points are kept
+    of_file("Dragon", "dragon", DRAGON_POINTS, TENTH),
+    of_mesh(1_400_000, TENTH),
+    of_mesh(5_000_000, TENTH),
+    of_mesh(10_000_000, TENTH),
+)
+DRAGON_SCAN = of_file("Dragon", "dragon", DRAGON_POINTS, 0.03)
 SCENE = Cloud("flat scene", 5_000_000, KEPT, partial(scene, 5_000_000))
 CLOUDS = (
     of_file("Bunny", "bunny", 35_947, 0.05),
     of_file("Armadillo", "armadillo_173k_resampled", 172_974, 0.05),
-    of_file("Dragon", "dragon", DRAGON_POINTS, 0.03),
+    DRAGON_SCAN,
     *SERIES[:-1],
     SCENE,
     SERIES[-1],
+    *TENTHS,
+    of_mesh(10_000_000, TENTH, LITTLE_NOISE),
 )

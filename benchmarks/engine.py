@@ -1,4 +1,4 @@
-"""Measure what the engine costs: threads on an idle and on a busy machine, a first run, and many points kept.
+"""Measure what the engine costs: threads on an idle and on a busy machine, and a first run.
 
 Runs on Linux only.
 """
@@ -11,18 +11,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
-
-import numpy as np
 
 import clouds
 import gppcs
 import report
-from gppcs.engine.memory import peak_memory
 from gppcs.engine.threads import number_of_threads
 
 DRAGON = report.DATA / "dragon.ply"
@@ -39,7 +34,6 @@ NOTES = (
     "Seconds are wall time with compiled kernels, the least of 5 runs; one thread and all take turns. Busy means that "
     "an endless loop runs beside them on each core.",
     "A first run compiles all kernels of a method, in a process of its own, with an empty folder for compiled code.",
-    "Many points kept: one run, in a process of its own; the peak includes the input and Python itself.",
 )
 
 
@@ -133,27 +127,9 @@ def warm_start() -> report.Section:
     )
 
 
-def keep_many() -> list[str]:
-    """Return a row: seconds of 10 million points to 1 million, by stage, and the peak memory."""
-    gppcs.simplify(gppcs.sample("bracket", n_points=6_000), ratio=0.1)  # loads the kernels
-    points = gppcs.sample("medallion", n_points=10_000_000).points
-    Path("/proc/self/clear_refs").write_text("5")  # resets the peak of memory
-    start = perf_counter()
-    result = gppcs.simplify(points, n_points=1_000_000)
-    seconds = perf_counter() - start
-    assert len(np.unique(result.indices)) == 1_000_000
-    timer = ", ".join(f"{stage} {value:.1f}" for stage, value in result.seconds.items() if value >= 0.05)
-    return [f"{seconds:.1f}", timer, f"{(peak_memory() or 0) / 1e9:.2f}"]
-
-
 def main() -> None:
     """Print the tables and write them."""
     sections = [first_run_table(), warm_start(), thread_table()]
-    with ProcessPoolExecutor(1, get_context("spawn")) as process:
-        row = process.submit(keep_many).result()
-    sections.append(
-        report.Section("gp, 10 million points of the medallion to 1 million", ["seconds", "stages", "peak GB"], [row])
-    )
     report.write_sections("engine", "What the engine costs", sections, [DRAGON] if DRAGON.exists() else [], NOTES)
 
 

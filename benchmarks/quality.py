@@ -89,7 +89,7 @@ NOTES = (
     "lower where kept points follow the noise.",
     "wlop, moved, wlop by CGAL, and potamias, moved, move the points. The other methods keep points of the cloud.",
     "Seconds are of each run once, with compiled kernels and one thread, while other runs may be under way. For times, "
-    "see main_job.md and speed.md.",
+    "see speed.md.",
 )
 
 Made = Mapping[str, Sequence[Figures]]  # the figures of each run, by the label of the row

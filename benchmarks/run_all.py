@@ -73,8 +73,8 @@ class Script:
 SCRIPTS = (
     Script("quality.py", "quality", ("pymeshlab", "gppcs_learned"), ("--jobs", "2")),
     Script("scenes.py", "scenes", options=("--jobs", "2")),
-    Script("main_job.py", "main_job", ("jakteristics",)),
     Script("speed.py", "speed", ("matplotlib",)),
+    Script("small_clouds.py", "small_clouds"),
     Script("engine.py", "engine"),
     Script("lidar.py", "lidar"),
     Script("alternatives.py", "alternatives", ("open3d", "pymeshlab"), programs=("CloudCompare",)),

@@ -29,7 +29,7 @@ RATIO = 0.03
 NEIGHBOURS = 25
 REPEATS = 5
 MODULES = ("CGAL", "fpsample", "jakteristics", "open3d", "pgeof", "scipy")
-LONG = 15.0  # no more repeats after so many seconds
+LONG = 6.0  # no more repeats after so many seconds
 
 Work = Callable[[], object]
 

@@ -9,32 +9,35 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
+from clouds import TENTH
 from measured import Measured
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999", "#7f3c8d")
 NEAREST = 1.35  # labels are at least this factor apart
 
 Line = tuple[Sequence[float], Sequence[float]]  # points, seconds
 
 
-def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured]) -> None:
-    """Draw the methods on all clouds, and the stages of gp on the series of one shape."""
+def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured], tenths: Sequence[Measured]) -> None:
+    """Draw the methods on all clouds but the tenths, and the stages of gp on both series of one shape."""
+    everything = [each for each in everything if each.cloud.amount != TENTH]
     scene = [each for each in everything if each not in series and each.cloud.size > 1_000_000]
     rest = [each for each in everything if each not in scene]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5.5), layout="constrained")
-    methods = dict.fromkeys(method for each in rest for method in each.runs)
+    figure, (left, *others) = plt.subplots(1, 3, figsize=(18, 5.5), layout="constrained")
+    methods = dict.fromkeys(method for each in series for method in each.runs)
     draw_lines(left, {name: line(rest, lambda each, name=name: seconds_of(each, name)) for name in methods})
     for each in scene:
         place, colour = (each.cloud.size, seconds_of(each, "gp")), COLOURS[0]
         left.plot(*place, "D", color=colour, markerfacecolor="white", zorder=3)
         left.annotate("gp, flat scene", place, (7, -12), textcoords="offset points", color=colour, fontsize=9)
     left.set_title("methods; 5 % of the smaller two clouds kept, else 28,000 points")
-    timer = dict.fromkeys(stage for each in series for stage in each.runs["gp"].timer)
-    draw_lines(right, {name: line(series, lambda each, name=name: each.runs["gp"].timer[name]) for name in timer})
-    right.set_title("stages of gp; 28,000 points of the Dragon kept")
+    for axes, clouds, kept in zip(others, (series, tenths), ("28,000 points", "a tenth"), strict=True):
+        timer = dict.fromkeys(stage for each in clouds for stage in each.runs["gp"].timer)
+        draw_lines(axes, {name: line(clouds, lambda each, name=name: each.runs["gp"].timer[name]) for name in timer})
+        axes.set_title(f"stages of gp; {kept} of the Dragon kept")
     figure.savefig(path, dpi=120)
 
 

@@ -3,6 +3,7 @@
 import importlib.util
 import re
 import shlex
+import shutil
 import tomllib
 import webbrowser
 from functools import cache
@@ -133,12 +134,36 @@ def test_options_exist(page):
         assert option in options() | {"--help", "--version", "--install-completion", "--show-completion"}, option
 
 
-def test_pages_have_the_options_of_the_parser_the_public_names_and_every_format():
+@pytest.fixture
+def made():
+    """What `make docs` writes anew."""
     spec = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "_site" / "tables.py")
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    for path in made.TABLES:
-        assert made.with_table(path) == path.read_text()
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_pages_have_the_options_of_the_parser_the_public_names_and_the_seconds_of_the_benchmarks(made):
+    """After a benchmark of speed or a change of options, `python docs/_site/tables.py` writes them anew."""
+    for page in {*made.TABLES, *made.SENTENCES}:
+        assert made.renewed(page) == text(page)
+
+
+def test_a_benchmark_that_is_run_again_changes_the_pages_that_quote_it(made, monkeypatch, tmp_path):
+    for folder in ("docs", "research", "benchmarks/results"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    shutil.copy(ROOT / "README.md", tmp_path)
+    monkeypatch.setattr(made, "ROOT", tmp_path)
+    for page in (tmp_path / "benchmarks" / "results").glob("*.md"):
+        page.write_text(re.sub(r"(?<=\| )\d+\.\d+(?= \|)", "7.77", page.read_text()))
+    for page in made.SENTENCES:
+        assert made.renewed(page) != text(page)
+    (tmp_path / "docs" / "usage.md").write_text(text("docs/usage.md").replace("on two cores", "here"))
+    with pytest.raises(ValueError, match="expected the sentence"):
+        made.renewed("docs/usage.md")
+
+
+def test_every_format_is_listed():
     for known in FORMATS:
         for suffix in known.suffixes:
             assert f"`{suffix}`" in text("docs/usage.md")

@@ -53,8 +53,7 @@ LEARNED_NOTE = (
     "only where its N x N attention fits into memory."
 )
 SECONDS_NOTE = (
-    "CPU seconds are of one run, of all threads together, after its kernels were compiled. For times, see main_job.md "
-    "and speed.md."
+    "CPU seconds are of one run, of all threads together, after its kernels were compiled. For times, see speed.md."
 )
 FIGURES = gppcs.Report.definitions() | {f"estimated_{name}": each for name, each in Rebuilt.definitions().items()}
 

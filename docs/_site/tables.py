@@ -1,7 +1,8 @@
-"""The tables that `make docs` writes anew: options in docs/usage.md, from the parser; names in docs/api.md."""
+"""What `make docs` writes anew: tables of options and of names, and all figures on speed, from benchmarks/results."""
 
 import inspect
 import re
+from functools import partial
 from pathlib import Path
 
 import typer.main
@@ -9,7 +10,7 @@ import typer.main
 import gppcs
 from gppcs.app.program import program
 
-DOCS = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def options_table():
@@ -43,17 +44,135 @@ def _parameters(thing):
         return ()
 
 
-TABLES = {DOCS / "usage.md": ("options", options_table), DOCS / "api.md": ("names", names_table)}
+def measured(page, heading):
+    """Return the rows of a table of a page of results, with its header; cells are texts."""
+    text = (ROOT / "benchmarks" / "results" / f"{page}.md").read_text()
+    table = re.search(rf"^{re.escape(heading)}\n\n((?:\|.*\n)+)", text, re.MULTILINE)[1]
+    header, _, *rows = ([cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines())
+    return [header, *rows]
 
 
-def with_table(path):
-    """Return the text of a page with its table anew."""
-    name, table = TABLES[path]
-    begin, end = f"<!-- {name}: made by `make docs` -->\n", f"<!-- end of {name} -->"
-    pattern = f"{re.escape(begin)}.*?{re.escape(end)}"
-    return re.sub(pattern, lambda _: begin + table() + end, path.read_text(), flags=re.DOTALL)
+def row(page, heading, *cells):
+    """Return the row of a table of results that begins with some cells, by the names of columns."""
+    header, *rows = measured(page, heading)
+    return next(dict(zip(header, each, strict=True)) for each in rows if each[: len(cells)] == list(cells))
+
+
+def quoted(page, heading, chosen=lambda cells: True):
+    """Return a table of results, or some of its rows, as Markdown."""
+    header, *rows = measured(page, heading)
+    rows = [header, ["---"] * len(header), *filter(chosen, rows)]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+
+
+def number(cell):
+    """Return the number at the start of a cell."""
+    return float(cell.split()[0].replace(",", ""))
+
+
+def short(value):
+    """Return a number with two digits at least, as texts have it."""
+    return f"{value:.2g}" if value < 10 else f"{value:,.0f}"
+
+
+LEFT_OUT = ("172,974", "1,400,000", "5,000,000")  # clouds that the table of stages leaves out
+DRAGON, SAMPLES = ("Dragon", "437,645"), ("samples of the Dragon's mesh", "14,000,000", "28,000")
+STAGES, MEMORY = "## gp, seconds of its stages", "## Peak memory above the input, bytes a point"
+METHODS, LIMITS = "## All methods, seconds", "## Limits of the machine"
+BY_THREADS = "## gp by one thread and by all, seconds"
+
+
+def dragon_seconds():
+    """Return the seconds of `gp` on the Dragon."""
+    return (short(number(row("speed", STAGES, *DRAGON, "13,129")["in all"])),)
+
+
+def large_cloud():
+    """Return the seconds of `gp` on 14 million points, and the bytes a point."""
+    return short(number(row("speed", STAGES, *SAMPLES)["in all"])), row("speed", MEMORY, *SAMPLES)["gp"]
+
+
+def memory():
+    """Return the bytes a point of 14 million points and of the Dragon."""
+    return row("speed", MEMORY, *SAMPLES)["gp"], row("speed", MEMORY, *DRAGON, "13,129")["gp"]
+
+
+def limits():
+    """Return what the machine can do: GB/s of two threads, ns of a line, GFLOP/s of one and of two."""
+    copied, lines, flops = (each[1:] for each in measured("speed", LIMITS)[1:])
+    return short(number(copied[1])), lines[0], short(number(flops[0])), short(number(flops[1]))
+
+
+def pass_over_points(stage, gigabytes):
+    """Return the milliseconds of a stage of 14 million points: at the speed of copies, measured, and their ratio."""
+    copied = number(measured("speed", LIMITS)[1][2])
+    bound, actual = 1000 * gigabytes / copied, 1000 * number(row("speed", STAGES, *SAMPLES)[stage])
+    return short(bound), short(actual), short(actual / bound)
+
+
+def by_threads():
+    """Return how many times as fast two threads are as one: the least and the largest."""
+    ratios = [number(each[-1]) for each in measured("speed", BY_THREADS)[1:]]
+    return short(min(ratios)), short(max(ratios))
+
+
+def starts():
+    """Return the seconds of compilation and those of a warm process."""
+    warm = measured("engine", "## A whole process, warm")[1][1]
+    return short(number(row("engine", "## First run", "gp")["seconds of compilation"])), short(number(warm))
+
+
+def beyond_memory():
+    """Return what 200 million points to 10 million take: GB of memory, and CPU seconds for a million."""
+    cost = row("larger_than_memory", "# gp on files larger than memory", "200 million", "10 million")
+    return short(number(cost["peak GB"])), short(number(cost["CPU µs for each point"]))
+
+
+# Tables by page: name of the marks around them, and what makes them.
+TABLES = {
+    "docs/usage.md": [("options", options_table)],
+    "docs/api.md": [("names", names_table)],
+    "docs/results.md": [("speed", lambda: quoted("speed", METHODS))],
+    "research/cost.md": [("stages", lambda: quoted("speed", STAGES, lambda cells: cells[1] not in LEFT_OUT))],
+    "README.md": [("alternatives", lambda: quoted("alternatives", "## The sample scan medallion, 400,000 points"))],
+}
+# Figures by page: a sentence, and what gives its figures.
+SENTENCES = {
+    "README.md": [("`gp` thins 437,645 points to 13,129 in {} s on two cores", dragon_seconds)],
+    "docs/usage.md": [("[{} s on two cores](../benchmarks/results/speed.md)", dragon_seconds)],
+    "docs/results.md": [("to 28,000 in {} s and needs {} bytes of memory a point", large_cloud)],
+    "docs/large-files.md": [("take {} GB of memory and {} seconds of processor time for each million", beyond_memory)],
+    "research/cost.md": [
+        ("as N to the power {}", lambda: (row("speed", STAGES, "**exponent**, Dragon")["in all"],)),
+        ("Two threads are {} to {} times as fast as one", by_threads),
+        ("`gp` needs {} bytes a point above the input for 14 million points, and {} for the Dragon", memory),
+        ("it copies {} GB/s of memory. One thread fetches a line of memory out of order in {} ns. "
+         "One core does {} GFLOP/s, two do {}", limits),
+        ("1.3 GB | {} ms | {} ms | {} |", partial(pass_over_points, "preparation", 1.3)),
+        ("1.0 GB | {} ms | {} ms | {}, because", partial(pass_over_points, "repeats", 1.0)),
+        ("A first run of `gp` compiles for {} seconds. A whole process that thins 400,000 points to 12,000 takes {} "
+         "seconds", starts),
+    ],
+}  # fmt: skip
+
+
+def renewed(page):
+    """Return the text of a page with its tables and figures anew."""
+    text = (ROOT / page).read_text()
+    for name, table in TABLES.get(page, ()):
+        begin, end = f"<!-- {name}: made by `make docs` -->\n", f"<!-- end of {name} -->"
+        before, rest = text.split(begin)
+        text = before + begin + table() + end + rest.split(end)[1]
+    for sentence, figures in SENTENCES.get(page, ()):
+        parts = [r"\s+".join(map(re.escape, part.split(" "))) for part in sentence.split("{}")]
+        match = re.search(r"(\d+(?:[.,]\d+)*)".join(parts), text)
+        if not match:
+            raise ValueError(f"{page}: expected the sentence {sentence!r}; change it here, too")
+        for i, figure in reversed([*enumerate(figures(), start=1)]):
+            text = text[: match.start(i)] + figure + text[match.end(i) :]
+    return text
 
 
 if __name__ == "__main__":
-    for path in TABLES:
-        path.write_text(with_table(path))
+    for page in {*TABLES, *SENTENCES}:
+        (ROOT / page).write_text(renewed(page))
