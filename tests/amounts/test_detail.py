@@ -6,6 +6,8 @@ import pytest
 import gppcs
 from gppcs.clouds.colours import full_scale, oklab
 from gppcs.clouds.ranges import AttributeRange
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 
 RNG = np.random.default_rng(0)
 PLACES = np.c_[RNG.random((20_000, 2)), np.zeros(20_000)]
@@ -24,6 +26,19 @@ def test_points_go_where_an_attribute_jumps():
     )
     assert drawn.error_mean < 0.45 * plain.error_mean
     assert drawn.nearest_error_mean < 0.7 * plain.nearest_error_mean
+
+
+def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape():
+    statue, count = gppcs.sample("statue", 20_000), 600
+    spacing = np.sqrt(surface_area(KdTree.build(statue.points)) / count)
+    stripe = (statue.points @ [0.36, 0.48, 0.8] // (3.0 * spacing)) % 2.0
+    striped = gppcs.PointCloud(statue.points, {"stripe": stripe})
+    plain, drawn = (
+        gppcs.evaluate(striped, gppcs.simplify(striped, n_points=count, detail=detail).cloud, detail="stripe")
+        for detail in (None, {"stripe": 0.5})
+    )
+    assert drawn.detail["stripe"].nearest_error_mean < 0.7 * plain.detail["stripe"].nearest_error_mean
+    assert drawn.surface_mean < 1.1 * plain.surface_mean
 
 
 def test_a_weight_of_zero_changes_nothing():

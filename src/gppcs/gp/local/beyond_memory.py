@@ -181,7 +181,7 @@ def _surveyed(
             stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
     if "detail" in (stored.kind.names or ()):
         measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
-        detail = DetailNoise.from_residuals(measured[:, 0], measured[:, 1:]) if len(measured) else None
+        detail = DetailNoise.from_residuals(*np.split(measured, 2, axis=1)) if len(measured) else None
         stage = replace(stage, detail=detail)
     return stage
 
@@ -207,7 +207,7 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
 
 
 def _residuals(stage: StoredStage, part: Part) -> Floats:
-    """Return what linear functions leave of the detail of a part's points, and the detail, (n, 1 + k)."""
+    """Return what linear functions leave of the detail of a part's points, and the detail, (n, 2 k)."""
     radius = FIT_RADIUS * stage.edge
     near = stage.stored.near(part, radius, fraction=stage.sampled)
     tree = KdTree.build(near.points)
@@ -362,8 +362,7 @@ def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Can
     weights = records["weight"] if "weight" in names else None
     detail = None
     if stage.detail is not None:
-        rough = np.ascontiguousarray(records["rough"])
-        detail = Detail.without_noise(stage.detail, records["detail"], rough)
+        detail = Detail(stage.detail.without(records["detail"]), np.ascontiguousarray(records["rough"]))
     return Candidates(indices, np.ascontiguousarray(records["place"]), feet, variances, weights, detail)
 
 
@@ -493,7 +492,7 @@ def _exchange(stage: StoredStage, fixed: Ints, task: tuple[Part, NDArray[Any]]) 
     vertex_attributes = detail = None
     if stage.detail:
         alike = KdTree.build(near.points).nearest_of(vertices, 1)[0][:, 0]  # repeats are not there
-        detail = near.records["detail"] * np.float32(math.sqrt(stage.detail.strength))
+        detail = stage.detail.without(near.records["detail"])
         vertex_attributes = detail[alike]
     drawn = np.flatnonzero(is_drawn(near.indices, fraction))
     near, detail = near.take(drawn), detail if detail is None else detail[drawn]

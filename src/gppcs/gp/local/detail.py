@@ -23,23 +23,28 @@ FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the can
 
 
 class DetailNoise(NamedTuple):
-    """What is noise of attributes, by all points of a cloud or by many (Eq. (19))."""
+    """What is noise of k attributes, by all points of a cloud or by many (Eq. (19)), (k,) each."""
 
-    noise: float  # r_0^2: their variance about linear functions of the position, where they hardly vary
-    strength: float  # c: the fraction of their variance that is no noise, with a margin
+    noise: Floats  # r_0^2: their variance about linear functions of the position, where they hardly vary
+    strength: Floats  # c: the fraction of their variance that is no noise, with a margin
 
     @classmethod
-    def from_residuals(cls, residual: Floats, values: Floats) -> DetailNoise | None:
-        """Measure it by what linear functions leave, (n,), of values, (n, k); None if all is noise."""
-        noise, variance = 1.2 * float(np.median(residual)), float(sum(column.var() for column in values.T))
-        if noise >= variance:
+    def from_residuals(cls, residuals: Floats, values: Floats) -> DetailNoise | None:
+        """Measure it by what linear functions leave of values, both (n, k); None if all is noise."""
+        variance = np.maximum(values.var(axis=0), np.finfo(np.float32).tiny)
+        strength = np.maximum(1.0 - 1.2 * residuals.mean(axis=0) / variance, 0.0)
+        if not strength.any():
             warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
             return None
-        return cls(float(np.median(residual)), 1.0 - noise / variance)
+        return cls(np.median(residuals, axis=0), strength)
 
-    def variation(self, residual: Floats) -> Floats:
-        """Return what residuals, (n,), add to the surface variation (Eq. (19)), without noise."""
-        return DETAIL_ROUGHNESS * self.strength * np.maximum(residual - 3.0 * self.noise, 0.0)
+    def variation(self, residuals: Floats) -> Floats:
+        """Return what residuals, (n, k), add to the surface variation, (n,) (Eq. (19)), without noise."""
+        return DETAIL_ROUGHNESS * (np.maximum(residuals - 3.0 * self.noise, 0.0) @ self.strength)
+
+    def without(self, attributes: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return attributes, (n, k), as far as they are no noise."""
+        return attributes * np.sqrt(self.strength, dtype=np.float32)
 
 
 class Detail(NamedTuple):
@@ -47,13 +52,6 @@ class Detail(NamedTuple):
 
     values: NDArray[np.float32]  # (n, k), the attributes, in ranges, and less where noise is part of them
     variation: NDArray[np.float32]  # (n,), what they add to the surface variation; 0 where it was not measured
-
-    @classmethod
-    def without_noise(
-        cls, noise: DetailNoise, attributes: NDArray[np.float32], variation: NDArray[np.float32]
-    ) -> Detail:
-        """Return attributes, (n, k), as far as they are no noise, with their variation."""
-        return cls(attributes * np.float32(np.sqrt(noise.strength)), variation)
 
     @classmethod
     def measure(cls, tree: KdTree, indices: Ints, attributes: NDArray[np.float32], edge: float) -> Detail | None:
@@ -66,7 +64,7 @@ class Detail(NamedTuple):
             return None
         variation = np.zeros(len(attributes), dtype=np.float32)
         variation[measured] = noise.variation(residual)
-        return cls.without_noise(noise, attributes, variation)
+        return cls(noise.without(attributes), variation)
 
     def take(self, indices: Ints) -> Detail:
         """Return that of some of the points."""
@@ -79,18 +77,15 @@ class Detail(NamedTuple):
 
 
 def residuals(tree: KdTree, values: Floats, radius: float) -> Floats:
-    """Return the variance of values about their linear fits to the points within a radius, summed over k attributes.
-
-    Shapes: values (n, k); returns (n,); both in tree order.
-    """
-    variances = np.empty(len(values))
+    """Return the variances of values about linear fits to the points within a radius, both (n, k) in tree order."""
+    variances = np.empty_like(values)
     on_ranges(_residuals, tree.leaves, *tree.arrays, values, radius * radius, variances)
     return variances
 
 
 @kernel
 def _residuals(begin, end, points, lower, upper, values, squared_radius, variances):
-    """Fill `variances`, (n,), for a range of leaves."""
+    """Fill `variances`, (n, k), for a range of leaves."""
     n, leaves, k = points.shape[1], first_leaf(lower), values.shape[1]
     near, buffer = np.empty(leaves, dtype=np.int64), search_buffer(MANY_LEAVES)
     packed, steps = np.zeros((k, buffer.packed.shape[1])), np.empty((4, buffer.packed.shape[1]))
@@ -112,7 +107,7 @@ def _residuals(begin, end, points, lower, upper, values, squared_radius, varianc
             for c in range(k):
                 _add_products(steps, packed[c], values[i, c], full, products[c])
             ridge = 1e-3 * squared_radius  # as points are mostly coplanar
-            variances[i] = _residual(moments, products, ridge)
+            _variances_left(moments, products, ridge, variances[i])
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
@@ -149,8 +144,8 @@ def _add_products(steps, values, value, full, products):
 
 
 @kernel(allocates=False)
-def _residual(moments, products, ridge):
-    """Return the variance that a linear function of the position leaves of the attributes, by moments, (10,)."""
+def _variances_left(moments, products, ridge, variances):
+    """Fill `variances`, (k,), with what linear functions of the position leave of attributes, by moments, (10,)."""
     m, is_fitted = moments[0], moments[0] >= 6.0  # a fit to fewer values follows their noise
     x, y, z = moments[1] / m, moments[2] / m, moments[3] / m
     xx, xy, xz = moments[4] / m - x * x + ridge, moments[5] / m - x * y, moments[6] / m - x * z
@@ -158,12 +153,12 @@ def _residual(moments, products, ridge):
     # Cofactors of the covariance of the positions.
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    determinant, residual = xx * a + xy * b + xz * c, 0.0
+    determinant, coefficients = xx * a + xy * b + xz * c, 4.0 if is_fitted else 1.0
     for k in range(len(products)):
         value = products[k, 0] / m
-        residual += products[k, 1] / m - value * value
+        variances[k] = products[k, 1] / m - value * value
         if is_fitted:
             p, q, r = products[k, 2] / m - value * x, products[k, 3] / m - value * y, products[k, 4] / m - value * z
             explained = a * p * p + d * q * q + f * r * r + 2.0 * (b * p * q + c * p * r + e * q * r)
-            residual -= explained / determinant
-    return max(residual, 0.0) * (m / (m - 4.0) if is_fitted else 1.0)  # a fit has four coefficients
+            variances[k] -= explained / determinant
+        variances[k] = max(variances[k], 0.0) * (m / max(m - coefficients, 1.0))

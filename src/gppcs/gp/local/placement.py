@@ -20,6 +20,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     CHECKED_ON,
+    DETAIL_PLACEMENT,
     GAP_GROWTH,
     MAX_STEP,
     NOISY_CELL_POINTS,
@@ -111,8 +112,8 @@ def replacements(
         _gather(owners, starts[:-1].copy(), members)
         on_ranges(
             _exchange, len(order), points, feet, normals, vertices, surface.corners, surface.normals, first, members,
-            starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, vertex_attributes, point_attributes, gaps,
-            new,
+            starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, vertex_attributes, point_attributes,
+            DETAIL_PLACEMENT * gaps, new,
         )  # fmt: skip
         stay = new[:, np.newaxis] < 0
         vertices = np.where(stay, vertices, points.T[new])
