@@ -29,6 +29,21 @@ async function settled(tab) {
   await tab.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
 
+/** Return where the views are, each below its label. */
+function places(tab) {
+  return tab.locator(".label").evaluateAll((labels) => labels.map((label) => {
+    const above = label.firstChild.offsetHeight;
+    return [label.offsetLeft, label.offsetTop + above, label.offsetWidth, label.offsetHeight - above];
+  }));
+}
+
+/** Click a button of the menu. */
+async function choose(tab, button) {
+  await tab.locator("#more summary").click();
+  await tab.locator(button).click();
+  await tab.locator("#more summary").click();
+}
+
 /**
  * Return for each view what is drawn, that is, differs from the background: the share of its pixels, the box around them
  * in shares of the view, the share of pinholes beside them, and a digest of all pixels. The outermost pixels are left out.
@@ -42,7 +57,7 @@ async function pictures(tab) {
     png = (await tab.locator("#canvas").screenshot({ style: hidden })).toString("base64");
     if (png !== before) await tab.waitForTimeout(250);
   }
-  const views = await tab.locator(".label").evaluateAll((labels) => labels.map((l) => [l.offsetLeft, l.offsetTop, l.offsetWidth, l.offsetHeight]));
+  const views = await places(tab);
   return tab.evaluate(async ([data, places]) => {
     const bitmap = await createImageBitmap(new Blob([Uint8Array.from(atob(data), (c) => c.charCodeAt(0))]));
     const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d");
@@ -85,7 +100,8 @@ async function accessible(tab) {
     .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html).join(" ")}`);
 }
 
-const labels = (tab) => tab.locator(".label").allInnerTexts();
+const labels = (tab) => tab.locator(".label").evaluateAll((all) =>
+  all.map((label) => [...label.querySelectorAll("b, span")].map((part) => part.textContent).join("\n")));
 const tab = await opened(report, 1280, 900, "light");
 seen.title = await tab.title();
 seen.heading = await tab.locator("h1").innerText();
@@ -121,11 +137,10 @@ await tab.keyboard.press("ArrowLeft");
 seen.turned = await pictures(tab);
 await tab.keyboard.press("0");
 await tab.keyboard.press("u");
-seen.up = { pictures: await pictures(tab), text: await tab.locator("#up").innerText() };
+seen.up = { pictures: await pictures(tab), text: await tab.locator("#up").textContent() };
 for (let i = 0; i < 5; i++) await tab.keyboard.press("u");
 seen.picked = [];
-for (const { left, top, width, height } of await tab.locator(".label").evaluateAll((all) => all.map((l) => (
-  { left: l.offsetLeft, top: l.offsetTop, width: l.offsetWidth, height: l.offsetHeight })))) {
+for (const [left, top, width, height] of await places(tab)) {
   await tab.keyboard.press("Escape");
   await tab.mouse.click(box.x + left + width / 2, box.y + top + height / 2);
   const rows = await tab.locator("#picked dl").evaluate((list) => [...list.querySelectorAll("dt")].map((dt) => [dt.textContent, dt.nextSibling.textContent]));
@@ -136,7 +151,7 @@ await tab.keyboard.press("Escape");
 seen.hidden = await tab.locator("#picked").isHidden();
 seen.directions = {};
 for (const [key, id] of ["reset", "top", "front", "side"].entries()) {
-  await tab.locator(`#${id}`).click();
+  await (id === "reset" ? tab.locator("#reset").click() : choose(tab, `#${id}`));
   seen.directions[id] = await pictures(tab);
   await tab.locator("#canvas").focus();
   await tab.keyboard.press("ArrowLeft");
@@ -155,7 +170,7 @@ await tab.mouse.down();
 await tab.mouse.move(box.x + 0.7 * box.width, grip.y + 30, { steps: 4 });
 await tab.mouse.up();
 seen.swipe.dragged = { divider: await tab.locator("#divider").inputValue(), pictures: await pictures(tab) };
-await tab.locator("#beside").click();
+await tab.locator("#swipe").click();
 await tab.locator("#meshes").click();
 seen.meshes = await solid();
 await tab.selectOption("#colouring", "variation");
@@ -170,7 +185,16 @@ await tab.locator("#canvas").focus();
 await tab.keyboard.press("m");
 seen.meshes.again = await solid();
 seen.verdicts = await tab.locator("#verdicts li").allInnerTexts();
-seen.figures = await tab.locator("#table").innerText();
+const figures = async () => ({ rows: await tab.locator("#table tbody tr:visible").count(), text: await tab.locator("#table").innerText() });
+seen.figures = { first: await figures() };
+await tab.locator("#all").click();
+seen.figures.all = await figures();
+const tops = async (page) => new Set(await page.locator("#tools > :visible").evaluateAll((all) => all.map((each) => each.offsetTop + each.offsetHeight / 2)));
+seen.toolRows = (await tops(tab)).size;
+await tab.locator("#help summary").click();
+seen.keys = { open: await tab.locator("#keys").isVisible() };
+await tab.locator("h1").click();
+seen.keys.left = await tab.locator("#keys").isVisible();
 seen.plotted = await tab.locator("#plot circle").count();
 seen.made = await tab.locator("#made").innerText();
 seen.accessible = await accessible(tab);
@@ -183,7 +207,7 @@ seen.narrow = {
 seen.backgrounds = await Promise.all([tab, narrow].map((each) => each.evaluate(() => getComputedStyle(document.body).backgroundColor)));
 
 const scene = await opened(view, 1280, 720, "light");
-const canvas = await scene.locator("#canvas").boundingBox();
+let canvas = await scene.locator("#canvas").boundingBox();
 seen.scene = { start: await pictures(scene), colouring: await scene.locator("#colouring").inputValue() };
 
 seen.ranges = {};
@@ -226,20 +250,24 @@ async function place(x, y) {
 
 const [one, other] = [[0.45, 0.5], [0.6, 0.6]].map(([x, y]) => [x * canvas.width, y * canvas.height]);
 seen.distance = { places: [await place(...one), await place(...other)] };
-await scene.locator("#measuring").click();
+await choose(scene, "#measuring");
 seen.distance.asked = await scene.locator("#measured").innerText();
 for (const [x, y] of [one, other]) await scene.mouse.click(canvas.x + x, canvas.y + y);
 await settled(scene);
 seen.distance.text = await scene.locator("#measured").innerText();
-seen.distance.line = await scene.locator("#marks line.distance").evaluate((line) => ["x1", "y1", "x2", "y2"].map((name) => Number(line.getAttribute(name))));
+seen.distance.line = await scene.locator("#marks line.distance").evaluate((line) => {
+  const { left, top } = line.ownerSVGElement.style;
+  return [["x1", left], ["y1", top], ["x2", left], ["y2", top]].map(([name, from]) => Number(line.getAttribute(name)) + parseFloat(from));
+});
 seen.distance.clicks = [...one, ...other];
 await scene.locator("#canvas").focus();
 await scene.keyboard.press("Escape");
 seen.distance.left = await scene.locator("#measured").isHidden();
 
-await scene.locator("#front").click();
+await choose(scene, "#front");
+canvas = await scene.locator("#canvas").boundingBox();
 const whole = await pictures(scene);
-await scene.locator("#clipping").click();
+await choose(scene, "#clipping");
 await scene.locator("#xfrom").fill("500");
 seen.clip = { whole, half: await pictures(scene), edges: await scene.locator("#marks line.edge").count(), text: await scene.locator("#xends").innerText() };
 seen.clip.left = await place(0.25 * canvas.width, 0.6 * canvas.height);

@@ -26,6 +26,14 @@ def test_a_scan_is_drawn_by_its_rgb(printed, folder, scan):
     assert image("scan.png").shape == (200, 320, 3)
 
 
+def test_its_stages_go_to_stderr(gppcs_command, folder, scan, monkeypatch):
+    monkeypatch.setenv("GPPCS_PROGRESS", "lines")
+    gppcs.write("few.ply", gppcs.simplify(scan, n_points=100))
+    _, out, err = gppcs_command("render", "scan.ply", "few.ply", "-o", "both.png")
+    assert out.startswith("both.png: ")
+    assert err.splitlines() == [f"progress: {stage}" for stage in ("reading", "colours", "surface", "drawing")]
+
+
 def test_the_options_turn_and_colour_the_picture(printed, folder, scan):
     options = ((), ("--colour", "curvature"), ("--colour", "variation"), ("--up", "x"), ("--view", "200,-10"))
     pictures = []

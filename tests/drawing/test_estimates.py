@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.drawing.estimates import estimates
+from gppcs.drawing.estimates import disc_radii, estimates
 
 POINTS = gppcs.sample("sphere", 2000).points
 
@@ -27,3 +27,19 @@ def test_neither_the_unit_of_length_nor_repeats_make_a_difference(exponent, time
 def test_a_plane_has_no_relief_of_rounding_errors(turn):
     plane = np.random.default_rng(0).random((30, 3)) * [1, 1, 0]
     assert (estimates(plane @ turn)[0] == 0).all()
+
+
+def test_wires_are_drawn_thin_and_planes_closed():
+    """Two wires near each other would be a band if their discs were as large as the gaps between points around them."""
+    rng = np.random.default_rng(0)
+    plane = rng.random((4000, 3)) * [8, 8, 0]
+    along = np.linspace(0, 8, 34)
+    wires = np.vstack([np.column_stack([along, np.full(34, y), np.full(34, 6.0)]) for y in (3.8, 4.2)])
+    points = np.vstack([plane, wires])
+    _, _, tree = estimates(points)
+    scale = np.ptp(points, axis=0).max() / np.ptp(tree.points, axis=1).max()
+    radii = scale * disc_radii(tree, tree.points.T)
+    height = tree.points[2]
+    is_wire = height > height.mean()
+    assert np.median(radii[is_wire]) < along[1]
+    assert np.median(radii[~is_wire]) == pytest.approx(np.sqrt(6 / (np.pi * 4000 / 64)), rel=0.1)

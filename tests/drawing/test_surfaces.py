@@ -35,6 +35,15 @@ def test_the_original_tells_how_the_points_are_joined():
     assert errors[0] < 0.8 * errors[1]
 
 
+def test_wires_are_no_band():
+    street = gppcs.sample("street", n_points=100_000)
+    kept = gppcs.simplify(street, n_points=3000)
+    wires = kept.points[kept.cloud.attributes["classification"] == 14].tolist()
+    surface = surface_through(kept.cloud, street)
+    on_wire = np.array([vertex in wires for vertex in surface.vertices.tolist()])
+    assert on_wire[surface.faces].all(axis=1).sum() < 0.5 * len(wires)
+
+
 def test_points_on_no_surface_and_those_of_dense_clouds_have_none():
     rng = np.random.default_rng(0)
     assert surface_through(PointCloud(rng.random((3, 3)))) is None

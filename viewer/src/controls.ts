@@ -22,7 +22,7 @@ export function fillControls(state: State): void {
   for (const axis of "xyz") byId("up").append(element("button", "", { type: "button", value: axis }));
   for (const id of ["left", "right"]) clouds.forEach(({ name }, i) => select(id).append(new Option(name, String(i))));
   byId("chips").append(...clouds.map(({ name }) => element("button", name, { type: "button" })));
-  byId("layouts").hidden = clouds.length < 2;
+  byId("swipe").hidden = byId("clouds").hidden = clouds.length < 2;
   byId("full").hidden = !document.fullscreenEnabled;
   byId("countname").textContent = original < 0 ? "First points of each file:" : "First points of each result:";
   byId("ranking").hidden = state.longest < 1;
@@ -42,7 +42,6 @@ export function showControls(state: State): void {
   }
   press(byId("points"), !meshes);
   press(byId("meshes"), meshes);
-  press(byId("beside"), !swiping);
   press(byId("swipe"), swiping);
   press(byId("measuring"), measuring);
   press(byId("clipping"), clipping);
@@ -51,7 +50,7 @@ export function showControls(state: State): void {
   [...byId("chips").children].forEach((chip, i) => press(chip, state.shown.has(i)));
   byId("solids").hidden = !hasMeshes(state);
   byId("pair").hidden = byId("divider").hidden = byId("grip").hidden = !swiping;
-  byId("chips").hidden = swiping || state.clouds.length < 2;
+  byId("clouds").hidden = swiping || state.clouds.length < 2;
   const text = first < longest ? `${first.toLocaleString("en")} (${Math.round(100 * first / longest)} %)` : "all";
   byId("counted").textContent = text;
   byId("count").ariaValueText = `${text} points`;
@@ -69,10 +68,9 @@ export function listen(state: State): void {
   on("divider", "input", () => state.change({ divider: share("divider") }));
   on("points", "click", () => state.change({ meshes: false }));
   on("meshes", "click", () => state.change({ meshes: true }));
-  on("beside", "click", () => swipe(state, false));
-  on("swipe", "click", () => swipe(state, true));
+  on("swipe", "click", () => swipe(state, !state.swiping));
   on("reset", "click", () => reset(state));
-  for (const direction of Object.keys(DIRECTIONS)) on(direction, "click", () => state.views.look(...DIRECTIONS[direction]!));
+  for (const direction of Object.keys(DIRECTIONS)) on(direction, "click", () => look(state, ...DIRECTIONS[direction]!));
   on("measuring", "click", () => toggleMeasuring(state));
   on("clipping", "click", () => state.change({ clipping: !state.clipping }));
   on("save", "click", () => savePicture(state));
@@ -86,6 +84,7 @@ export function listen(state: State): void {
   [...byId("chips").children].forEach((chip, i) => chip.addEventListener("click", () => toggle(state, i)));
   listenToCanvas(state);
   listenToGrip(state);
+  listenToMenus();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => state.redraw());
 }
 
@@ -116,6 +115,19 @@ function listenToGrip(state: State): void {
   });
 }
 
+/** Close the menus on a press elsewhere, or on Escape. */
+function listenToMenus(): void {
+  const menus = document.querySelectorAll<HTMLDetailsElement>(".menu");
+  document.addEventListener("pointerdown", ({ target }) => {
+    for (const menu of menus) if (!menu.contains(target as Node)) menu.open = false;
+  });
+  for (const menu of menus) menu.addEventListener("keydown", ({ key }) => {
+    if (key !== "Escape") return;
+    menu.open = false;
+    menu.querySelector("summary")!.focus();
+  });
+}
+
 function press(state: State, event: KeyboardEvent): void {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const { views, up, swiping, meshes, clouds } = state;
@@ -128,8 +140,8 @@ function press(state: State, event: KeyboardEvent): void {
     c: () => nextColouring(state), u: () => raise(state, UPS[(UPS.indexOf(up) + 1) % UPS.length]!),
     s: () => { if (clouds.length > 1) swipe(state, !swiping); }, Escape: () => drop(state),
     m: () => { if (hasMeshes(state)) state.change({ meshes: !meshes }); },
-    1: () => views.look(...DIRECTIONS["top"]!), 2: () => views.look(...DIRECTIONS["front"]!),
-    3: () => views.look(...DIRECTIONS["side"]!), d: () => toggleMeasuring(state),
+    1: () => look(state, ...DIRECTIONS["top"]!), 2: () => look(state, ...DIRECTIONS["front"]!),
+    3: () => look(state, ...DIRECTIONS["side"]!), d: () => toggleMeasuring(state),
     b: () => state.change({ clipping: !state.clipping }), p: () => savePicture(state), f: fillScreen,
   };
   const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
@@ -185,13 +197,21 @@ function swipe(state: State, swiping: boolean): void {
 /** Show or hide a cloud; one is always shown. */
 function toggle(state: State, cloud: number): void {
   const others = [...state.shown].filter((each) => each !== cloud);
-  if (!state.shown.has(cloud)) state.change({ shown: new Set([...others, cloud]) });
-  else if (others.length > 0) state.change({ shown: new Set(others) });
+  const shown = state.shown.has(cloud) ? others : [...others, cloud];
+  if (shown.length === 0) return;
+  state.change({ shown: new Set(shown) });
+  reset(state);
 }
 
 /** Look again as at the start. */
-export function reset({ views, described }: State): void {
-  views.look(described.azimuth, described.elevation);
+export function reset(state: State): void {
+  look(state, state.described.azimuth, state.described.elevation);
+}
+
+/** Look from a direction, in degrees, in views of the shape of what is seen from there. */
+function look(state: State, azimuth: number, elevation: number): void {
+  state.change({ shape: state.views.shapeFrom(azimuth, elevation) });
+  state.views.look(azimuth, elevation);
 }
 
 function hasMeshes({ layers }: State): boolean {

@@ -72,6 +72,8 @@ export interface Figure {
   unit: string;
   definition: string;
   better: "less" | "more" | null;
+  /** Whether it is shown before the others. */
+  first: boolean;
 }
 
 export interface Description {

@@ -62,8 +62,8 @@ function fillTable({ clouds, figures }: Description): void {
   head.append(element("th", "Figure", { scope: "col" }));
   for (const cloud of results) head.append(element("th", cloud.name, { scope: "col" }));
   const body = element("tbody");
-  for (const figure of figures) {
-    const row = element("tr");
+  for (const figure of [...figures].sort((one, other) => Number(other.first) - Number(one.first))) {
+    const row = element("tr", "", { className: figure.first ? "" : "more" });
     const name = element("th", "", { scope: "row" });
     name.append(element("b", figure.title), element("span", figure.definition));
     row.append(name);
@@ -82,6 +82,11 @@ function fillTable({ clouds, figures }: Description): void {
   const top = element("thead");
   top.append(head);
   byId("table").append(top, body);
+  byId("all").addEventListener("click", () => {
+    const all = byId("table").classList.toggle("all");
+    byId("all").ariaExpanded = String(all);
+    byId("all").textContent = all ? "Fewer figures" : "All figures";
+  });
 }
 
 export function fillMade(made: [string, string][]): void {

@@ -59,7 +59,7 @@ export class Octree {
   private readonly root: Node;
   private readonly picked = new Set<Node>(); // they stay
   private readonly pending = new Set<Node>();
-  private readonly told = element("p", "", { id: "levels", className: "keys" });
+  private readonly told = element("p", "", { id: "levels", className: "drawn" });
   private wanted: Node[] = [];
   private budget = MOST / 2;
   private bound = false; // whether more points are wanted than the budget allows

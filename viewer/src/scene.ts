@@ -317,14 +317,16 @@ export class Views {
     this.turned.updateMatrixWorld(true);
   }
 
-  /** Look from a direction, in degrees, from where all of the clouds is seen. */
-  look(azimuth: number, elevation: number): void {
-    const [a, e] = [azimuth * Math.PI / 180, Math.max(-89.9, Math.min(89.9, elevation)) * Math.PI / 180];
-    const towards = new Vector3(Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a));
-    const right = new Vector3(Math.cos(a), 0, -Math.sin(a));
-    const upwards = new Vector3().crossVectors(towards, right);
-    const seen: Vector3[] = [];
-    const radii: number[] = [];
+  /** Return the width of the clouds, seen from a direction in degrees, divided by their height. */
+  shapeFrom(azimuth: number, elevation: number): number {
+    const { seen } = this.seenFrom(...axesOf(azimuth, elevation));
+    const extent = (axis: number) => [1, -1].reduce((sum, sign) => sum + edge(seen.map((place) => sign * place.getComponent(axis))), 0);
+    return (extent(0) || 1e-3) / (extent(1) || 1e-3);
+  }
+
+  /** Return where points of the clouds are along three axes, and their radii. */
+  private seenFrom(right: Vector3, upwards: Vector3, towards: Vector3): { seen: Vector3[]; radii: number[] } {
+    const [seen, radii]: [Vector3[], number[]] = [[], []];
     for (const { layer } of this.views) {
       const step = Math.max(1, Math.floor(layer.cloud.shown / SAMPLE));
       const radius = this.radius(layer);
@@ -335,6 +337,13 @@ export class Views {
         radii.push(radius * widening(layer.arrays.spreads[layer.shuffled[i]!]!));
       }
     }
+    return { seen, radii };
+  }
+
+  /** Look from a direction, in degrees, from where all of the clouds is seen. */
+  look(azimuth: number, elevation: number): void {
+    const [right, upwards, towards] = axesOf(azimuth, elevation);
+    const { seen, radii } = this.seenFrom(right, upwards, towards);
     // A plane through the camera for each side of the picture: the camera stands as near as these leave all in between.
     const tall = Math.tan(FIELD * Math.PI / 360);
     const span = (axis: number, slope: number) => {
@@ -599,6 +608,14 @@ function finest(): number {
 /** Return how large a point is drawn, relative to the usual one of its cloud. */
 function widening(spread: number): number {
   return 2 ** ((spread - 128) / 40);
+}
+
+/** Return the directions to the right, upwards and to the viewer who looks from a direction in degrees. */
+function axesOf(azimuth: number, elevation: number): [Vector3, Vector3, Vector3] {
+  const [a, e] = [azimuth * Math.PI / 180, Math.max(-89.9, Math.min(89.9, elevation)) * Math.PI / 180];
+  const towards = new Vector3(Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a));
+  const right = new Vector3(Math.cos(a), 0, -Math.sin(a));
+  return [right, new Vector3().crossVectors(towards, right), towards];
 }
 
 /** Return the largest of some numbers; if a few lie far from nearly all others, the largest of these, and a little more. */

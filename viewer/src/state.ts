@@ -26,6 +26,8 @@ interface Settings {
   right: number;
   /** Where the divider stands, from 0 to 1. */
   divider: number;
+  /** Width of the clouds as they were seen from the last direction looked from, divided by their height. */
+  shape: number;
   picked: Place | null;
   /** The ends of the colour scales that a person has set, by key. */
   ranges: ReadonlyMap<string, readonly [number, number]>;
@@ -74,6 +76,7 @@ export class State implements Settings {
   left: number;
   right: number;
   divider = 0.5;
+  shape = 1;
   picked: Settings["picked"] = null;
   ranges: Settings["ranges"] = new Map();
   hidden: Settings["hidden"] = new Map();

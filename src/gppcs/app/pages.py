@@ -20,6 +20,7 @@ from gppcs.drawing.colours import RGB, Colourable
 from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
 from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
+from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
 from gppcs.evaluation.mesh_comparison import MeshEntry
@@ -90,7 +91,13 @@ def draw_beside(
 
 
 def draw_pair(
-    file: BinaryIO, original: Named, simplified: Named, caption: str, viewpoint: Viewpoint, colour: str | None
+    file: BinaryIO,
+    original: Named,
+    simplified: Named,
+    caption: str,
+    viewpoint: Viewpoint,
+    colour: str | None,
+    timer: Timer | None = None,
 ) -> None:
     """Write a PNG of a finite cloud or mesh and of another beside it; of points, also the surface through them."""
     for named in (original, simplified):
@@ -98,7 +105,9 @@ def draw_pair(
             raise InputError(f"{named.name}: expected points with finite coordinates to draw, found none")
     original, simplified = in_one_unit([original, simplified])
     has_rgb = Colourable.from_cloud(original.cloud).rgb is not None
-    everything, legend = painted(original.cloud, colour or (RGB if has_rgb else None))
+    timer = timer_of(timer)
+    with timer("colours"):
+        everything, legend = painted(original.cloud, colour or (RGB if has_rgb else None))
 
     def column(named: Named, cloud: ColouredCloud, caption: str) -> Column:
         if named.mesh is None:
@@ -107,11 +116,14 @@ def draw_pair(
 
     columns = [column(original, everything, "")]
     columns.append(column(simplified, everything.at(simplified.cloud.points), caption))
-    are_points = original.mesh is None and simplified.mesh is None
-    if are_points and (surface := surface_through(simplified.cloud, original.cloud)):
-        colours = everything.at(spread_over(surface))
-        columns.append(Column("surface", colours, "the surface through them", surface, is_mesh=True))
-    draw_comparison(file, columns, viewpoint, legend, close_ups=0)
+    if original.mesh is None and simplified.mesh is None:
+        with timer("surface"):
+            surface = surface_through(simplified.cloud, original.cloud)
+        if surface:
+            colours = everything.at(spread_over(surface))
+            columns.append(Column("surface", colours, "the surface through them", surface, is_mesh=True))
+    with timer("drawing"):
+        draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 
 
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
+from gppcs.surface.surface_variation import features_of_nearest
 
 MAX_SURFACE_RADIUS = 28  # of discs in supersampled pixels; more in close-ups
 
@@ -74,12 +76,13 @@ class Original:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
         if cloud.normals is not None:
             return cloud.normals[indices]
-        points = self.frame.near(cloud.points[indices])
-        neighbours, _ = self.tree.in_own_order().nearest_of(points, min(12, len(self.tree.order)))
-        patches = self.tree.points.T[neighbours]
-        patches = patches - patches.mean(axis=1, keepdims=True)
-        _, directions = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
-        return directions[:, :, 0]  # in which a patch is thinnest
+        nearest, _ = self.tree.in_own_order().nearest_of(self.frame.near(cloud.points[indices]), 1)
+        return self._normals_of_nearest[nearest[:, 0]]
+
+    @cached_property
+    def _normals_of_nearest(self) -> Floats:
+        """The directions (K, 3) in which the twelve points around each point of the tree are thinnest, in its order."""
+        return features_of_nearest(self.tree, 12).normals[self.tree.order]
 
 
 class View:

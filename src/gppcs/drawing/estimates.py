@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Floats
 from gppcs.spatial.cells import first_occurrences
@@ -12,6 +13,8 @@ from gppcs.spatial.spacing import neighbourhood_radius
 from gppcs.surface.surface_variation import features_in_radius
 
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
+FAR_AROUND = 32  # neighbours that tell wires, of which two can be near, from the edge of a surface
+ON_LINE = 0.42  # largest ratio of the deviations across and in all directions along wires and poles; 0.5 on a plane
 
 
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
@@ -32,17 +35,37 @@ def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
 
 def disc_radii(tree: KdTree, points: Floats) -> Floats:
     """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines."""
-    distinct, count = np.ascontiguousarray(tree.points.T), tree.points.shape[1]
-    neighbours, squared = tree.in_own_order().nearest_of(points, min(AROUND + 1, count))
-    sixth = np.sqrt(squared[:, min(6, count - 1)])
-    across, at_once = np.empty(len(sixth)), 1 << 16  # points, to bound the memory
-    for first in range(0, len(sixth), at_once):
+    _, across, squared = _around(tree, points, AROUND)
+    second, sixth = (np.sqrt(squared[:, min(k, squared.shape[1] - 1)]) for k in (2, 6))
+    radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
+    sparse = np.flatnonzero(radii > 1.5 * np.median(radii))
+    wires = sparse[are_on_lines(tree, points[sparse])]
+    radii[wires] = np.minimum(radii[wires], second[wires] / 2.0)
+    return radii
+
+
+def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
+    """Return which of some points (N, 3) have their neighbours in a tree along a line, as those of wires and poles."""
+    total, across, _ = _around(tree, points, FAR_AROUND)
+    return across < ON_LINE * total
+
+
+def _around(tree: KdTree, points: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+    """Return of the neighbours of points (N, 3) the deviations (N,) in all directions and, about, in the second one.
+
+    The last are their squared distances (N, 1 + count), in ascending order.
+    """
+    distinct = np.ascontiguousarray(tree.points.T)
+    neighbours, squared = tree.in_own_order().nearest_of(points, min(count + 1, len(distinct)))
+    totals, across, at_once = np.empty(len(points)), np.empty(len(points)), 1 << 16  # points, to bound the memory
+    for first in range(0, len(points), at_once):
         part = slice(first, first + at_once)
-        around = distinct[neighbours[part]]
-        around -= around.mean(axis=1, keepdims=True)
-        spread = np.einsum("nki,nkj->nij", around, around) / around.shape[1]
+        patches = distinct[neighbours[part]]
+        patches -= patches.mean(axis=1, keepdims=True)
+        spread = np.einsum("nki,nkj->nij", patches, patches) / patches.shape[1]
         total = np.einsum("nii->n", spread)
         # About the second eigenvalue: the products of two eigenvalues each, divided by the sum of all.
         products = (total * total - np.einsum("nij,nij->n", spread, spread)) / 2.0
         across[part] = np.sqrt(np.maximum(products, 0.0) / np.where(total > 0.0, total, 1.0))
-    return np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
+        totals[part] = np.sqrt(total)
+    return totals, across, squared

@@ -6,6 +6,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.drawing.estimates import are_on_lines
 from gppcs.errors import GppcsError
 from gppcs.meshing.pipeline import mesh
 from gppcs.spatial.cells import first_occurrences
@@ -40,7 +41,8 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Me
         return None
     vertices = result.mesh.vertices.copy()
     vertices[position[is_vertex]] = cloud.points[is_vertex]  # methods may have moved them
-    return Mesh(vertices, result.mesh.faces)
+    wires = are_on_lines(tree, frame.near(dense.points[result.indices]))
+    return Mesh(vertices, result.mesh.faces[~wires[result.mesh.faces].all(axis=1)])
 
 
 def surface_of_few(cloud: PointCloud) -> Mesh | None:

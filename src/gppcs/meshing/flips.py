@@ -9,7 +9,7 @@ from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, price, thinness
-from gppcs.meshing.halfedges import MAX_VALENCE, around, half_edge, preceding, replace_triangles
+from gppcs.meshing.halfedges import MAX_VALENCE, around, following, half_edge, preceding, replace_triangles
 from gppcs.spatial.triangles import (
     agreement,
     area_vector,
@@ -19,11 +19,15 @@ from gppcs.spatial.triangles import (
     qualities,
     row,
     squared_distance,
+    unit,
 )
 
 
 def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
-    """Flip edges while the energy falls; return the triangles of the dense points; many thin ones raise their cost."""
+    """Flip edges while the energy falls; return the triangles of the dense points; many thin ones raise their cost.
+
+    If all points are vertices, the energy is 0: edges are flipped where that bends the surface less.
+    """
     assigned = assigned or draft.assigned()
     if draft.thin_cost == 0.0:  # at first, five mean squared distances of the points of a triangle
         draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
@@ -51,7 +55,9 @@ def flip_all(fitted, tree, normals, thin_cost, sweeps):
         h = queue[begin]
         begin, count, tries = (begin + 1) % size, count - 1, tries - 1
         waiting[h] = False
-        if not is_flippable(mesh, fitted.vertices, normals, h, halves) or not _is_better(fitted, thin_cost, h):
+        if not is_flippable(mesh, fitted.vertices, normals, h, halves):
+            continue
+        if not (_is_better(fitted, thin_cost, h) if thin_cost > 0.0 else _is_smoother(mesh, fitted.vertices, h)):
             continue
         patch, new = flipped(mesh, h)
         if not is_free(mesh, fitted.vertices, tree, inside, patch, new):
@@ -122,6 +128,36 @@ def _is_better(fitted, thin_cost, h):
             new += price(squared, limit)
             i = fitted.after[i]
     return new < enough
+
+
+@kernel(allocates=False)
+def _is_smoother(mesh, vertices, h):
+    """Return whether the angles between triangles, times their edges, are smaller after a flip (Dyn et al. 1990)."""
+    o = mesh.opposite[h]
+    a, b = row(vertices, mesh.origin[h]), row(vertices, mesh.origin[o])
+    c, d = row(vertices, mesh.origin[preceding(h)]), row(vertices, mesh.origin[preceding(o)])
+    left, right = unit(area_vector(a, b, c)), unit(area_vector(b, a, d))
+    at_a, at_b = unit(area_vector(a, d, c)), unit(area_vector(d, b, c))
+    old, new = _bend(a, b, left, right), _bend(c, d, at_a, at_b)
+    sides = (
+        (preceding(h), c, a, left, at_a), (following(h), b, c, left, at_b),
+        (following(o), a, d, right, at_a), (preceding(o), d, b, right, at_b),
+    )  # fmt: skip
+    for e, p, q, before, after in sides:
+        if mesh.opposite[e] >= 0:
+            f = mesh.opposite[e] // 3
+            i, j, k = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+            beside = unit(area_vector(row(vertices, i), row(vertices, j), row(vertices, k)))
+            old += _bend(p, q, before, beside)
+            new += _bend(p, q, after, beside)
+    return new < (1.0 - 1e-7) * old - 1e-12
+
+
+@kernel(allocates=False)
+def _bend(p, q, normal, other):
+    """Return the length of an edge, times the angle between the normals of its triangles."""
+    edge = minus(q, p)
+    return np.sqrt(dot(edge, edge)) * np.arccos(min(1.0, max(-1.0, dot(normal, other))))
 
 
 @kernel

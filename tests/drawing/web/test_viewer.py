@@ -296,8 +296,15 @@ class TestInTheBrowser:
         report = gppcs.evaluate(scan, kept.cloud)
         for figure in (report.surface_max, report.surface_p95):
             assert f"{float(f'{figure:.3g}')}" in seen["verdicts"][0]
-        assert "covering radius\n" in seen["figures"]
+        first, everything = seen["figures"]["first"], seen["figures"]["all"]
+        assert "covering radius\n" in first["text"]
+        assert first["rows"] == 8 < everything["rows"]
+        assert "chamfer" in everything["text"]
         assert seen["plotted"] == 8
+
+    def test_the_controls_take_one_row_and_the_keys_stand_behind_a_mark(self, seen):
+        assert seen["toolRows"] == 1
+        assert seen["keys"] == {"open": True, "left": False}
 
     def test_it_can_be_read_by_everybody(self, seen):
         assert seen["accessible"] == seen["narrow"]["accessible"] == seen["scene"]["accessible"] == []

@@ -50,14 +50,15 @@ def render(
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
 
-    started(quiet, threads)
+    timer = started(quiet, threads)
     viewpoint = options.viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
     check_output(output, sources, force, [".png"])
     require_matplotlib()
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
-    read = read_each(sources, input_format, names_of(columns), use_faces=True)
+    with timer("reading"):
+        read = read_each(sources, input_format, names_of(columns), use_faces=True)
     if len(sources) == 2:
         first, second = (
             replace(named, name=visible(named.name), cloud=named.cloud[named.cloud.is_finite()])
@@ -65,13 +66,13 @@ def render(
         )
         caption = f"{len(second.cloud) / max(len(first.cloud), 1):.1%} of the points"
         with io.whole_output(output, force) as file:
-            draw_pair(file, first, second, "" if first.mesh or second.mesh else caption, viewpoint, colour)
+            draw_pair(file, first, second, "" if first.mesh or second.mesh else caption, viewpoint, colour, timer)
         if not quiet and not io.is_standard(output):
             say(f"{output}: {first.size_text} beside {second.size_text}")
         return
     (source,) = sources
     ((cloud, mesh),) = read
-    with naming(source), io.whole_output(output, force) as file:
+    with naming(source), io.whole_output(output, force) as file, timer("drawing"):
         title, excluded, outside = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
     if excluded:
         print_error(f"note: {source}: {excluded:,} points with NaN or infinite coordinates are left out")

@@ -33,6 +33,11 @@ from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 
+FIRST_FIGURES = (  # that the page shows before somebody asks for all
+    "covering_radius", "covering_p999", "surface_mean", "surface_p95", "surface_max", "feature_error", "feature_recall",
+    "normal_deviation",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Page:
@@ -47,16 +52,18 @@ class Page:
     ) -> Page:
         """Return the page of some layers; its notes are theirs, and that they do not lie together."""
         up, (azimuth, elevation) = viewpoint.guessed(layers[0].cloud.points)
-        notes, together = [note for layer in layers for note in layer.notes], _lie_together(layers)
+        notes, together = _notes_of(layers), _lie_together(layers)
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
         described |= {"solid": any(layer.described["mesh"] for layer in layers), "classes": CLASS_NAMES}
-        definitions = Report.definitions()
-        for name in detail:
-            definitions |= {f"{name}_{figure}": value for figure, value in DetailErrors.definitions().items()}
+        of_details = {
+            f"{name}_{figure}": value for name in detail for figure, value in DetailErrors.definitions().items()
+        }
+        first = {*FIRST_FIGURES, *of_details}
         described["figures"] = [
-            {"name": name, "title": name.replace("_", " "), **figure._asdict()} for name, figure in definitions.items()
+            {"name": name, "title": name.replace("_", " "), "first": name in first, **figure._asdict()}
+            for name, figure in (Report.definitions() | of_details).items()
         ]
         return cls(described | {"clouds": [layer.described for layer in layers]}, blocks)
 
@@ -177,6 +184,15 @@ def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -
         report = evaluate(original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
+
+
+def _notes_of(layers: Sequence[Layer]) -> list[str]:
+    """Return what the page says of its clouds: what it says of several, once."""
+    names = dict[str, list[str]]()
+    for layer in layers:
+        for note in layer.notes:
+            names.setdefault(note, []).append(layer.name)
+    return [f"{', '.join(names[note])}: {note}" for note in names]
 
 
 def _lie_together(layers: Sequence[Layer]) -> bool:

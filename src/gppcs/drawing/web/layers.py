@@ -123,7 +123,7 @@ class Layer:
 
     def note(self, text: str) -> None:
         """Let the page say something of the cloud."""
-        self.notes.append(f"{self.name}: {text}")
+        self.notes.append(text)
 
     def add_values(self, key: str, title: str, unit: str, values: NDArray[Any], root: bool = False) -> None:
         """Add a quantity (K,) that colours can show."""
