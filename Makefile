@@ -142,6 +142,7 @@ dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this
 	rm -rf dist src/gppcs/compiled
 	export $$($(BIN)/python -c 'from gppcs.engine.kernels import *; print(f"NUMBA_CPU_NAME={SHIPPED_FOR} NUMBA_CPU_FEATURES={FEATURES}")') \
 		&& NUMBA_CACHE_DIR=dist/kernels $(BIN)/gppcs warmup
+	rm dist/kernels/gppcs/*/*.inner.nbc  # which are needed to compile only
 	mv dist/kernels/gppcs src/gppcs/compiled && rmdir dist/kernels
 	$(BIN)/python -m build --wheel && $(BIN)/python -m build --sdist
 	rm -rf src/gppcs/compiled

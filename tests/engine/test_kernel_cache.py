@@ -96,7 +96,24 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
     change(package, "constant", "20", "10")
     change(package, "callee", "3 * x", "2 * x")
     assert call(package) == LOADED
-    assert len(kept(package)) == 6
+    assert len(kept(package)) == 12
+
+
+@pytest.mark.slow
+def test_a_kernel_that_others_call_is_compiled_once_for_all_of_them(package):
+    assert call(package) == COMPILED
+    path = package / "caller.py"
+    path.write_text(path.read_text() + "@kernel\ndef another(x):\n    return 5 * inner(x)\n")
+    code = """
+import gc
+from gppcs.engine.inner_kernels import InnerKernel
+from gppcs.caller import another
+print(another(3), another(0.25))
+print([(*kernel.stats.cache_hits.values(),) for kernel in gc.get_objects() if type(kernel) is InnerKernel])
+"""
+    assert call(package, code) == "80 52.5\n[(1, 1)]\n"
+    change(package, "constant", "10", "20")
+    assert call(package, code) == "130 102.5\n[()]\n"
 
 
 @pytest.mark.slow
@@ -123,7 +140,7 @@ def test_code_goes_to_the_named_folder_or_to_the_users_or_nowhere(package, tmp_p
     folders = {variable: str(tmp_path / name) for variable, name in named.items()}
     assert call(package, **folders) == COMPILED
     assert call(package, **folders) == (LOADED if expected else COMPILED)
-    assert len(kept(tmp_path)) == (len(kept(tmp_path / expected)) if expected else 0) == (2 if expected else 0)
+    assert len(kept(tmp_path)) == (len(kept(tmp_path / expected)) if expected else 0) == (4 if expected else 0)
 
 
 @pytest.mark.slow

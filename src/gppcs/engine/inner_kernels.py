@@ -9,9 +9,13 @@ That, passes that change nothing in kernels, and comparisons of options took hal
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from itertools import count
 from typing import Any, ClassVar
 
+from llvmlite.binding import parse_bitcode
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult, Flags
 from numba.core.registry import CPUDispatcher
@@ -29,6 +33,9 @@ NEEDLESS_PASSES = {
     "rewrite_semantic_constants",
     "with_lifting",
 }
+
+# Numba numbers functions in each process anew, and links those that have the same name and number as if they were one.
+FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), "little"))
 
 
 class _Options(Flags):
@@ -71,15 +78,29 @@ class _InnerLibrary(JITCodeLibrary):
 
     def finalize(self) -> None:
         """Leave it to the outer kernel to link what this kernel calls, to optimise it, and to make machine code."""
+        self._finalize_dynamic_globals()
         self._finalized = True
+
+    @property
+    def has_dynamic_globals(self) -> bool:
+        """Whether the code, or that of a kernel that it calls, holds addresses of this process."""
+        return any(library._dynamic_globals for library in [self, *self._linking_libraries])
+
+    def linked(self) -> bytes:
+        """Return the code together with that of all kernels that it calls."""
+        module = self._final_module.clone()
+        for library in dict.fromkeys(self._linking_libraries):
+            module.link_in(library._get_module_for_linking(), preserve=True)
+        return module.as_bitcode()
 
 
 class InnerKernel(CPUDispatcher):
     """The code of a kernel for all types of arguments with which other kernels call it."""
 
-    def __init__(self, function: Callable[..., Any], targetoptions: dict[str, Any]) -> None:
+    def __init__(self, function: Callable[..., Any], targetoptions: dict[str, Any], cache: Any) -> None:
         super().__init__(function, targetoptions=targetoptions, pipeline_class=_InnerCompiler)
         self._compiler.fold_argument_types = _without_literals(self._compiler.fold_argument_types)
+        self._cache = cache
 
     def add_overload(self, cres: CompileResult) -> None:
         """Let callers link the code, and that of all kernels that it calls."""
@@ -87,6 +108,22 @@ class InnerKernel(CPUDispatcher):
         libraries = [cres.library, *cres.library._linking_libraries]
         self.targetctx.insert_user_function(key, cres.fndesc, libraries)
         self.overloads[tuple(cres.signature.args)] = cres._replace(entry_point=key)
+
+
+def reduced(result: CompileResult) -> tuple[Any, ...]:
+    """Return what callers need of a compiled kernel, as it can be kept."""
+    description = result.fndesc
+    description.typemap = description.calltypes = None  # which only the compilation of this kernel needs
+    return result.library.linked(), description, result.signature
+
+
+def rebuilt(target: Any, code: bytes, description: Any, signature: Any) -> CompileResult:
+    """Return the compiled kernel of which `reduced` kept that."""
+    library = _InnerLibrary(target.codegen(), "inner")
+    library._final_module = parse_bitcode(code)
+    library.finalize()
+    parts = {"library": library, "fndesc": description, "signature": signature, "objectmode": False}
+    return CompileResult(**dict.fromkeys(CompileResult._fields) | parts)
 
 
 def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:

@@ -57,8 +57,8 @@ def _remove_oldest(folder: Path) -> None:
     """Remove the code that was used longest ago, if there are more than about ten versions of all kernels."""
     with contextlib.suppress(OSError):
         files = sorted((entry.stat().st_mtime, entry.path) for entry in os.scandir(folder))
-        if len(files) > 2500:
-            for _, path in files[:-2000]:
+        if len(files) > 5000:
+            for _, path in files[:-4000]:
                 os.unlink(path)
 
 

@@ -27,7 +27,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
-from gppcs.engine.inner_kernels import InnerKernel, KernelCompiler
+from gppcs.engine.inner_kernels import InnerKernel, KernelCompiler, rebuilt, reduced
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
@@ -43,7 +43,8 @@ def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = T
     compiled: Any = nb.njit(**every, **options, pipeline_class=KernelCompiler)(function)
     if compiled is not function:  # as it is with NUMBA_DISABLE_JIT
         compiled._cache = _KernelCache(function, every | options)
-        inner = functools.cache(lambda: InnerKernel(function, compiled.targetoptions))
+        cache = _InnerCache(function, every | options)
+        inner = functools.cache(lambda: InnerKernel(function, compiled.targetoptions, cache))
         compiled.get_call_template = lambda args, kws: inner().get_call_template(args, kws)
         compiled.get_overload = lambda sig: inner().get_overload(sig)
     return compiled
@@ -51,6 +52,8 @@ def kernel(function: Callable[..., Any] | None = None, /, *, allocates: bool = T
 
 class _KernelCache(NullCache):
     """Keeps the code of one kernel. Numba's cache misses changes of what is called, and mixes up files of processes."""
+
+    SUFFIX = ".nbc"
 
     def __init__(self, function: Any, options: dict[str, Any]) -> None:
         self._function, self._options = function, options
@@ -84,7 +87,7 @@ class _KernelCache(NullCache):
         for path in paths:
             if code := kernel_cache.read(path):
                 self._folder = path.parent
-                return CompileResult._rebuild(target_context, *pickle.loads(code))
+                return self._rebuilt(target_context, *pickle.loads(code))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -94,9 +97,8 @@ class _KernelCache(NullCache):
             return
         processor = data.library.codegen.magic_tuple()
         name = self._name(sig, SHIPPED_FOR if SHIPPED_FOR in processor else processor)
-        *parts, _ = data._reduce()  # without what functions of Numba would need to call Python: to load it takes long
         with contextlib.suppress(OSError):  # the disk is full, or the folder was removed: it is compiled next time too
-            kernel_cache.write(folder / name, dumps((*parts, ())))
+            kernel_cache.write(folder / name, dumps(self._reduced(data)))
             self._folder = folder
 
     def _name(self, sig: Any, processor: Any) -> str:
@@ -104,7 +106,22 @@ class _KernelCache(NullCache):
         types = sig if isinstance(sig, tuple) else sig.args
         key = repr((self.digest, list(map(_described, types)), processor))
         function = self._function
-        return f"{function.__module__}.{function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.nbc"
+        return f"{function.__module__}.{function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:24]}{self.SUFFIX}"
+
+    def _reduced(self, result: Any) -> tuple[Any, ...]:
+        """Return what is kept: not what functions of Numba would need to call Python, as to load it takes long."""
+        *parts, _ = result._reduce()
+        return (*parts, ())
+
+    _rebuilt = CompileResult._rebuild
+
+
+class _InnerCache(_KernelCache):
+    """Keeps the code of one kernel for kernels that call it, so that another one of these compiles sooner."""
+
+    SUFFIX = ".inner.nbc"
+    _reduced = staticmethod(reduced)
+    _rebuilt = staticmethod(rebuilt)
 
 
 @functools.cache
