@@ -49,7 +49,8 @@ def test_signs_are_those_of_the_spanning_tree(n):
     again = mutual & (near < np.arange(len(points))[:, None])  # the same edges from the other end
     np.testing.assert_allclose(found_doubts, np.where(again, np.inf, doubts), atol=1e-6)
     edges = np.argsort(found_doubts, axis=None, kind="stable")[: np.count_nonzero(~again)]
-    found_pieces, found_signs = module._signs(edges, points, normals, near)
+    found_pieces, found_signs = np.arange(len(points)), np.ones(len(points), dtype=np.int8)
+    module._join(edges, points, normals, near, found_pieces, found_signs)
     assert len(np.unique(pieces)) == len(np.unique(found_pieces)) == 2
     for piece in (0, 1):
         inside = pieces == piece

@@ -19,7 +19,8 @@ from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult, Flags
 from numba.core.registry import CPUDispatcher
-from numba.core.types import unliteral
+from numba.core.types import Omitted, unliteral
+from numba.core.typing.typeof import typeof
 
 # Passes for contexts, literals, and branches by constants, none of which kernels have.
 NEEDLESS_PASSES = {
@@ -99,7 +100,7 @@ class InnerKernel(CPUDispatcher):
 
     def __init__(self, function: Callable[..., Any], targetoptions: dict[str, Any], cache: Any) -> None:
         super().__init__(function, targetoptions=targetoptions, pipeline_class=_InnerCompiler)
-        self._compiler.fold_argument_types = _without_literals(self._compiler.fold_argument_types)
+        self._compiler.fold_argument_types = _without_values(self._compiler.fold_argument_types)
         self._cache = cache
 
     def add_overload(self, cres: CompileResult) -> None:
@@ -126,11 +127,11 @@ def rebuilt(target: Any, code: bytes, description: Any, signature: Any) -> Compi
     return CompileResult(**dict.fromkeys(CompileResult._fields) | parts)
 
 
-def _without_literals(fold: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a call with a constant use the code for all values: Numba would compile a kernel anew for each constant."""
+def _without_values(fold: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a call with a constant, or a default, use the code for all values: Numba would compile one for each."""
 
     def fold_to_types(args: Any, kws: Any) -> Any:
         signature, types = fold(args, kws)
-        return signature, tuple(map(unliteral, types))
+        return signature, tuple(typeof(t.value) if isinstance(t, Omitted) else unliteral(t) for t in types)
 
     return fold_to_types

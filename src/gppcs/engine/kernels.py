@@ -19,7 +19,7 @@ try:
     import numba as nb
 except ValueError as error:
     raise ParameterError(f"Numba cannot start: {error}; check the environment variable NUMBA_NUM_THREADS") from error
-from llvmlite.binding import get_host_cpu_features
+from llvmlite.binding import get_host_cpu_features, parse_assembly
 from numba.core import event
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
@@ -109,9 +109,14 @@ class _KernelCache(NullCache):
         return f"{function.__module__}.{function.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:24]}{self.SUFFIX}"
 
     def _reduced(self, result: Any) -> tuple[Any, ...]:
-        """Return what is kept: not what functions of Numba would need to call Python, as to load it takes long."""
-        *parts, _ = result._reduce()
-        return (*parts, ())
+        """Return what runs the kernel, not what compiles others or lets Numba call Python: to load that takes long."""
+        library, description = result.library, result.fndesc
+        description.typemap = description.calltypes = None  # which only the compilation of this kernel needs
+        defined = parse_assembly(
+            f'define void @"{description.llvm_cpython_wrapper_name}"() {{ ret void }}'
+        ).as_bitcode()
+        code = library.name, "object", (library._get_compiled_object(), defined)
+        return code, description, result.environment, result.signature, False, (), "", result.reload_init, ()
 
     _rebuilt = CompileResult._rebuild
 

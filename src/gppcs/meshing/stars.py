@@ -55,9 +55,9 @@ def room_for_star(n):
     halves, ring = room_for_ring()
     halves_u, ring_u = room_for_ring()
     return Star(
-        np.zeros(2, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty((size, 2, 3)),
+        np.empty(2, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty((size, 2, 3)),
         np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty((n, 2)), np.empty(n),
-        np.zeros(1), np.zeros(NUMBERS), np.zeros(3), halves, ring, halves_u, ring_u,
+        np.empty(1), np.empty(NUMBERS), np.empty(3), halves, ring, halves_u, ring_u,
         np.empty(1, dtype=np.int64), np.empty(1),
     )  # fmt: skip
 

@@ -137,7 +137,8 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
 @kernel
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
-    larger = np.full(2 * len(table), EMPTY)
+    larger = np.empty(2 * len(table), dtype=np.uint64)
+    larger[:] = EMPTY
     mask = np.uint64(len(larger) - 1)
     for entry in table:
         if entry != EMPTY:

@@ -166,7 +166,8 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
     doubts = np.empty(near.shape, dtype=np.float32)
     on_ranges(_doubt, len(points), points, normals, near, doubts, minimum=1024)
     edges = np.flatnonzero(doubts < np.inf)
-    pieces, signs = _signs(edges[_ascending(doubts.ravel()[edges])], points, normals, near)
+    pieces, signs = np.arange(len(points)), np.ones(len(points), dtype=np.int8)
+    _join(edges[_ascending(doubts.ravel()[edges])], points, normals, near, pieces, signs)
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
     oriented = np.empty_like(normals)
@@ -230,10 +231,8 @@ def _fit_of_normals(points, normals, i, j):
 
 
 @kernel
-def _signs(edges, points, normals, near):
-    """Join points by edges, e // k to neighbour e % k, in order (Kruskal 1956); return piece and sign of each, (N,)."""
-    parents = np.arange(len(points))
-    signs = np.ones(len(points), dtype=np.int8)
+def _join(edges, points, normals, near, parents, signs):
+    """Join points by edges, e // k to neighbour e % k, in order (Kruskal 1956); `parents`, (N,), become pieces."""
     for edge in edges:
         i = edge // near.shape[1]
         j = near[i, edge % near.shape[1]]
@@ -245,7 +244,6 @@ def _signs(edges, points, normals, near):
             signs[b] = sign_a * sign_b * (1 if fit >= 0.0 else -1)
     for i in range(len(points)):
         parents[i], signs[i] = _root(parents, signs, i)
-    return parents, signs
 
 
 @kernel

@@ -77,7 +77,9 @@ def _limit_leaves(begin, end, points, lower, upper, spacings, slope, minima, lim
     for leaf in range(begin, end):
         box_lower, box_upper = lower[leaves + leaf], upper[leaves + leaf]
         first, last = leaf_range(n, leaves, leaves + leaf)
-        largest = limits[first:last].max()
+        largest = 0.0
+        for i in range(first, last):
+            largest = max(largest, limits[i])
         node = 1
         while node:
             gap = squared_distance_of_boxes(lower[node], upper[node], box_lower, box_upper)
@@ -88,16 +90,18 @@ def _limit_leaves(begin, end, points, lower, upper, spacings, slope, minima, lim
                 for j in range(*leaf_range(n, leaves, node)):
                     gap = squared_distance_to_box(box_lower, box_upper, points[0, j], points[1, j], points[2, j])
                     if spacings[j] + slope * np.sqrt(gap) < largest:
-                        _lower(points[:, first:last], points[:, j], spacings[j], slope, limits[first:last])
-                        largest = limits[first:last].max()
+                        largest = _lower(points[:, first:last], points[:, j], spacings[j], slope, limits[first:last])
             node = after(node, 1)
 
 
 @kernel(allocates=False)
 def _lower(points, source, spacing, slope, limits):
-    """Lower the limits, (m,), at points, (3, m), to that which one point, (3,), with its spacing sets."""
+    """Lower limits, (m,), at points, (3, m), to that which one point, (3,), sets; return the largest limit."""
+    largest = 0.0
     for i in range(len(limits)):
         distance = np.sqrt(
             (points[0, i] - source[0]) ** 2 + (points[1, i] - source[1]) ** 2 + (points[2, i] - source[2]) ** 2
         )
         limits[i] = min(limits[i], spacing + slope * distance)
+        largest = max(largest, limits[i])
+    return largest

@@ -41,7 +41,9 @@ def posterior_of_all(
 def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
     """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
     work = work_for(nearest.shape[1], len(field.detail))
-    indices = np.arange(begin, end)
+    indices = np.empty(end - begin, dtype=np.int64)
+    for i in range(len(indices)):
+        indices[i] = begin + i
     for first in range(0, len(indices), LANES):
         count = min(LANES, len(indices) - first)
         compute_posteriors(field, nearest, indices, first, first + count, error_weight, work)
