@@ -112,13 +112,11 @@ class _KernelCache(NullCache):
         """Return what runs the kernel, not what compiles others or lets Numba call Python: to load that takes long."""
         library, description = result.library, result.fndesc
         description.typemap = description.calltypes = None  # which only the compilation of this kernel needs
-        defined = parse_assembly(
-            f'define void @"{description.llvm_cpython_wrapper_name}"() {{ ret void }}'
-        ).as_bitcode()
-        code = library.name, "object", (library._get_compiled_object(), defined)
+        defined = parse_assembly(f'define void @"{description.llvm_cpython_wrapper_name}"() {{ ret void }}')
+        code = library.name, "object", (library._get_compiled_object(), defined.as_bitcode())
         return code, description, result.environment, result.signature, False, (), "", result.reload_init, ()
 
-    _rebuilt = CompileResult._rebuild
+    _rebuilt: Callable[..., CompileResult] = CompileResult._rebuild
 
 
 class _InnerCache(_KernelCache):
