@@ -92,7 +92,12 @@ def across(layers: Callable[[int], NoiseLayer], largest: int) -> tuple[int, Nois
 def projections(tree: KdTree, queries: KdTree, neighbours: int) -> tuple[Floats, Quadrics]:
     """Project the points of one tree onto the quadrics fitted to points of another around them, (3, m) in its order."""
     fitted = fit_quadrics(tree, queries, neighbours)
-    return queries.points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals, fitted
+    return projected(queries.points, fitted), fitted
+
+
+def projected(points: Floats, fitted: Quadrics) -> Floats:
+    """Return the projections of points onto the quadrics fitted around them, (3, m) both."""
+    return points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals
 
 
 def feet_of(tree: KdTree, points: Floats, neighbours: int) -> Floats:
@@ -140,20 +145,20 @@ class Noise:
         """The standard deviation, in target spacings."""
         return self.sigma / self.spacing if self.spacing > 0.0 else 0.0
 
-    def observe(self, points: Floats) -> tuple[Floats | None, Floats]:
+    def observe(self, points: Floats, fitted: Quadrics | None = None) -> tuple[Floats | None, Floats]:
         """Return feet, (n, 3), and variances, (n,), of observations at points, (n, 3), times h^2 (Eq. (7)).
 
-        The feet are where features are measured: projections onto the surface, None if the noise is not thick, as
-        detail looks like thin noise.
+        Quadrics are fitted around the points if they are not there. The feet are where features are measured:
+        projections onto the surface, None if the noise is not thick, as detail looks like thin noise.
         """
         if self.tree is None:
             return None, np.zeros(len(points))
-        feet = feet_of(self.tree, points, self.neighbours)
+        feet = projected(points.T, fitted).T if fitted else feet_of(self.tree, points, self.neighbours)
         squared = ((feet - points) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)  # Eq. (7)
         return feet if self.thick else None, variances
 
-    def projected(self, points: KdTree) -> tuple[Floats, Quadrics]:
-        """Return the feet of points, (3, m) in tree order, on the quadrics across the noise; only where it matters."""
+    def fitted(self, points: KdTree) -> Quadrics:
+        """Return the quadrics across the noise around points, in tree order and float32; only where noise matters."""
         assert self.tree is not None
-        return projections(self.tree, points, self.neighbours)
+        return fit_quadrics(self.tree, points, self.neighbours).astype(np.float32)

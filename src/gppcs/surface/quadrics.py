@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike
 
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
@@ -23,6 +24,14 @@ class Quadrics(NamedTuple):
     heights: Floats  # (m,), signed distance from the query to the quadric, along its normal, to first order
     normals: Floats  # (3, m), unit normal of the quadric at the query; its sign has no meaning
     radii: Floats  # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero
+
+    def take(self, positions: Ints) -> Quadrics:
+        """Return those around some of the queries."""
+        return Quadrics(self.heights[positions], self.normals[:, positions], self.radii[positions])
+
+    def astype(self, dtype: DTypeLike) -> Quadrics:
+        """Return them in another precision."""
+        return Quadrics(self.heights.astype(dtype), self.normals.astype(dtype), self.radii.astype(dtype))
 
 
 def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:

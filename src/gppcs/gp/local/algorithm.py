@@ -18,9 +18,17 @@ from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
+from gppcs.gp.local.settings import (
+    DENSITY_POWER,
+    GRADATION,
+    NOISY_CELL_POINTS,
+    NORMAL_WEIGHT,
+    NUGGET,
+    WEIGHT_POWER,
+)
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise
+from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 
@@ -46,8 +54,35 @@ def choose(
     area, noise, sharpness, detail, tree = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     with timer("candidates"):
         stages = nested_candidates(points, sharpness, n_points, area, candidate_density, fixed)  # step 2
+    fitted = None
+    if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
+        with timer("noise"):
+            fitted = noise.fitted(tree)  # once around all points, as the placement needs them, too
+    ranking = choose_in_stages(points, stages, noise, criterion, timer, fixed, weights, detail, tree, fitted)
+    with timer("placement"):
+        values = None if detail is None else detail.values
+        # Step 7, Eqs. (10) and (20).
+        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values, tree, fitted)
+    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
+
+
+def choose_in_stages(
+    points: Floats,
+    stages: list[Stage],
+    noise: Noise,
+    criterion: Criterion,
+    timer: Timer,
+    fixed: int,
+    weights: Floats | None,
+    detail: Detail | None,
+    tree: KdTree | None,
+    fitted: Quadrics | None,
+) -> Ranking:
+    """Choose the points of all stages, as `choose` does, by the quadrics fitted in tree order if there are any."""
+    indices = stages[-1].indices
     with timer("noise"):
-        candidates = Candidates.observed(stages[-1].indices, points, noise, weights, detail)  # step 5, Eq. (7)
+        at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[indices])
+        candidates = Candidates.observed(indices, points, noise, weights, detail, at_candidates)  # step 5, Eq. (7)
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:  # step 8: about twice as many points in each as in the one before
         with timer("features"):
@@ -55,11 +90,7 @@ def choose(
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
             ranking = choose_in_stage(ranking, field, tree_of_stage, stage, criterion, on_progress)
-    with timer("placement"):
-        values = None if detail is None else detail.values
-        # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values, tree)
-    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
+    return ranking
 
 
 def choose_denoised(
@@ -121,10 +152,16 @@ class Candidates(NamedTuple):
 
     @classmethod
     def observed(
-        cls, indices: Ints, points: Floats, noise: Noise, weights: Floats | None, detail: Detail | None
+        cls,
+        indices: Ints,
+        points: Floats,
+        noise: Noise,
+        weights: Floats | None,
+        detail: Detail | None,
+        fitted: Quadrics | None = None,
     ) -> Candidates:
         """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
-        feet, variances = noise.observe(points[indices])
+        feet, variances = noise.observe(points[indices], fitted)
         weights = None if weights is None else weights[indices]
         detail = None if detail is None else detail.take(indices)
         return cls(indices, points[indices], feet, variances, weights, detail)

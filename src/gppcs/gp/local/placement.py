@@ -35,7 +35,8 @@ from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
-from gppcs.surface.noise import Noise
+from gppcs.surface.noise import Noise, projected
+from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import features_in_radius
 
 ROUNDING = 1e-9  # Distances of a cell that change by less, in mean distances of kept points, are only rounded.
@@ -51,11 +52,12 @@ def place(
     noise: Noise,
     detail: NDArray[np.float32] | None = None,
     tree: KdTree | None = None,
+    fitted: Quadrics | None = None,
 ) -> Ints:
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
-    The tree over all points is built if it is not there. Shapes: points (N, 3), chosen (m,), detail (N, k); returns
-    (m,).
+    The tree over all points is built if it is not there; quadrics are fitted around them if noise matters. Shapes:
+    points (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
@@ -65,7 +67,8 @@ def place(
         cells = KdTree.build(points[drawn])
         new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
         return np.where(new < 0, chosen, drawn[new])
-    new = replacements(points[chosen], stays, tree or KdTree.build(points), area / len(points), noise, old, detail)
+    cells = tree or KdTree.build(points)
+    new = replacements(points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted)
     return np.where(new < 0, chosen, new)
 
 
@@ -79,6 +82,7 @@ def replacements(
     detail: NDArray[np.float32] | None = None,
     farthest: float = math.inf,
     passes: int = 2,
+    fitted: Quadrics | None = None,
 ) -> Ints:
     """Return for which point each vertex, a chosen point, is exchanged, -1 where it stays.
 
@@ -90,8 +94,8 @@ def replacements(
     if noise.is_negligible:
         feet, normals = cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
     else:
-        feet, fitted = noise.projected(cells)
-        normals = np.ascontiguousarray(fitted.normals.T)
+        fitted = fitted or noise.fitted(cells)
+        feet, normals = projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
     surface = LocalSurface.from_points(vertices)
     tree, order = surface.tree.in_own_order(), surface.tree.order
     points, vertices, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
