@@ -18,7 +18,7 @@ from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
 # Neighbours that are searched for corners; twice as many, again and again up to the second number, if necessary.
-NEIGHBOURS, MAX_NEIGHBOURS = 30, 240
+NEIGHBOURS, MAX_NEIGHBOURS = 18, 288
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
