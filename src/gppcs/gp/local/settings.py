@@ -21,10 +21,10 @@ MAX_REFINEMENT = 8.0  # Times the usual number of candidates at most, where larg
 NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right angle. Ablation: "normals off".
 NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
 DETAIL_DISTANCE = 3.5  # In desired spacings: distance of values of an attribute that are its whole range apart.
-DETAIL_ROUGHNESS = 6.0  # Surface variation that counts as rough as a variance of the attributes of 1.
+DETAIL_ROUGHNESS = 12.0  # Surface variation that counts as rough as a variance of the attributes of 1.
 # In mean distances to the three nearest chosen points: as above, where places are judged. With 1, points go so near
 # borders that the nearest kept point mostly lies across.
-DETAIL_PLACEMENT = 0.35
+DETAIL_PLACEMENT = 0.2
 
 # Survey and candidates, steps 1 and 2.
 SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
