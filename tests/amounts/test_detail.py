@@ -29,16 +29,16 @@ def test_points_go_where_an_attribute_jumps():
 
 
 def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape():
-    statue, count = gppcs.sample("statue", 20_000), 600
+    statue, count = gppcs.sample("statue", 40_000), 1000
     spacing = np.sqrt(surface_area(KdTree.build(statue.points)) / count)
     stripe = (statue.points @ [0.36, 0.48, 0.8] // (3.0 * spacing)) % 2.0
     striped = gppcs.PointCloud(statue.points, {"stripe": stripe})
     plain, drawn = (
         gppcs.evaluate(striped, gppcs.simplify(striped, n_points=count, detail=detail).cloud, detail="stripe")
-        for detail in (None, {"stripe": 0.5})
+        for detail in (None, "stripe")
     )
     assert drawn.detail["stripe"].nearest_error_mean < 0.7 * plain.detail["stripe"].nearest_error_mean
-    assert drawn.surface_mean < 1.1 * plain.surface_mean
+    assert drawn.surface_mean < 1.08 * plain.surface_mean
 
 
 def test_a_weight_of_zero_changes_nothing():
