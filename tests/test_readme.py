@@ -65,7 +65,8 @@ def test_the_errors_and_gaps_on_scenes_are_those_of_the_table():
     scenes = {row["condition"].split(":")[0] for row in tables("scenes")[BY_CONDITION]}
     (gaps,) = (row for measure, row in rows.items() if measure.startswith("99.9th percentile"))
     errors = [rows[f"{MEAN_ERROR}{kind}, 1e-4 diagonals"] for kind in ("", ", by area")]
-    assert_stated_together(len(scenes), *errors, gaps)
+    assert_stated_together(len(scenes), *(round(100 * (1 - error), 1) for error in errors))
+    assert_stated_together(round(100 * (gaps - 1), 1))
     for row in tables("scenes")["Geometric means, gp divided by each rival"]:
         errors = [number(cell) for measure, cell in row.items() if measure != "rival" and "99.9th" not in measure]
         assert len(errors) == 5

@@ -82,6 +82,58 @@ METHODS, LIMITS = "## All methods, seconds", "## Limits of the machine"
 BY_THREADS = "## gp by one thread and by all, seconds"
 
 
+def percent(ratio):
+    """Return by how many percent a ratio differs from 1."""
+    return f"{100 * abs(ratio - 1):.1f}"
+
+
+TUNED, HELD_OUT = "## Summary: the rules were found on these clouds", "## Summary: held-out clouds"
+H_MEAN, GAP = "H mean, times the best rival's", "covering radius, times that of fps"
+SCENES = "## Summary: geometric means of gp divided by fps"
+
+
+def by_cloud(heading, column):
+    """Return a column of a summary of quality, without mean."""
+    header, *rows = measured("quality", heading)
+    cells = [each[header.index(column)].strip("*") for each in rows if "geometric mean" not in each[0]]
+    return [number(cell) for cell in cells if cell]
+
+
+def tuned_margins():
+    """Return on how many clouds `gp` was tuned, and by how many percent its H mean is smaller there."""
+    values = by_cloud(TUNED, H_MEAN)
+    return str(len(values)), percent(max(values)), percent(min(values))
+
+
+def other_margins():
+    """Return the number of other clouds, on how many H mean is the smallest, and by how much it is larger elsewhere."""
+    values = by_cloud(HELD_OUT, H_MEAN)
+    behind = [value for value in values if value > 1.0]
+    ahead = len(values) - len(behind)
+    return str(len(values)), str(ahead), str(len(behind)), percent(min(behind)), percent(max(behind))
+
+
+def gaps():
+    """Return by how many percent the largest gap is larger than that of `fps`, and gaps in scenes."""
+    values = by_cloud(TUNED, GAP) + by_cloud(HELD_OUT, GAP)
+    return (
+        percent(min(values)),
+        percent(max(values)),
+        scene_percent("99.9th percentile of the distance to a kept point, 1e-3"),
+    )
+
+
+def scene_percent(measure):
+    """Return by how many percent a mean over all scenes differs from that of `fps`."""
+    return percent(number(row("scenes", SCENES, f"{measure} diagonals")["all"].strip("*")))
+
+
+def scene_errors():
+    """Return by how many percent the mean errors of scenes are smaller than those of `fps`: over points, by area."""
+    error = "mean distance to the local surface"
+    return scene_percent(f"{error}, 1e-4"), scene_percent(f"{error}, by area, 1e-4")
+
+
 def dragon_seconds():
     """Return the seconds of `gp` on the Dragon."""
     return (short(number(row("speed", STAGES, *DRAGON, "13,129")["in all"])),)
@@ -122,6 +174,31 @@ def starts():
     return short(number(row("engine", "## First run", "gp")["seconds of compilation"])), short(number(warm))
 
 
+SMALL_CLOUDS = re.compile(r"## [\d,]+ clouds of ([\d,]+) points to ([\d,]+), milliseconds for each")
+
+
+def small_clouds():
+    """Return the milliseconds of a small cloud in one thread by size, a column for each method."""
+    text = (ROOT / "benchmarks" / "results" / "small_clouds.md").read_text()
+    lines = []
+    for size in SMALL_CLOUDS.finditer(text):
+        methods, times, *_ = zip(*measured("small_clouds", size[0])[1:], strict=True)
+        if not lines:
+            lines = [["points", "kept", *(name.replace("_", " ") for name in methods)], ["---"] * (2 + len(methods))]
+        lines.append([size[1], size[2], *(f"{short(number(time))} ms" if time[:1].isdigit() else "" for time in times)])
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
+
+
+def a_small_cloud():
+    """Return the milliseconds of `gp` and of `fps` for a cloud of 2,000 points to 256."""
+    heading = next(
+        size[0]
+        for size in SMALL_CLOUDS.finditer((ROOT / "benchmarks" / "results" / "small_clouds.md").read_text())
+        if size[1] == "2,000"
+    )
+    return tuple(short(number(row("small_clouds", heading, method)["one after another"])) for method in ("gp", "fps"))
+
+
 def beyond_memory():
     """Return what 200 million points to 10 million take: GB of memory, and CPU seconds for a million."""
     cost = row("larger_than_memory", "# gp on files larger than memory", "200 million", "10 million")
@@ -132,13 +209,20 @@ def beyond_memory():
 TABLES = {
     "docs/usage.md": [("options", options_table)],
     "docs/api.md": [("names", names_table)],
-    "docs/results.md": [("speed", lambda: quoted("speed", METHODS))],
+    "docs/results.md": [("speed", lambda: quoted("speed", METHODS)), ("small clouds", small_clouds)],
     "research/cost.md": [("stages", lambda: quoted("speed", STAGES, lambda cells: cells[1] not in LEFT_OUT))],
     "README.md": [("alternatives", lambda: quoted("alternatives", "## The sample scan medallion, 400,000 points"))],
 }
 # Figures by page: a sentence, and what gives its figures.
 SENTENCES = {
-    "README.md": [("`gp` thins 437,645 points to 13,129 in {} s on two cores", dragon_seconds)],
+    "README.md": [
+        ("on all {} clouds by which we tuned `gp`, by {} to {} %", tuned_margins),
+        ("On {} other clouds it is the smallest on {}. On the other {} it is {} to {} % larger", other_margins),
+        ("the mean error of `gp` is {} % smaller than that of `fps`, and {} % smaller if each point", scene_errors),
+        ("gap is {} to {} % larger than that of `fps` on the clouds, and gaps in scenes are {} % larger", gaps),
+        ("`gp` thins 437,645 points to 13,129 in {} s on two cores", dragon_seconds),
+        ("2,000 points to 256 take {} ms in one thread, and {} ms by `fps`", a_small_cloud),
+    ],
     "docs/usage.md": [("[{} s on two cores](../benchmarks/results/speed.md)", dragon_seconds)],
     "docs/results.md": [("to 28,000 in {} s and needs {} bytes of memory a point", large_cloud)],
     "docs/large-files.md": [("take {} GB of memory and {} seconds of processor time for each million", beyond_memory)],

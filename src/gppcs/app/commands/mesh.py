@@ -116,8 +116,8 @@ def mesh(
     }
     table = {name: record[name] for name in ("points_in", "vertices", "triangles")}
     table |= {name: value for name, value in diagnostics.items() if value}
-    if "excluded" in table:
-        table["excluded"] = f"{100 * table['excluded']:.3g} % of the points"
+    if excluded := table.pop("excluded", 0.0):
+        table["points not covered by the mesh"] = f"{100 * excluded:.3g} %"
     table["unit"] = unit_text(unit_of(original.header, unit))
     emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(result.seconds)})
 
@@ -154,7 +154,7 @@ def _notes(result: gppcs.MeshResult, original: PointCloud, n_points: int | None,
     if diagnostics.added:
         yield f"{diagnostics.added:,} vertices are no points to keep, as holes, handles and small pieces need them"
     if diagnostics.excluded > 0.001 and tolerance is None:
-        yield f"{diagnostics.excluded:.1%} of the points are on no piece of the surface that is large enough"
+        yield f"{diagnostics.excluded:.1%} of the points are not covered by the mesh: no large enough piece has them"
     if diagnostics.open_holes:
         yield f"the mesh has small holes ({diagnostics.open_holes:,}) where triangles would cut others"
     if diagnostics.outliers or diagnostics.off_surface:
