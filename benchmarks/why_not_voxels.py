@@ -122,8 +122,7 @@ def main() -> None:
             ),
         ],
         notes=[
-            "The scan is that of `make demo`. "
-            "Figures are by gppcs.evaluate.",
+            "The scan is that of `make demo`. Figures are by gppcs.evaluate.",
             "error: distance from an original point to the local surface of the kept points (surface mean, surface "
             "max). feature error: mean of the error times the angle, in radians, between the normals. largest distance "
             "to a kept point: covering radius. docs/evaluation.md defines each of them.",

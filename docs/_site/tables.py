@@ -211,7 +211,10 @@ TABLES = {
     "docs/api.md": [("names", names_table)],
     "docs/results.md": [("speed", lambda: quoted("speed", METHODS)), ("small clouds", small_clouds)],
     "research/cost.md": [("stages", lambda: quoted("speed", STAGES, lambda cells: cells[1] not in LEFT_OUT))],
-    "README.md": [("alternatives", lambda: quoted("alternatives", "## The sample scan medallion, 400,000 points"))],
+    "README.md": [
+        ("alternatives", lambda: quoted("alternatives", "## The sample scan medallion, 400,000 points")),
+        ("voxels", lambda: quoted("why_not_voxels", "## Voxels and gp")),
+    ],
 }
 # Figures by page: a sentence, and what gives its figures.
 SENTENCES = {
