@@ -115,7 +115,7 @@ class Noise:
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
     sigma: float  # Standard deviation, as in `NoiseLayer`, in the unit of the tree; 0 where it is not measured
-    # Whether no noise matters: there is little, it is detail, or there are too few points to measure it.
+    # Whether no noise matters: there is little, it is detail or two sheets, or there are too few points to measure it.
     is_negligible: bool
     is_below_threshold: bool  # Whether sigma is so small that sharpness can be measured
     spacing: float  # Target spacing, in the same unit
@@ -133,11 +133,12 @@ class Noise:
         if within < FEWEST:
             return cls(None, within, False, 0.0, True, True, spacing)
         layers = cache(layers)
-        thick = layers(NEIGHBOURS).is_thick()
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
-        sigma = layers(neighbours).sigma
+        sigma, two_sheets = layers(neighbours).sigma, layers(neighbours).is_two_sheets()
+        thick = layers(NEIGHBOURS).is_thick() and not two_sheets
         is_below_threshold = sigma <= CLEAN * spacing
-        is_negligible = is_below_threshold or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
+        is_detail = not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS))
+        is_negligible = is_below_threshold or two_sheets or is_detail
         return cls(None, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
 
     @property

@@ -26,6 +26,7 @@ from gppcs.gp.local.settings import (
     NUGGET,
     WEIGHT_POWER,
 )
+from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.noise import Noise
 from gppcs.surface.quadrics import Quadrics
@@ -51,14 +52,20 @@ def choose(
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
     candidate_density = cells_for(candidate_density, len(points), n_points)
-    area, noise, sharpness, detail, tree = survey(points, n_points, candidate_density, timer, attributes)  # step 1
+    area, noise, sharpness, detail, surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     with timer("candidates"):
         stages = nested_candidates(points, sharpness, n_points, area, candidate_density, fixed)  # step 2
+    sheets, last = None, stages[-1]
+    if not noise.thick:
+        with timer("features"):
+            sheets = normals_of_sheets(surveyed, points[last.indices], last.spacing)
+    tree = surveyed if len(surveyed.order) == len(points) else None
+    del surveyed  # a sample's tree is not needed any more
     fitted = None
     if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
         with timer("noise"):
             fitted = noise.fitted(tree)  # once around all points, as the placement needs them, too
-    ranking = choose_in_stages(points, stages, noise, criterion, timer, fixed, weights, detail, tree, fitted)
+    ranking = choose_in_stages(points, stages, noise, criterion, timer, fixed, weights, detail, sheets, tree, fitted)
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
@@ -75,6 +82,7 @@ def choose_in_stages(
     fixed: int,
     weights: Floats | None,
     detail: Detail | None,
+    sheets: Floats | None,
     tree: KdTree | None,
     fitted: Quadrics | None,
 ) -> Ranking:
@@ -82,7 +90,8 @@ def choose_in_stages(
     indices = stages[-1].indices
     with timer("noise"):
         at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[indices])
-        candidates = Candidates.observed(indices, points, noise, weights, detail, at_candidates)  # step 5, Eq. (7)
+        # Step 5, Eq. (7).
+        candidates = Candidates.observed(indices, points, noise, weights, detail, at_candidates)._replace(sheets=sheets)
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:  # step 8: about twice as many points in each as in the one before
         with timer("features"):
@@ -149,6 +158,7 @@ class Candidates(NamedTuple):
     variances: Floats  # (n,): of each observation, in the squared unit of the points; 0 without noise
     weights: Floats | None  # (n,)
     detail: Detail | None
+    sheets: Floats | None = None  # (n, 3), as `normals_of_sheets` returns them
 
     @classmethod
     def observed(
@@ -171,8 +181,9 @@ class Candidates(NamedTuple):
         feet = None if self.feet is None else self.feet[positions]
         weights = None if self.weights is None else self.weights[positions]
         detail = None if self.detail is None else self.detail.take(positions)
+        sheets = None if self.sheets is None else self.sheets[positions]
         return Candidates(
-            self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail
+            self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail, sheets
         )
 
 
@@ -219,20 +230,25 @@ def choose_in_stage(
 def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order."""
     candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices))
-    tree, features = features_of(candidates.points, candidates.feet, stage.spacing, stage.thinned)
+    tree, features = features_of(candidates, stage.spacing, stage.thinned)
     candidates = candidates.take(tree.order)
     variances = candidates.variances / stage.spacing**2
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
 
-def features_of(points: Floats, feet: Floats | None, spacing: float, thinned: bool) -> tuple[KdTree, Features]:
-    """Return the tree over points, (n, 3), in units of the target spacing, and features in tree order (Eq. (2))."""
-    tree = KdTree.build(points / spacing)
+def features_of(candidates: Candidates, spacing: float, thinned: bool) -> tuple[KdTree, Features]:
+    """Return the tree over candidates, in units of the target spacing, and features in tree order (Eq. (2))."""
+    tree = KdTree.build(candidates.points / spacing)
     on_surface = tree.in_own_order()
-    if feet is not None:
-        on_surface = KdTree.over(np.ascontiguousarray(feet[tree.order].T) / spacing)
+    if candidates.feet is not None:
+        on_surface = KdTree.over(np.ascontiguousarray(candidates.feet[tree.order].T) / spacing)
     # Where candidates are not thinned, a ball could hold any number of them.
-    return tree, features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
+    features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
+    if candidates.sheets is not None:
+        sheets = candidates.sheets[tree.order]
+        thin = sheets.any(axis=1)
+        features.normals[thin] = sheets[thin]
+    return tree, features
 
 
 class FieldScale(NamedTuple):

@@ -55,7 +55,9 @@ from gppcs.gp.local.settings import (
     MIN_CANDIDATES,
     NOISY_CELL_POINTS,
     SAMPLED_PER_POINT,
+    SHEET_VARIATION,
 )
+from gppcs.gp.local.sheets import FEW, has_thin_parts, toward_other_sheet
 from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -83,6 +85,7 @@ class StoredStage:
     noise: Noise  # Without a tree: each part has one of its own
     criterion: Criterion
     detail: DetailNoise | None  # Of the attributes that count beside the shape, if there are any, and more than noise
+    has_thin_parts: bool = False  # Whether candidates have the normals of their sheets
     largest_gap: float = math.inf  # Candidates of the last stage that are farther from all others are outliers
     scale: FieldScale | None = None  # What the field of a part needs to know of all parts
 
@@ -179,6 +182,9 @@ def _surveyed(
         if distances.size:  # repeats may leave no sample
             layers = {k: NoiseLayer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
             stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
+    if not stage.noise.thick:
+        thin = np.concatenate(list(map_parts(partial(_thin_points, stage, -(-FEW // len(few))), few)))
+        stage = replace(stage, has_thin_parts=has_thin_parts(thin))
     if "detail" in (stored.kind.names or ()):
         measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
         detail = DetailNoise.from_residuals(*np.split(measured, 2, axis=1)) if len(measured) else None
@@ -204,6 +210,16 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
         feet, fitted = projections(tree, points, count)
         distances.append([np.sqrt(((feet - points.points) ** 2).sum(axis=0)), fitted.radii])
     return np.array(distances)
+
+
+def _thin_points(stage: StoredStage, maximum: int, part: Part) -> Floats:
+    """Return the normals of the sheets, (n, 3), of about `maximum` points of a part."""
+    near = stage.stored.near(part, stage.noise.spacing, fraction=stage.sampled)
+    points = near.points[near.inside]
+    if not len(points):
+        return points
+    few = points[:: max(1, len(points) // maximum)]
+    return toward_other_sheet(KdTree.build(near.points), few, stage.noise.spacing, SHEET_VARIATION)
 
 
 def _residuals(stage: StoredStage, part: Part) -> Floats:
@@ -257,6 +273,7 @@ def _kind(stage: StoredStage) -> np.dtype[Any]:
     observed: list[Any] = [] if stage.noise.is_negligible else [("variance", np.float64)]
     observed += [("foot", np.float64, 3)] if stage.noise.thick and not stage.noise.is_negligible else []
     observed += [("rough", np.float32)] if stage.detail else []
+    observed += [("sheet", np.float64, 3)] if stage.has_thin_parts else []
     return np.dtype([*stage.stored.kind.descr, ("sharpness", np.float32), ("gap", np.float64), *observed])
 
 
@@ -281,6 +298,8 @@ def _store_candidates(
     records["sharpness"], records["gap"] = sharpness[kept], gaps
     if stage.detail:
         records["rough"] = rough[kept]
+    if stage.has_thin_parts and tree:
+        records["sheet"] = toward_other_sheet(tree, points[kept], stage.spacing)
     if not stage.noise.is_negligible:
         feet, records["variance"] = replace(stage.noise, tree=tree).observe(points[kept])
         if feet is not None:
@@ -363,7 +382,8 @@ def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Can
     detail = None
     if stage.detail is not None:
         detail = Detail(stage.detail.without(records["detail"]), np.ascontiguousarray(records["rough"]))
-    return Candidates(indices, np.ascontiguousarray(records["place"]), feet, variances, weights, detail)
+    sheets = records["sheet"] if "sheet" in names else None
+    return Candidates(indices, np.ascontiguousarray(records["place"]), feet, variances, weights, detail, sheets)
 
 
 def _chosen(records: NDArray[Any], scores: Floats, deviations: Floats) -> NDArray[Any]:
@@ -401,8 +421,8 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
 def _measure(stage: StoredStage, part: Part) -> Floats:
     """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _near(stage, stage.halo, part)
-    feet = _candidates(stage, near.indices, near.records).feet
-    tree, features = features_of(near.points, feet, stage.spacing, stage.thinned)
+    candidates = _candidates(stage, near.indices, near.records)
+    tree, features = features_of(candidates, stage.spacing, stage.thinned)
     near = near.take(tree.order)
     records = require_fields(near.records, stage.measured)
     records["inside"] = near.inside

@@ -37,11 +37,10 @@ from gppcs.surface.surface_variation import features_in_radius
 
 def survey(
     points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
-) -> tuple[float, Noise, NDArray[np.float32], Detail | None, KdTree | None]:
-    """Return the area A, the noise, the sharpness, (N,), and the detail of a cloud, (N, 3), and the tree over it.
+) -> tuple[float, Noise, NDArray[np.float32], Detail | None, KdTree]:
+    """Return area A, noise, sharpness, (N,), and detail of a cloud, (N, 3), and the tree over it or over a sample.
 
-    There is no tree if the cloud was sampled. The sharpness is the surface variation within the edge length of a cell,
-    plus that of the detail; 0 if not measured.
+    The sharpness is the surface variation within the edge length of a cell, plus that of the detail; 0 if not measured.
     """
     with timer("sample"):
         indices = sample(points, n_points)
@@ -61,7 +60,7 @@ def survey(
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
-    return area, noise, sharpness, detail, tree if len(indices) == len(points) else None
+    return area, noise, sharpness, detail, tree
 
 
 def sample_size(n_points: int) -> int:

@@ -1,0 +1,126 @@
+"""Thin parts: where another sheet of the surface is nearer than the target spacing, and what normals one sheet has.
+
+The ball of the features (Eq. (2)) holds both sheets there. Its flattest direction may then be any, since two disks at
+a distance of about their radius are as thick as they are wide.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gppcs.engine.arrays import Floats
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.settings import SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
+from gppcs.spatial.nearest import MANY_LEAVES, pack, radius_of_nearest, search_buffer
+from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_step
+
+PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
+SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
+FEW = 2048  # Points, about, by which a cloud has thin parts or none.
+
+
+def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | None:
+    """Return normals of the sheets of points, (n, 3), 0 where none other is within a radius; None without thin parts.
+
+    The tree is over the points of the surface.
+    """
+    few = toward_other_sheet(tree, points[:: -(-len(points) // FEW)], radius, SHEET_VARIATION)
+    return toward_other_sheet(tree, points, radius) if has_thin_parts(few) else None
+
+
+def has_thin_parts(normals: Floats) -> bool:
+    """Return whether a cloud has thin parts, by the normals of the sheets of some of its points, (n, 3)."""
+    return len(normals) > 0 and float(np.mean(normals.any(axis=1))) >= THIN_FRACTION
+
+
+def toward_other_sheet(tree: KdTree, points: Floats, radius: float, max_variation: float = math.inf) -> Floats:
+    """Return normals of the sheets of points, (n, 3), toward another sheet within a radius.
+
+    They are 0 where there is none, or where the surface variation of the point's own sheet is larger.
+    """
+    queries, normals = KdTree.build(points), np.zeros((len(points), 3))
+    on_ranges(
+        _fill_leaves, queries.leaves, *tree.arrays, queries.order, *queries.arrays, radius, max_variation, normals,
+        minimum=8,
+    )  # fmt: skip
+    return normals
+
+
+@kernel
+def _fill_leaves(
+    begin, end, points, lower, upper, order, queries, queries_lower, queries_upper, radius, max_variation, normals
+):
+    """Fill normals, (n, 3), at the queries, (3, n), of a range of leaves, by points, (3, N); boxes are (nodes, 3)."""
+    n, leaves, squared_radius = queries.shape[1], first_leaf(queries_lower), radius * radius
+    near, buffer = np.empty(first_leaf(lower), dtype=np.int64), search_buffer(MANY_LEAVES)
+    scratch = np.empty(buffer.packed.shape[1], dtype=np.float64)
+    moments, normal = np.empty((MOMENTS, 1), dtype=np.float64), np.empty(3, dtype=np.float64)
+    for leaf in range(leaves + begin, leaves + end):
+        box = queries_lower[leaf], queries_upper[leaf]
+        count = leaves_near(lower, upper, *box, squared_radius, near)
+        if count * LEAF_SIZE > len(buffer.positions):
+            buffer = search_buffer(2 * count)
+            scratch = np.empty(buffer.packed.shape[1], dtype=np.float64)
+        full = pack(
+            points, buffer, points_near(points, lower, upper, near[:count], *box, squared_radius, buffer.positions)
+        )
+        for i in range(*leaf_range(n, leaves, leaf)):
+            x, y, z = queries[0, i], queries[1, i], queries[2, i]
+            squared = radius_of_nearest(buffer.packed, full, x, y, z, PLANE_POINTS, squared_radius, scratch)
+            if squared <= 0.0:  # there are fewer points, or repeats
+                continue
+            moments_in_ball(buffer.packed, full, x, y, z, squared, moments, 0)
+            variation = flattest_of(moments[:, 0], normal)
+            spacing, sigma = np.sqrt(np.pi * squared / PLANE_POINTS), np.sqrt(0.5 * variation * squared)
+            nearest = max(SHEET_SPACINGS * spacing, SIGMAS * sigma)
+            height = _height_of_other(buffer.packed, full, (x, y, z), normal, nearest, 1.5 * spacing, squared_radius)
+            if height != 0.0:
+                _moments_of_sheet(buffer.packed, full, (x, y, z), normal, 0.5 * height, squared_radius, moments)
+                x, y, z = normal
+                if flattest_of(moments[:, 0], normal) > max_variation:
+                    continue
+                turn = height * (normal[0] * x + normal[1] * y + normal[2] * z)
+                normals[order[i]] = normal if turn > 0.0 else -normal
+
+
+@kernel(allocates=False)
+def _height_of_other(packed, full, point, normal, nearest, width, squared_radius):
+    """Return the height of the other sheet above a point, 0 if there is none: with a gap between, by packed points."""
+    height = np.inf
+    for j in range(full):
+        step, up = _step(packed, j, point, normal)
+        if nearest < abs(up) < abs(height) and step <= squared_radius and up * up > 0.5 * step:
+            height = up
+    if height == np.inf:
+        return 0.0
+    squared_width = max(0.5 * abs(height), width) ** 2
+    between = beyond = 0
+    for j in range(full):
+        step, up = _step(packed, j, point, normal)
+        if step - up * up <= squared_width:
+            between += 1 if 0.3 < up / height < 0.7 else 0
+            beyond += 1 if 0.7 <= up / height < 1.3 else 0
+    return height if beyond >= 3 and between <= SHEET_GAP * beyond else 0.0
+
+
+@kernel(allocates=False)
+def _moments_of_sheet(packed, full, point, normal, middle, squared_radius, moments):
+    """Fill moments, (10, 1), with those of the points within a radius on this side of the middle between two sheets."""
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for j in range(full):
+        step, up = _step(packed, j, point, normal)
+        if step <= squared_radius and up / middle < 1.0:
+            sums = with_step(sums, 1.0, packed[0, j] - point[0], packed[1, j] - point[1], packed[2, j] - point[2])
+    for m in range(MOMENTS):
+        moments[m, 0] = sums[m]
+
+
+@kernel(allocates=False)
+def _step(packed, j, point, normal):
+    """Return the squared distance of a packed point from another point, and its height above that along a normal."""
+    dx, dy, dz = packed[0, j] - point[0], packed[1, j] - point[1], packed[2, j] - point[2]
+    return dx * dx + dy * dy + dz * dz, dx * normal[0] + dy * normal[1] + dz * normal[2]

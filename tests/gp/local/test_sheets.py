@@ -1,0 +1,57 @@
+"""Thin parts: normals of one's own sheet where another is near."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import gppcs
+from gppcs.gp.local.sheets import normals_of_sheets, toward_other_sheet
+from gppcs.spatial.kdtree import KdTree
+from gppcs.surface.noise import Noise
+from shapes import plate
+
+N, SPACING, FINE = 20_000, 0.05, 5.0  # target spacing of a plate of two unit squares, five times that of its points
+
+
+@pytest.mark.parametrize("thickness", [0.5, 0.8])
+def test_normals_point_to_the_other_sheet(thickness):
+    points, outward, _ = plate(N, thickness * FINE)
+    normals = normals_of_sheets(KdTree.build(points), points, SPACING)
+    assert normals is not None
+    thin = normals.any(axis=1)
+    assert thin.mean() > 0.8
+    cosines = -(normals * outward)[thin].sum(axis=1)
+    assert np.mean(cosines > 0.95) > 0.97  # others are at the rim
+
+
+def test_thick_and_round_shapes_have_no_thin_parts(sphere):
+    for points in (plate(N, 1.5 * FINE)[0], sphere[:N]):
+        assert normals_of_sheets(KdTree.build(points), points, SPACING) is None
+
+
+def test_a_point_without_neighbours_has_no_sheet():
+    points = np.random.default_rng(0).random((11, 3))
+    for cloud in (points, points[:1], np.repeat(points[:1], 40, axis=0)):
+        assert not toward_other_sheet(KdTree.build(cloud), cloud, 1.0).any()
+
+
+def test_two_sheets_are_no_noise():
+    """The layer of both about quadrics is as thick as one of noise, but nothing lies in its middle."""
+    points, outward, _ = plate(N, 0.4 * FINE)
+    noisy = points + outward * np.random.default_rng(0).normal(0.0, 0.2 * SPACING, (N, 1))
+    assert Noise.measure(KdTree.build(points), 800, SPACING).is_negligible
+    assert not Noise.measure(KdTree.build(noisy), 800, SPACING).is_negligible
+
+
+def test_beyond_memory_thin_parts_count(tmp_path, monkeypatch):
+    gppcs.write(tmp_path / "fan.ply", gppcs.sample("fan", n_points=N))
+
+    def chosen():
+        with ThreadPoolExecutor(1) as executor:
+            return gppcs.simplify(tmp_path / "fan.ply", n_points=1_000, workers=executor).indices
+
+    aware = chosen()
+    assert len(np.unique(aware)) == 1_000
+    monkeypatch.setattr("gppcs.gp.local.beyond_memory.has_thin_parts", lambda normals: False)
+    assert len(np.intersect1d(aware, chosen())) < 900
