@@ -23,7 +23,7 @@ def test_the_step_is_the_mean_of_the_posterior():
     steps = inducing.inducing_points(kept, observed, places) - kept
 
     surface = LocalSurface.from_points(kept)
-    _, corners, weights = surface.find(places)
+    _, corners, weights, *_ = surface.find(places)
     corners, shares = surface.tree.order[corners], np.column_stack([1 - weights.sum(axis=1), weights])
     a, b, c = (kept[corner] for corner in corners.T)
     normals = np.cross(b - a, c - a)
@@ -53,7 +53,7 @@ def test_the_prior_of_the_steps_follows_from_the_observations():
     rng, places = np.random.default_rng(2), sphere(8000)
     kept = places[:400]
     surface = LocalSurface.from_points(kept)
-    _, corners, weights = surface.find(places)
+    _, corners, weights, *_ = surface.find(places)
     a, b, c = (surface.tree.points.T[corner] for corner in corners.T)
     normals = np.cross(b - a, c - a)
     normals[400:] /= np.linalg.norm(normals[400:], axis=1)[:, None]

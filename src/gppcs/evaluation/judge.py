@@ -240,8 +240,9 @@ def _unit_in(frame: Frame) -> float:
 def _require_measurable(points: Floats, name: str) -> None:
     """Raise an error if the points (N, 3) are so large or so small that squared distances overflow or vanish."""
     smallest, largest = 1e-70, 1e70
-    farthest = float(np.abs(points).max())
-    size = float(np.ptp(points, axis=0).max()) if farthest <= largest else np.inf
+    lower, upper = bounds(points)
+    farthest = float(np.maximum(-lower, upper).max())
+    size = float((upper - lower).max()) if farthest <= largest else np.inf
     if size > largest or 0 < size < smallest:
         actual = f"coordinates up to {farthest:.3g}" if farthest > largest else f"a size of {size:.3g}"
         raise InputError(
@@ -275,19 +276,18 @@ def _carried_normals(cloud: PointCloud) -> Floats | None:
 
 def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int, int]) -> Report:
     """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    tree = KdTree.build(before)
+    tree = KdTree.build(before).in_own_order()
+    before = np.ascontiguousarray(tree.points.T)  # points after each other find the same kept ones
     _, to_original = tree.nearest_of(after, 1)
     _require_near(np.sqrt(to_original), "simplified cloud", after, before, frame)
     surface = LocalSurface.from_points(after)
-    nearest, to_kept = surface.tree.nearest_of(before, 1)
-    to_surface, surface_normals = surface.nearest_to(before)
+    feet = surface.find(before)
+    to_surface, to_kept = feet.distances, feet.squared
     variation = features_of_nearest(tree, VARIATION_NEIGHBOURS).surface_variation
     normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals
-    kept_normals = np.empty_like(after)
-    kept_normals[surface.tree.order] = surface.normals
     spacing = np.sqrt(surface_area(tree) / len(after))
-    distances, areas = np.sqrt(to_kept[:, 0]), areas_of_points(tree)
-    errors = to_surface * np.radians(_angles(normals, surface_normals))
+    distances, areas = np.sqrt(to_kept), areas_of_points(tree)
+    errors = to_surface * np.radians(_angles(normals, surface.normals_at(feet)))
     return Report(
         points_in=counts[0],
         points_out=counts[1],
@@ -306,14 +306,14 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
         feature_recall=float((distances[_rough(variation)] <= spacing).mean()),
-        normal_deviation=float(_angles(normals, kept_normals[nearest[:, 0]]).mean()),
+        normal_deviation=float(_angles(normals, surface.normals[feet.nearest]).mean()),
         mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )
 
 
 def _diagonal(points: Floats) -> float:
     """Return the diagonal of the bounding box of points, (K, 3)."""
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
+    return float(np.linalg.norm(np.subtract(*bounds(points))))
 
 
 def _weighted_quantile(values: Floats, weights: Floats, fraction: float) -> float:

@@ -43,11 +43,11 @@ def inducing_points(kept: Floats, observed: Floats, denoised: Floats) -> Floats:
     if (noise := noise_between(observed, denoised)) == 0.0:
         return kept
     surface = LocalSurface.from_points(kept)
-    _, corners, weights = surface.find(denoised)
+    feet = surface.find(denoised)
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
     moved = kept.copy()
-    moved[surface.tree.order] += joint_steps(in_tree_order, corners, weights, observed, noise, spacing)
+    moved[surface.tree.order] += joint_steps(in_tree_order, feet.corners, feet.weights, observed, noise, spacing)
     return moved
 
 

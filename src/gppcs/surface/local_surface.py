@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, nearest_in_tree
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, limit_beside, nearest_in_tree
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
 from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
 from gppcs.surface.fans import ANY_NORMAL, lay_out, wrap
@@ -21,6 +22,16 @@ PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the poin
 NEIGHBOURS, MAX_NEIGHBOURS = 18, 288
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
+
+
+class Feet(NamedTuple):
+    """Where a surface is nearest to queries: a triangle of its fans, and the nearest of its points, in tree order."""
+
+    distances: Floats  # (Q,), to the triangle
+    corners: NDArray[np.int32]  # (Q, 3), of the triangle
+    weights: Floats  # (Q, 2), of the second and the third corner
+    nearest: NDArray[np.int32]  # (Q,), the nearest point
+    squared: Floats  # (Q,), the squared distance to that
 
 
 @dataclass(frozen=True)
@@ -47,24 +58,30 @@ class LocalSurface:
 
     def nearest_to(self, queries: Floats) -> tuple[Floats, Floats]:
         """Return distances, (Q,), and normals, (Q, 3), of the surface for queries, (Q, 3), by the nearest fans."""
-        distances, corners, weights = self.find(queries)
-        normals = np.empty((len(queries), 3))
-        on_ranges(_interpolate, len(queries), self.normals, corners, weights, normals, minimum=QUERIES_AT_ONCE)
-        return distances, normals
+        feet = self.find(queries)
+        return feet.distances, self.normals_at(feet)
+
+    def normals_at(self, feet: Feet) -> Floats:
+        """Return normals, (Q, 3), interpolated in the triangles."""
+        n = len(feet.corners)
+        normals = np.empty((n, 3))
+        on_ranges(_interpolate, n, self.normals, feet.corners, feet.weights, normals, minimum=QUERIES_AT_ONCE)
+        return normals
 
     def values_at(self, queries: Floats, values: Floats) -> Floats:
         """Return values, (M, k), interpolated linearly in the triangle nearest to each query, (Q, 3); (Q, k)."""
-        _, corners, weights = self.find(queries)
-        a, b, c = (values[self.tree.order[corner]] for corner in corners.T)
-        v, w = weights.T[..., np.newaxis]
+        feet = self.find(queries)
+        a, b, c = (values[self.tree.order[corner]] for corner in feet.corners.T)
+        v, w = feet.weights.T[..., np.newaxis]
         return a + v * (b - a) + w * (c - a)
 
-    def find(self, queries: Floats) -> tuple[Floats, NDArray[np.int32], Floats]:
-        """Return the distance of the nearest triangle, its corners, and the weights of the second and third."""
+    def find(self, queries: Floats) -> Feet:
+        """Find the nearest triangle and the nearest point of each query, (Q, 3): soonest if each is near the last."""
         n = len(queries)
-        result = np.empty(n), np.empty((n, 3), dtype=np.int32), np.empty((n, 2))
-        on_ranges(_search, n, *self.tree.arrays, self.corners, queries, *result, minimum=QUERIES_AT_ONCE)
-        return result
+        corners, nearest = np.empty((n, 3), dtype=np.int32), np.empty(n, dtype=np.int32)
+        feet = Feet(np.empty(n), corners, np.empty((n, 2)), nearest, np.empty(n))
+        on_ranges(_search, n, *self.tree.arrays, self.corners, queries, feet, minimum=QUERIES_AT_ONCE)
+        return feet
 
 
 @kernel
@@ -129,14 +146,15 @@ def _widest(points, i, corners):
 
 
 @kernel
-def _search(begin, end, points, lower, upper, corners, queries, distances, nearest_corners, weights):
-    """Fill distances (Q,), corners (Q, 3) and weights (Q, 2) for queries (Q, 3); others are those of `LocalSurface`."""
+def _search(begin, end, points, lower, upper, corners, queries, feet):
+    """Fill the feet of a range of queries, (Q, 3), on fans with corners, (M, MAX_TRIANGLES, 2)."""
     k = min(5, points.shape[1])  # nearest points whose fans are searched; fewer leave gaps
+    near, squared, limit = np.zeros(k, dtype=np.int64), np.empty(k, dtype=np.float64), np.inf
     for q in range(begin, end):
-        near = np.empty(k, dtype=np.int64)
-        squared = np.empty(k, dtype=np.float64)
         x, y, z = queries[q]
-        nearest_in_tree(points, lower, upper, x, y, z, near, squared)
+        if q > begin:
+            limit = limit_beside(squared[-1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2])
+        nearest_in_tree(points, lower, upper, x, y, z, near, squared, limit)
         smallest, first, second, third, v, w = squared[0], near[0], near[0], near[0], 0.0, 0.0
         for i in near:
             a = _from(points, i, x, y, z)
@@ -149,9 +167,9 @@ def _search(begin, end, points, lower, upper, corners, queries, distances, neare
                 d = squared_distance(a, b, c, new_v, new_w)
                 if d < smallest:
                     smallest, first, second, third, v, w = d, i, j, m, new_v, new_w
-        distances[q] = np.sqrt(smallest)
-        nearest_corners[q, 0], nearest_corners[q, 1], nearest_corners[q, 2] = first, second, third
-        weights[q, 0], weights[q, 1] = v, w
+        feet.distances[q], feet.nearest[q], feet.squared[q] = np.sqrt(smallest), near[0], squared[0]
+        feet.corners[q, 0], feet.corners[q, 1], feet.corners[q, 2] = first, second, third
+        feet.weights[q, 0], feet.weights[q, 1] = v, w
 
 
 @kernel

@@ -51,13 +51,13 @@ class Scene:
         met = np.full(len(rays.origins), NO_SURFACE)
         centres = np.array([surface.centre for surface in self.surfaces])
         radii = np.array([surface.radius for surface in self.surfaces])
-        waiting = [(np.arange(len(distances)), np.arange(len(radii)))]
+        waiting = [(rays, np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
-            indices, numbers = waiting.pop()
-            bundle = Rays(rays.origins[indices], rays.directions[indices])
+            bundle, indices, numbers = waiting.pop()
             numbers = numbers[_may_meet(bundle, centres[numbers], radii[numbers])]
             if len(indices) > 1024 and len(numbers):
-                waiting += [(indices[half], numbers) for half in _halves(bundle, centres[numbers])]
+                for half in _halves(bundle, centres[numbers]):
+                    waiting.append((Rays(bundle.origins[half], bundle.directions[half]), indices[half], numbers))
                 continue
             for number in numbers:
                 to_surface = self.surfaces[number].meet(*bundle, rng)
@@ -69,12 +69,12 @@ class Scene:
         """Return what the sensor measures of the points that its rays meet."""
         true = rays.origins + distances[:, None] * rays.directions
         normals = np.empty_like(true)
-        for number in np.unique(met):
-            mask = met == number
-            normals[mask] = self.surfaces[number].normals(true[mask])
+        by_surface = np.argsort(met.astype(np.uint16), kind="stable")
+        for part in np.split(by_surface, np.flatnonzero(np.diff(met[by_surface])) + 1):
+            normals[part] = self.surfaces[met[part[0]]].normals(true[part])
         normals *= np.where(np.einsum("ni,ni->n", normals, rays.directions) > 0.0, -1.0, 1.0)[:, None]
         looks = [surface.look for surface in self.surfaces]
-        colours = np.array([look.colour for look in looks])[met]
+        colours = np.array([look.colour for look in looks], np.uint8)[met]
         to_sun = np.array([0.36, 0.48, 0.8])
         lightness = 0.45 + 0.55 * (1.0 + normals @ to_sun) / 2.0  # faces that look away are darker
         measured = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
@@ -88,7 +88,8 @@ def _may_meet(bundle: Rays, centres: Floats, radii: Floats) -> Flags:
     apex = bundle.origins.mean(axis=0)
     axis = bundle.directions.mean(axis=0)
     axis /= max(float(np.linalg.norm(axis)), 1e-9)
-    widths = radii + np.linalg.norm(bundle.origins - apex, axis=1).max()
+    offset = bundle.origins - apex
+    widths = radii + np.sqrt(np.einsum("ni,ni->n", offset, offset).max())
     half_angle = np.arccos(np.clip((bundle.directions @ axis).min(), -1.0, 1.0))
     far = np.linalg.norm(centres - apex, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -100,8 +101,8 @@ def _may_meet(bundle: Rays, centres: Floats, radii: Floats) -> Flags:
 def _halves(bundle: Rays, centres: Floats) -> tuple[Ints, Ints]:
     """Return the indices of two halves of a bundle of rays, whose origins and directions are as like as possible."""
     radius = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
-    coordinates = np.hstack([bundle.directions, bundle.origins / max(radius, 1e-9)])
-    order = np.argsort(coordinates[:, np.argmax(np.ptp(coordinates, axis=0))], kind="stable")
+    coordinates = [*bundle.directions.T, *(bundle.origins.T / max(radius, 1e-9))]
+    order = np.argsort(max(coordinates, key=np.ptp), kind="stable")
     return order[: len(order) // 2], order[len(order) // 2 :]
 
 

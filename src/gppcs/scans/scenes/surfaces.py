@@ -112,11 +112,14 @@ def relief(
     def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
             distances = (np.mean(heights) - origins[:, 2]) / directions[:, 2]
-            for _ in range(12):  # Newton steps
+            for _ in range(12):  # Newton steps, until they change no coordinate as float32
                 x, y, z = (origins + distances[:, None] * directions).T
                 ground, along_x, along_y = height(x, y)
                 fall = directions[:, 2] - along_x * directions[:, 0] - along_y * directions[:, 1]
-                distances = distances - (z - ground) / fall
+                step = (z - ground) / fall
+                distances = distances - step
+                if not (np.abs(step) > 1e-10).any():
+                    break
             x, y, _ = (origins + distances[:, None] * directions).T
         within = np.maximum(np.abs(x), np.abs(y)) <= half
         return np.where(within, _first_ahead(distances), np.inf)
