@@ -54,9 +54,10 @@ class Scene:
         waiting = [(rays, np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
             bundle, indices, numbers = waiting.pop()
-            numbers = numbers[_may_meet(bundle, centres[numbers], radii[numbers])]
+            middle = bundle.origins.mean(axis=0)
+            numbers = numbers[_may_meet(bundle, middle, centres[numbers], radii[numbers])]
             if len(indices) > 1024 and len(numbers):
-                for half in _halves(bundle, centres[numbers]):
+                for half in _halves(bundle, middle, centres[numbers]):
                     waiting.append((Rays(bundle.origins[half], bundle.directions[half]), indices[half], numbers))
                 continue
             for number in numbers:
@@ -83,9 +84,8 @@ class Scene:
         return measured.astype(np.float32), normals.astype(np.float32), colours, classification
 
 
-def _may_meet(bundle: Rays, centres: Floats, radii: Floats) -> Flags:
+def _may_meet(bundle: Rays, apex: Floats, centres: Floats, radii: Floats) -> Flags:
     """Return which balls, (S,), a cone around a bundle of rays meets; its apex is a ball around their origins."""
-    apex = bundle.origins.mean(axis=0)
     axis = bundle.directions.mean(axis=0)
     axis /= max(float(np.linalg.norm(axis)), 1e-9)
     offset = bundle.origins - apex
@@ -98,9 +98,9 @@ def _may_meet(bundle: Rays, centres: Floats, radii: Floats) -> Flags:
     return meets
 
 
-def _halves(bundle: Rays, centres: Floats) -> tuple[Ints, Ints]:
+def _halves(bundle: Rays, middle: Floats, centres: Floats) -> tuple[Ints, Ints]:
     """Return the indices of two halves of a bundle of rays, whose origins and directions are as like as possible."""
-    radius = float(np.median(np.linalg.norm(centres - bundle.origins.mean(axis=0), axis=1)))
+    radius = float(np.median(np.linalg.norm(centres - middle, axis=1)))
     coordinates = [*bundle.directions.T, *(bundle.origins.T / max(radius, 1e-9))]
     order = np.argsort(max(coordinates, key=np.ptp), kind="stable")
     return order[: len(order) // 2], order[len(order) // 2 :]
