@@ -34,7 +34,7 @@ class Part(NamedTuple):
         """Return the records that lie in the part or within some distance of it along each axis."""
         inside = np.empty(len(records), dtype=np.bool_)
         _mark_inside(records["place"], self.lower - width, self.upper + width, inside)
-        return records[inside]
+        return records.compress(inside)
 
 
 @dataclass(frozen=True, eq=False)

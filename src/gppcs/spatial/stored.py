@@ -59,7 +59,7 @@ class Neighbourhood(NamedTuple):
 
     def take(self, indices: NDArray[Any]) -> Neighbourhood:
         """Return some of them."""
-        return Neighbourhood(self.records[indices], self.inside[indices])
+        return Neighbourhood(self.records.take(indices), self.inside[indices])
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ class StoredPoints:
         count = len(records)
         records = np.concatenate([records, part.near(self.records(around, fraction), width)])
         order = np.argsort(records["row"], kind="stable")
-        records = records[order]
+        records = records.take(order)  # four times as fast as records[order], which copies field by field
         near = Neighbourhood(records, order < count)
         if repeats:
             return near
@@ -121,7 +121,7 @@ class StoredPoints:
                 with (self.folder / run.name).open("rb", buffering=0) as file:
                     for first, last in in_run:
                         piece = _read(file, run, first, last, self.kind)
-                        records.append(piece if fraction >= 1.0 else piece[is_drawn(piece["row"], fraction)])
+                        records.append(piece if fraction >= 1.0 else piece.compress(is_drawn(piece["row"], fraction)))
         return np.concatenate(records)
 
 
@@ -160,7 +160,7 @@ def write_run(folder: Path, name: str, boxes: Boxes, records: NDArray[Any]) -> t
     first, last = (int(of_point.min()), int(of_point.max()) + 1) if len(records) else (0, 0)
     order = np.argsort(of_point, kind="stable")
     starts = np.concatenate([[0], np.cumsum(counts[first:last])])
-    write_at_once(folder / name, chain([starts], (records[order[block]] for block in blocks)))
+    write_at_once(folder / name, chain([starts], (records.take(order[block]) for block in blocks)))
     return Run(name, first, last), counts
 
 
@@ -183,4 +183,4 @@ def without(stored: StoredPoints, indices: Ints, map_parts: MapParts) -> StoredP
 
 def _run_without(stored: StoredPoints, indices: Ints, run: Run) -> tuple[Run, Ints]:
     records = replace(stored, runs=(run,)).records([(run.first, run.last)])
-    return write_run(stored.folder, run.name, stored.boxes, records[~np.isin(records["row"], indices)])
+    return write_run(stored.folder, run.name, stored.boxes, records.compress(~np.isin(records["row"], indices)))

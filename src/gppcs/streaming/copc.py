@@ -118,7 +118,7 @@ def _store(
             order = np.argsort(indices, kind="stable")
             ends = np.searchsorted(indices[order], np.arange(len(parts)), side="right")
             for values, kind in ((las.records_of(fit.cloud, header.las), 0), (cloud.points, 1)):
-                for i, piece in enumerate(np.split(values[order], ends[:-1])):
+                for i, piece in enumerate(np.split(values.take(order, axis=0), ends[:-1])):
                     piece.tofile(opened[i][kind])
     if header is None:
         raise InputError(f"{target}: expected points with finite coordinates, found none")
@@ -167,5 +167,5 @@ def _joined(path: Path, parts: list[Path], header: laspy.LasHeader, rng: np.rand
         for part in parts:
             records = np.fromfile(f"{part}{KINDS[0]}", record)
             las.set_coordinates(records, np.fromfile(f"{part}{KINDS[1]}").reshape(-1, 3), header)
-            (records if rng is None else records[rng.permutation(len(records))]).tofile(file)
+            (records if rng is None else records.take(rng.permutation(len(records)))).tofile(file)
     return np.memmap(path, record, mode="r+")

@@ -294,7 +294,7 @@ def _store_candidates(
     kept, gaps = np.concatenate([fixed, kept]), np.concatenate([np.full(len(fixed), FIXED), gaps])
     first = first_occurrences(points[kept])
     kept, gaps = kept[first], gaps[first]
-    records = require_fields(near.records[kept], kind)
+    records = require_fields(near.records.take(kept), kind)
     records["sharpness"], records["gap"] = sharpness[kept], gaps
     if stage.detail:
         records["rough"] = rough[kept]
@@ -347,7 +347,7 @@ def _thin(stage: StoredStage, part: Part) -> tuple[Run, Ints]:
     kept = near.records["gap"] == FIXED
     kept[greatest_in_cells(near.points, stage.edge, np.ascontiguousarray(near.records["sharpness"]))] = True
     name = f"{stage.target}-{part.first}.candidates"
-    return write_run(stage.stored.folder, name, stage.stored.boxes, near.records[kept & near.inside])
+    return write_run(stage.stored.folder, name, stage.stored.boxes, near.records.compress(kept & near.inside))
 
 
 def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Ints) -> NDArray[Any]:
@@ -359,18 +359,18 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Int
         order = np.argsort(records["row"])
         # The fixed points come first, in their order.
         first = order[np.searchsorted(records["row"][order], fixed)]
-        records = records[np.concatenate([first, np.setdiff1d(order, first, assume_unique=True)])]
+        records = records.take(np.concatenate([first, np.setdiff1d(order, first, assume_unique=True)]))
         points, sharpness = np.ascontiguousarray(records["place"]), np.ascontiguousarray(records["sharpness"])
         target = min(stage.target, len(records))
         stages = nested_candidates(points, sharpness, target, stage.area, stage.candidate_density, len(fixed))
-    candidates = _candidates(stage, stages[-1].indices, records[stages[-1].indices])
+    candidates = _candidates(stage, stages[-1].indices, records.take(stages[-1].indices))
     ranking = Ranking.of_fixed(len(fixed))
     for step in stages:
         with timer("features"):
             tree, field = field_of(candidates, step, stage.criterion)
         with timer("greedy selection", step.target - len(ranking.indices)) as on_progress:
             ranking = choose_in_stage(ranking, field, tree, step, stage.criterion, on_progress)
-    return _chosen(records[ranking.indices], ranking.scores, ranking.deviations)
+    return _chosen(records.take(ranking.indices), ranking.scores, ranking.deviations)
 
 
 def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Candidates:
