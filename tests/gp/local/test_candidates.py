@@ -20,8 +20,8 @@ def test_gaps_are_the_distances_to_the_nearest_others(sphere):
     nearest = cKDTree(points).query(points, 2)[0][:, 1]
     for spacing in (0.05, 0.2, 1.0):
         expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
-        np.testing.assert_allclose(gaps_of_isolated(points, spacing), expected)
-    assert np.isinf(gaps_of_isolated(points[:1], 1.0))
+        np.testing.assert_allclose(gaps_of_isolated(KdTree.build(points), spacing), expected)
+    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1]), 1.0))
 
 
 def test_largest_gap_lies_where_the_numbers_fall_slowly():
@@ -52,7 +52,7 @@ def test_wires_and_sparse_parts_stay():
     rows = np.column_stack([np.tile(np.arange(30.0), 12) * gaps, 1 + 8 * gaps, np.zeros(360)])
     points = np.concatenate([square(40_000), wire, rows])
     kept = finest_of(points, 1_000)
-    gaps = gaps_of_isolated(points[kept], np.sqrt(1.0 / 1_000))
+    gaps = gaps_of_isolated(KdTree.build(points[kept]), np.sqrt(1.0 / 1_000))
     assert (gaps > 0).sum() > 5
     for first, last in ((40_000, 40_120), (40_120, len(points))):
         others = points[kept[(kept >= first) & (kept < last)]]

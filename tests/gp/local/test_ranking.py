@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.gp.local.algorithm import Candidates, Criterion, Ranking, choose_in_stage, field_of, local_field
+from gppcs.engine.timer import Timer
+from gppcs.gp.local.algorithm import Candidates, Criterion, choose_in_stages, local_field
 from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
@@ -29,11 +30,7 @@ def ranked(points, n_points, seen=clean):
     stages = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, 8.0)
     indices = stages[-1].indices
     candidates = Candidates(indices, points[indices], *seen(points[indices]), None, None)
-    ranking = Ranking.of_fixed(0)
-    for stage in stages:
-        tree, field = field_of(candidates, stage, criterion())
-        ranking = choose_in_stage(ranking, field, tree, stage, criterion(), lambda steps: None)
-    return ranking
+    return choose_in_stages(candidates, stages, criterion(), Timer(), 0)
 
 
 def test_points_on_a_curve_are_spread_over_all_of_it():

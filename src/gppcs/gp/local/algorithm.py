@@ -65,40 +65,33 @@ def choose(
     if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
         with timer("noise"):
             fitted = noise.fitted(tree)  # once around all points, as the placement needs them, too
-    ranking = choose_in_stages(points, stages, noise, criterion, timer, fixed, weights, detail, sheets, tree, fitted)
+    with timer("noise"):
+        at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[last.indices])
+        # Step 5, Eq. (7).
+        candidates = Candidates.observed(last.indices, points, noise, weights, detail, at_candidates)._replace(
+            sheets=sheets
+        )
+    ranking = choose_in_stages(candidates, stages, criterion, timer, fixed)  # steps 3 to 6 and 8, Eqs. (2) to (9)
+    area = last.area
+    del candidates, stages, last  # as large as what the placement needs
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, stages[-1].area, noise, values, tree, fitted)
+        indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
 
 
 def choose_in_stages(
-    points: Floats,
-    stages: list[Stage],
-    noise: Noise,
-    criterion: Criterion,
-    timer: Timer,
-    fixed: int,
-    weights: Floats | None,
-    detail: Detail | None,
-    sheets: Floats | None,
-    tree: KdTree | None,
-    fitted: Quadrics | None,
+    candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
 ) -> Ranking:
-    """Choose the points of all stages, as `choose` does, by the quadrics fitted in tree order if there are any."""
-    indices = stages[-1].indices
-    with timer("noise"):
-        at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[indices])
-        # Step 5, Eq. (7).
-        candidates = Candidates.observed(indices, points, noise, weights, detail, at_candidates)._replace(sheets=sheets)
+    """Choose the points of all stages, each of which ends with about twice as many as the one before."""
     ranking = Ranking.of_fixed(fixed)
-    for stage in stages:  # step 8: about twice as many points in each as in the one before
+    for stage in stages:
         with timer("features"):
-            tree_of_stage, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
+            tree, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
-            ranking = choose_in_stage(ranking, field, tree_of_stage, stage, criterion, on_progress)
+            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
     return ranking
 
 
@@ -229,26 +222,25 @@ def choose_in_stage(
 
 def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order."""
-    candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices))
-    tree, features = features_of(candidates, stage.spacing, stage.thinned)
-    candidates = candidates.take(tree.order)
+    positions = np.searchsorted(candidates.indices, stage.indices)
+    tree = stage.tree or KdTree.build(candidates.points[positions] / stage.spacing)
+    candidates = candidates.take(positions[tree.order])
+    features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
 
-def features_of(candidates: Candidates, spacing: float, thinned: bool) -> tuple[KdTree, Features]:
-    """Return the tree over candidates, in units of the target spacing, and features in tree order (Eq. (2))."""
-    tree = KdTree.build(candidates.points / spacing)
+def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
+    """Return the features of candidates, all in the order of their tree, in units of the target spacing (Eq. (2))."""
     on_surface = tree.in_own_order()
     if candidates.feet is not None:
-        on_surface = KdTree.over(np.ascontiguousarray(candidates.feet[tree.order].T) / spacing)
+        on_surface = KdTree.over(np.ascontiguousarray(candidates.feet.T) / spacing)
     # Where candidates are not thinned, a ball could hold any number of them.
     features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
     if candidates.sheets is not None:
-        sheets = candidates.sheets[tree.order]
-        thin = sheets.any(axis=1)
-        features.normals[thin] = sheets[thin]
-    return tree, features
+        thin = candidates.sheets.any(axis=1)
+        features.normals[thin] = candidates.sheets[thin]
+    return features
 
 
 class FieldScale(NamedTuple):

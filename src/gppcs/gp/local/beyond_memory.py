@@ -25,9 +25,8 @@ from gppcs.gp.local.algorithm import (
     Criterion,
     FieldScale,
     Ranking,
-    choose_in_stage,
+    choose_in_stages,
     features_of,
-    field_of,
     local_field,
 )
 from gppcs.gp.local.candidates import (
@@ -287,7 +286,7 @@ def _store_candidates(
     points = near.points
     tree, sharpness, rough = _sharpness(stage, near, points)
     kept = greatest_in_cells(points, stage.edge, sharpness) if stage.thinned else np.arange(len(points))
-    gaps = gaps_of_isolated(points[kept], stage.spacing) if stage.thinned else np.zeros(len(kept))
+    gaps = gaps_of_isolated(KdTree.build(points[kept]), stage.spacing) if stage.thinned else np.zeros(len(kept))
     kept, gaps = kept[near.inside[kept]], gaps[near.inside[kept]]
     isolated = count_isolated(gaps, stage.spacing)
     fixed = np.flatnonzero(np.isin(near.indices, chosen["row"]))
@@ -364,12 +363,7 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Int
         target = min(stage.target, len(records))
         stages = nested_candidates(points, sharpness, target, stage.area, stage.candidate_density, len(fixed))
     candidates = _candidates(stage, stages[-1].indices, records.take(stages[-1].indices))
-    ranking = Ranking.of_fixed(len(fixed))
-    for step in stages:
-        with timer("features"):
-            tree, field = field_of(candidates, step, stage.criterion)
-        with timer("greedy selection", step.target - len(ranking.indices)) as on_progress:
-            ranking = choose_in_stage(ranking, field, tree, step, stage.criterion, on_progress)
+    ranking = choose_in_stages(candidates, stages, stage.criterion, timer, len(fixed))
     return _chosen(records.take(ranking.indices), ranking.scores, ranking.deviations)
 
 
@@ -421,9 +415,10 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
 def _measure(stage: StoredStage, part: Part) -> Floats:
     """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
     near = _near(stage, stage.halo, part)
-    candidates = _candidates(stage, near.indices, near.records)
-    tree, features = features_of(candidates, stage.spacing, stage.thinned)
+    tree = KdTree.build(near.points / stage.spacing)
     near = near.take(tree.order)
+    candidates = _candidates(stage, near.indices, near.records)
+    features = features_of(tree, candidates, stage.spacing, stage.thinned)
     records = require_fields(near.records, stage.measured)
     records["inside"] = near.inside
     records["variation"], records["normal"] = features.surface_variation, features.normals

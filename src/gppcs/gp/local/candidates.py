@@ -96,6 +96,7 @@ class Stage(NamedTuple):
     indices: Ints  # (n,), indices of the candidates, ascending
     thinned: bool  # Whether they are one in each cell; otherwise those of the next finer stage, or all points
     area: float  # Area of the surface, corrected by the number of occupied cells
+    tree: KdTree | None = None  # Over the candidates, in units of the target spacing, if there is one
 
     @property
     def spacing(self) -> float:
@@ -114,12 +115,14 @@ def nested_candidates(
     """
     area, indices = thinned(points, sharpness, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
-        spacing = math.sqrt(area / n_points)
-        gaps = gaps_of_isolated(points[indices], spacing)
-        indices = indices[gaps <= largest_gap(count_isolated(gaps, spacing), len(indices), n_points, spacing)]
+        tree = KdTree.build(points[indices] / cell_edge(area, n_points))
+        gaps = gaps_of_isolated(tree, 1.0)
+        stays = gaps <= largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+        indices = indices[stays]
+        stages = [Stage(n_points, indices, True, area, tree if stays.all() else None)]
     else:
         indices = np.arange(len(points))
-    stages = [Stage(n_points, indices, enough, area)]
+        stages = [Stage(n_points, indices, False, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
         area, kept = thinned(points[indices], sharpness[indices], target, area, candidate_density)
@@ -127,24 +130,24 @@ def nested_candidates(
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
     if fixed:
-        stages = [stage._replace(indices=np.union1d(stage.indices, np.arange(fixed))) for stage in stages]
+        stages = [stage._replace(indices=np.union1d(stage.indices, np.arange(fixed)), tree=None) for stage in stages]
     return stages[::-1]
 
 
-def gaps_of_isolated(points: Floats, spacing: float) -> Floats:
-    """Return how far isolated candidates are from all others. Shapes: points (n, 3); returns (n,)."""
-    tree, radius = KdTree.build(points), ISOLATION[0] * spacing
-    suspects = np.ones(len(points), dtype=bool)
+def gaps_of_isolated(tree: KdTree, spacing: float) -> Floats:
+    """Return how far isolated candidates, the n points of a tree, are from all others. Shapes: returns (n,)."""
+    n, radius = len(tree.order), ISOLATION[0] * spacing
+    suspects = np.ones(n, dtype=bool)
     for step in (1, 2, 3):  # in tree order, points that follow each other are mostly near each other
         steps = tree.points[:, step:] - tree.points[:, :-step]
         near = np.einsum("an,an->n", steps, steps) <= radius**2
         suspects[step:] &= ~near
         suspects[:-step] &= ~near
-    gaps = np.full(len(points), 0.0 if len(points) > 1 else np.inf)
-    if len(points) > 1:
-        indices = tree.order[suspects]
-        nearest = np.sqrt(tree.nearest_of(points[indices], 2)[1][:, 1])
-        gaps[indices] = np.where(nearest > radius, nearest, 0.0)
+    gaps = np.full(n, 0.0 if n > 1 else np.inf)
+    if n > 1:
+        queries = np.ascontiguousarray(tree.points[:, suspects].T)
+        nearest = np.sqrt(tree.nearest_of(queries, 2)[1][:, 1])
+        gaps[tree.order[suspects]] = np.where(nearest > radius, nearest, 0.0)
     return gaps
 
 
