@@ -35,94 +35,79 @@ class Options:
         None, "Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%."
     )
     n_points: int | str | None = _option(
-        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are fewer, all are kept in order."
+        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are fewer, all are kept."
     )
     tolerance: float | str | None = _option(
         None,
         "Keep the fewest points such that no original point is farther than this from the surface through them, "
-        "outliers aside: 0.5 (in the unit of the coordinates), 0.5mm, or 0.02% of the diagonal. With :p95, :mean or "
-        ":rms behind it, it bounds that error instead; with :max, outliers count, too. In place of a number.",
+        "outliers aside: 0.5, 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind it, it bounds that "
+        "error; with :max, outliers count.",
     )
     spacing: float | str | None = _option(
         None,
-        "Keep as many points as have this spacing: 0.05, 5cm or 1%. In place of a number. "
-        + " ".join(
-            f"{name}: {method.supports[Feature.SPACING]}"
-            for name, method in METHODS.built_in.items()
-            if Feature.SPACING in method.supports
-        ),
+        "Keep as many points as have this spacing: 0.05, 5cm or 1% (methods gp, fps, sample-elimination and voxel, "
+        "whose descriptions say what it means).",
     )
     max_gap: float | str | None = _option(
         None,
         "Add points until each original point has a kept one within this distance. Alone, or beside another amount.",
     )
-    unit: str | None = _option(
-        None,
-        "Unit of the coordinates, such as m or mm, for lengths with a unit. By default, the coordinate system of the "
-        "cloud tells it.",
-    )
+    unit: str | None = _option(None, "Unit of the coordinates, such as m or mm, if the file does not tell it.")
     keep: str | ArrayLike | None = _option(
         None,
-        "Keep all points that meet a condition on attributes and x, y, z, such as 'classification == 6'; in Python "
-        "also those of a mask or of indices. They count in the number of points and come first, and the others are "
-        "chosen where these are not (methods gp and fps).",
+        "Keep all points that meet a condition, such as 'classification == 6 and z > 2'; in Python also a mask or "
+        "indices. They count, and come first (methods gp and fps).",
     )
     weight: str | ArrayLike | None = _option(
         None,
-        "Multiply the density of the kept points by this attribute, from 0 on; in Python also by a number for each "
-        "point. No point of weight 0 is kept, but those to keep (method gp).",
+        "Multiply the density of the kept points by this attribute, from 0 on; in Python also by an array. No point "
+        "of weight 0 is kept, but those to keep (method gp).",
     )
     detail: str | Mapping[str, float] | None = _option(
         None,
-        "Let this attribute count beside the shape: rgb (red, green and blue), a number such as intensity, or classes. "
-        "The weight, from 0 to 1000, is 1 if none is given; in Python, several names have weights in a mapping (method "
-        "gp).",
+        "Let an attribute count beside the shape: rgb, a number such as intensity, or classes. Its weight, from 0 to "
+        "1000, is 1 by default; in Python, a mapping has several (method gp).",
     )
     quota: Mapping[str, float | str] | None = _option(
         None,
-        "Keep exactly this number of points that meet a condition, or this fraction of the kept points, such as "
-        "'classification == 6: 10%', in Python {'classification == 6': '10%'}. The other points share the rest "
-        "(methods that rank their points).",
+        "Keep exactly this number of points that meet a condition, or this fraction of the kept ones: 'classification "
+        "== 6: 10%', in Python {'classification == 6': '10%'} (methods that rank their points).",
     )
     group: str | None = _option(
         None,
-        "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time. There "
-        "are then as near to the number of points as whole groups allow (methods that rank their points).",
+        "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time "
+        "(methods that rank their points).",
     )
     method: str | Method = _option(DEFAULT, "The method: its name, or in Python an instance with other parameters.")
     seed: int | None = _option(None, "Seed of random numbers. Methods without random numbers ignore it.")
     invalid: Literal["error", "drop"] = _option(
-        "error", "What to do with points that have NaN or infinite coordinates: stop with an error, or drop them."
+        "error", "What to do with NaN or infinite coordinates: stop with an error, or drop these points."
     )
     drop_outliers: bool = _option(
         False,
-        "Drop, before all else, the points that neither their neighbours nor the surface explain, also if they are to "
-        "be kept. They do not count in ratios.",
+        "First drop the points that neither their neighbours nor the surface explain. They do not count in ratios.",
     )
     normals: bool = _option(
         False,
-        "Add normals that are estimated from all points of the input, to rebuild a surface; those of closed pieces "
-        "point outward, of flat pieces along +z.",
+        "Add normals, estimated from all points of the input. On closed pieces they point outward, on flat ones along "
+        "+z.",
     )
     scores: bool = _option(
-        False, "Add the score and the standard deviation of each point when it was chosen; 0 for repeats (method gp)."
+        False, "Add the score and the standard deviation of each point when it was chosen (method gp)."
     )
     denoise: bool = _option(
-        False,
-        "Move the kept points onto the surface that all points observe with noise. They keep their attributes, but get "
-        "normals of that surface if the input has normals (method gp).",
+        False, "Move the kept points onto the surface that all points observe with noise (method gp)."
     )
     order: Literal["importance", "input", "gps_time"] = _option(
         "importance",
-        "Order of the points of the result: that of importance, whose first points are a good smaller result if the "
-        "method ranks them, that of the input, or that of gps_time.",
+        "Order of the result: importance, whose first points are a good smaller result, input, or gps_time.",
     )
     format: str | None = _option(None, "Format of the files, by its suffix. By default, the content tells.", True)
     columns: Sequence[str] | None = _option(None, "Names of the columns of a text table, with x, y and z.", True)
     inside: Sequence[Any] | str | os.PathLike[str] | None = _option(
         None,
         "Read only the points in a box, xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax, or inside the polygons "
-        "of a GeoJSON file, in the coordinate system of the input; or both.",
+        "of a GeoJSON file, in the coordinate system of the input.",
         True,
     )
     resolution: float | None = _option(
@@ -130,21 +115,20 @@ class Options:
     )
     only: str | None = _option(
         None,
-        "Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and "
-        "z > 2.5'.",
+        "Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z > "
+        "2.5'.",
         True,
     )
     assume_same_crs: bool = _option(False, "Give all files the coordinate system of the first one.", True)
     memory: int | str | None = _option(
         None,
-        "How much memory to use, such as 2GB; half of what is free by default. The points of a larger cloud go to "
-        "temporary files, where other points are chosen than in memory, but equally good ones.",
+        "How much memory to use, such as 2GB; half of what is free by default. Larger clouds go to temporary files.",
         True,
     )
     workers: str | Executor | None = _option(
         None,
-        "Share the work among the workers of a Dask scheduler, such as tcp://10.0.0.5:8786, in place of threads of "
-        "this process; in Python also of an executor of concurrent.futures.",
+        "Share the work among the workers of a Dask scheduler, such as tcp://10.0.0.5:8786; in Python also of an "
+        "executor of concurrent.futures.",
         True,
     )
     scratch: str | os.PathLike[str] | None = _option(

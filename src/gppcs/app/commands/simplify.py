@@ -14,25 +14,12 @@ from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
 
 EPILOG = (
-    "gppcs simplify scan.ply -o small.ply --ratio 0.03\n\n"
-    "gppcs simplify scan.ply -o small.ply --tolerance 0.02%\n\n"
+    "gppcs simplify scan.ply -o small.ply --ratio 3%\n\n"
+    "gppcs simplify scan.ply -o small.ply --tolerance 0.5%\n\n"
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --set feature_weight=0.8\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --normals\n\n"
-    "gppcs simplify scan.ply -o small.ply --ratio 0.1 --detail rgb\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
-    "gppcs simplify tile1.laz tile2.laz -o small.laz --ratio 0.2% --memory 4GB\n\n"
     "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
-    "[bold]Output of --json[/bold]\n\n"
-    "Besides input, output and method: [cyan]seconds[/cyan], the time of each stage; "
-    "[cyan]seconds_compiling[/cyan], the part of it that only a first run takes; and [cyan]peak_memory[/cyan], the "
-    "most bytes that the process has held so far, or null if the system does not report it. If several inputs "
-    "are one cloud, input is a list. With --dry-run, the plan stands in place of the result.\n\n"
-    "[bold]Methods[/bold] (their parameters: gppcs methods NAME)\n\n"
-    + "\n\n".join(
-        f"[cyan]{method.name}[/cyan]: {method.summary} [dim]({method.source})[/dim]"
-        for method in METHODS.built_in.values()
-    )
+    f"[bold]Methods[/bold] (gppcs methods NAME explains one): {', '.join(METHODS.built_in)}"
 )
 
 
@@ -41,9 +28,8 @@ def simplify(
     output: Annotated[
         str,
         option(
-            "The file to write. Several inputs are then one cloud. For a result of each input, give a folder, or a "
-            "pattern with {stem} (the name of the input without suffix), {name}, {suffix} or {parent} (its folder). A "
-            "folder is made if it is missing; end the name of a new one with a slash.",
+            "The file to write; several inputs are then one cloud. For a result of each input: a folder, with a slash "
+            "behind a new one, or a pattern with {stem} (the name without suffix), {name}, {suffix} or {parent}.",
             None,
             "--output",
             "-o",
@@ -58,9 +44,8 @@ def simplify(
     levels: Annotated[
         str | None,
         option(
-            "Make several sizes at once, such as 10%,3%,1% or 50k,5k, of which each is the start of the next. With "
-            "{level} in the name, each is a file: level 0 is the coarsest. Otherwise OUT is the finest, and its "
-            "attribute level tells to which level each point belongs first. In place of --points.",
+            "Make several sizes at once, such as 10%,3%,1%, each the start of the next. With {level} in the name, each "
+            "is a file, 0 the coarsest; otherwise the attribute level says to which each point belongs first.",
             SIZE,
             metavar="SIZE,...",
         ),
@@ -69,7 +54,7 @@ def simplify(
     keep: Annotated[str | None, from_field("keep", CHOICE, "CONDITION")] = None,
     weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
-    quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: NUMBER'")] = None,
+    quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
     group: Annotated[str | None, from_field("group", CHOICE, "NAME")] = None,
     invalid: options.Invalid = "error",
     drop_outliers: Annotated[bool, from_field("drop_outliers", CHOICE, None, "--drop-outliers")] = False,
@@ -92,24 +77,20 @@ def simplify(
     scores: Annotated[bool, from_field("scores", ATTRIBUTES, None, "--scores")] = False,
     index: Annotated[
         bool,
-        option("Add the index of each kept point among those that are read, from 0, as index.", ATTRIBUTES, "--index"),
+        option("Add the index of each kept point among those that are read.", ATTRIBUTES, "--index"),
     ] = False,
     rank: Annotated[
         bool,
-        option("Add the place of each kept point in the order of importance, from 0, as rank.", ATTRIBUTES, "--rank"),
+        option("Add the place of each kept point in the order of importance.", ATTRIBUTES, "--rank"),
     ] = False,
     order: Annotated[
         Literal["importance", "input", "gps_time"] | None,
-        option(
-            f"{HELP['order']} By default that of the input in LAS and LAZ files, else that of importance.",
-            ATTRIBUTES,
-            metavar="importance|input|gps_time",
-        ),
+        option(f"{HELP['order']} By default input in LAS and LAZ files, else importance.", ATTRIBUTES, metavar="ORDER"),
     ] = None,
     mark: Annotated[
         str | None,
         option(
-            "Write all points that are read, with an attribute of this name that is 1 for kept ones and 0 for others.",
+            "Write all points, with an attribute of this name that is 1 for kept ones and 0 for others.",
             ATTRIBUTES,
             metavar="NAME",
         ),
