@@ -152,7 +152,7 @@ class Method(ABC):
     summary : str
         One line for lists of methods.
     description : str
-        What the method does, in a paragraph.
+        What the method does and when to use it, in a paragraph: `gppcs methods NAME` and the docstring show it.
     source : str
         The publication.
     supports : mapping of Feature to str
