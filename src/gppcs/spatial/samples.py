@@ -40,17 +40,32 @@ def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 def _hash_all(begin, end, values, result):
     """Fill `result`, (n,), with the random numbers of a range of values."""
     for i in range(begin, end):
-        mixed = (values[i] + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        result[i] = mixed ^ (mixed >> np.uint64(31))
+        result[i] = _hash(values[i])
+
+
+@kernel(allocates=False)
+def _hash(value):
+    """Return the random number of a value."""
+    mixed = (value + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return mixed ^ (mixed >> np.uint64(31))
 
 
 def is_drawn(indices: Ints, fraction: float) -> Flags:
     """Mark the points of a random sample, which depends on their indices only. Shapes: indices (n,); returns (n,)."""
-    if fraction >= 1.0:
-        return np.ones(len(indices), dtype=np.bool_)
-    return hashes(indices.astype(np.uint64)) < fraction * HASHES
+    drawn = np.ones(len(indices), dtype=np.bool_)
+    if fraction < 1.0:
+        limit = fraction * HASHES
+        on_ranges(_mark_drawn, len(indices), np.ascontiguousarray(indices), limit, drawn, minimum=1 << 14)
+    return drawn
+
+
+@kernel(allocates=False)
+def _mark_drawn(begin, end, indices, limit, drawn):
+    """Fill `drawn`, (n,), for a range of indices: whether their random numbers are below a limit."""
+    for i in range(begin, end):
+        drawn[i] = _hash(np.uint64(indices[i])) < limit
 
 
 def smallest_numbers(stored: StoredPoints, count: int, seed: int, even: bool, part: Part) -> tuple[Floats, Ints]:
