@@ -33,7 +33,9 @@ def test_thick_and_round_shapes_have_no_thin_parts(sphere):
 def test_a_point_without_neighbours_has_no_sheet():
     points = np.random.default_rng(0).random((11, 3))
     for cloud in (points, points[:1], np.repeat(points[:1], 40, axis=0)):
-        assert not toward_other_sheet(KdTree.build(cloud), cloud, 1.0).any()
+        tree = KdTree.build(cloud)
+        assert normals_of_sheets(tree, cloud, 1.0) is None
+        assert not toward_other_sheet(tree, tree, 1.0).any()
 
 
 def test_two_sheets_are_no_noise():

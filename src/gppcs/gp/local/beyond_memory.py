@@ -56,7 +56,7 @@ from gppcs.gp.local.settings import (
     SAMPLED_PER_POINT,
     SHEET_VARIATION,
 )
-from gppcs.gp.local.sheets import FEW, has_thin_parts, toward_other_sheet
+from gppcs.gp.local.sheets import has_thin_parts, runs_of, toward_other_sheet
 from gppcs.spatial.boxes import MapParts, Part, chosen_by_classes
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
@@ -182,7 +182,7 @@ def _surveyed(
             layers = {k: NoiseLayer.from_distances(*of_fit) for k, of_fit in zip(fits, distances, strict=True)}
             stage = replace(stage, noise=Noise.from_layers(layers.__getitem__, within, spacing))
     if not stage.noise.thick:
-        thin = np.concatenate(list(map_parts(partial(_thin_points, stage, -(-FEW // len(few))), few)))
+        thin = np.concatenate(list(map_parts(partial(_thin_points, stage), few)))
         stage = replace(stage, has_thin_parts=has_thin_parts(thin))
     if "detail" in (stored.kind.names or ()):
         measured = np.concatenate(list(map_parts(partial(_residuals, stage), few)))
@@ -211,14 +211,13 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
     return np.array(distances)
 
 
-def _thin_points(stage: StoredStage, maximum: int, part: Part) -> Floats:
-    """Return the normals of the sheets, (n, 3), of about `maximum` points of a part."""
+def _thin_points(stage: StoredStage, part: Part) -> Floats:
+    """Return the normals of the sheets, (n, 3), of some points of a part."""
     near = stage.stored.near(part, stage.noise.spacing, fraction=stage.sampled)
-    points = near.points[near.inside]
-    if not len(points):
-        return points
-    few = points[:: max(1, len(points) // maximum)]
-    return toward_other_sheet(KdTree.build(near.points), few, stage.noise.spacing, SHEET_VARIATION)
+    if not near.inside.any():
+        return np.empty((0, 3))
+    runs = runs_of(KdTree.build(near.points[near.inside]))
+    return toward_other_sheet(KdTree.build(near.points), runs, stage.noise.spacing, SHEET_VARIATION)
 
 
 def _residuals(stage: StoredStage, part: Part) -> Floats:
@@ -298,7 +297,7 @@ def _store_candidates(
     if stage.detail:
         records["rough"] = rough[kept]
     if stage.has_thin_parts and tree:
-        records["sheet"] = toward_other_sheet(tree, points[kept], stage.spacing)
+        records["sheet"] = toward_other_sheet(tree, KdTree.build(points[kept]), stage.spacing)
     if not stage.noise.is_negligible:
         feet, records["variance"] = replace(stage.noise, tree=tree).observe(points[kept])
         if feet is not None:

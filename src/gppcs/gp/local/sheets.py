@@ -20,7 +20,7 @@ from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_st
 
 PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
 SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
-FEW = 2048  # Points, about, by which a cloud has thin parts or none.
+FEW = 64  # Runs of points that follow each other in a tree, by which a cloud has thin parts or none.
 
 
 def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | None:
@@ -28,8 +28,16 @@ def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | N
 
     The tree is over the points of the surface.
     """
-    few = toward_other_sheet(tree, points[:: -(-len(points) // FEW)], radius, SHEET_VARIATION)
-    return toward_other_sheet(tree, points, radius) if has_thin_parts(few) else None
+    few = toward_other_sheet(tree, runs_of(tree), radius, SHEET_VARIATION)
+    return toward_other_sheet(tree, KdTree.build(points), radius) if has_thin_parts(few) else None
+
+
+def runs_of(tree: KdTree) -> KdTree:
+    """Return a tree over `FEW` runs of points, evenly spread, as points of a run share one search."""
+    n = len(tree.order)
+    in_run = min(LEAF_SIZE, -(-n // FEW))
+    starts = (n - in_run) * np.arange(FEW) // (FEW - 1)
+    return KdTree.over(tree.points[:, (starts[:, np.newaxis] + np.arange(in_run)).ravel()])
 
 
 def has_thin_parts(normals: Floats) -> bool:
@@ -37,12 +45,12 @@ def has_thin_parts(normals: Floats) -> bool:
     return len(normals) > 0 and float(np.mean(normals.any(axis=1))) >= THIN_FRACTION
 
 
-def toward_other_sheet(tree: KdTree, points: Floats, radius: float, max_variation: float = math.inf) -> Floats:
-    """Return normals of the sheets of points, (n, 3), toward another sheet within a radius.
+def toward_other_sheet(tree: KdTree, queries: KdTree, radius: float, max_variation: float = math.inf) -> Floats:
+    """Return normals of the sheets of the points of a tree, (n, 3), in its input's order, toward one within a radius.
 
     They are 0 where there is none, or where the surface variation of the point's own sheet is larger.
     """
-    queries, normals = KdTree.build(points), np.zeros((len(points), 3))
+    normals = np.zeros((len(queries.order), 3))
     on_ranges(
         _fill_leaves, queries.leaves, *tree.arrays, queries.order, *queries.arrays, radius, max_variation, normals,
         minimum=8,
