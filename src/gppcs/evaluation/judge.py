@@ -333,8 +333,9 @@ def _rough(variation: Floats) -> Flags:
 
 def _angles(first: Floats, second: Floats) -> Floats:
     """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
-    sine = np.linalg.norm(np.cross(first, second), axis=1)
-    return np.degrees(np.arctan2(sine, np.abs(np.einsum("ij,ij->i", first, second))))
+    a, b = np.ascontiguousarray(first.T), np.ascontiguousarray(second.T)
+    squared = sum((a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2]) ** 2 for i in range(3))
+    return np.degrees(np.arctan2(np.sqrt(squared), np.abs((a * b).sum(axis=0))))
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
