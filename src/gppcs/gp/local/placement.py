@@ -117,7 +117,7 @@ def replacements(
         on_ranges(
             _exchange, len(order), points, feet, normals, vertices, surface.corners, surface.normals, first, members,
             starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, vertex_attributes, point_attributes,
-            DETAIL_PLACEMENT * gaps, new,
+            gaps, new,
         )  # fmt: skip
         stay = new[:, np.newaxis] < 0
         vertices = np.where(stay, vertices, points.T[new])
@@ -242,13 +242,14 @@ def _exchange(
             attribute_scale[v], quadric, middle, errors,
         )  # fmt: skip
         judged, full = _pack_feet(feet, cell, vertex, local)
+        fan_scale = DETAIL_PLACEMENT * attribute_scale[v]
         smallest = (0.0 if by_shape else current) - ROUNDING * steps[v]
         if by_shape:
             smallest += _off_triangles(local[:, :full], squared[:full], judged, vertices, fan, vertex, vertex)
         else:
             smallest += _off_fan(
                 feet, vertices, fan, vertex, vertex_attributes, vertex_attributes[v], point_attributes,
-                attribute_scale[v], cell, np.inf,
+                fan_scale, cell, np.inf,
             )  # fmt: skip
         tried = 0
         while tried < trials:  # in the order of the error, up to that of the vertex; with attributes, while it is small
@@ -264,7 +265,7 @@ def _exchange(
             else:
                 total += _off_fan(
                     feet, vertices, fan, to, vertex_attributes, point_attributes[x], point_attributes,
-                    attribute_scale[v], cell, smallest - total,
+                    fan_scale, cell, smallest - total,
                 )  # fmt: skip
             if total < smallest:
                 smallest, new[v] = total, x

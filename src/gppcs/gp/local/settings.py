@@ -22,8 +22,8 @@ NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right
 NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
 DETAIL_DISTANCE = 3.5  # In desired spacings: distance of values of an attribute that are its whole range apart.
 DETAIL_ROUGHNESS = 12.0  # Surface variation that counts as rough as a variance of the attributes of 1.
-# In mean distances to the three nearest chosen points: as above, where places are judged. With 1, points go so near
-# borders that the nearest kept point mostly lies across.
+# Weight of an attribute that is interpolated in the fan of a place, beside 1 for that at the place. With 1, points go
+# so near borders that the nearest kept point often lies across.
 DETAIL_PLACEMENT = 0.2
 
 # Thin parts (research/experiments.md, "thin parts").
