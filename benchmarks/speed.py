@@ -76,7 +76,8 @@ def measure(path: Path, method: str, n_points: int, threads: int) -> Run:
     while len(runs) < repeats(len(points)) and perf_counter() - begin < LONG:
         start = perf_counter()
         result = gppcs.simplify(points, n_points=n_points, method=method)
-        runs.append((perf_counter() - start, dict(result.seconds)))
+        stages = {stage: value for stage, value in result.seconds.items() if stage != "compilation"}
+        runs.append((perf_counter() - start, stages))
         peak = peak or peak_memory()
     return Run(*min(runs, key=lambda run: run[0]), (peak - held) / len(points))
 
@@ -144,10 +145,13 @@ def stage_table(all_measured: Sequence[Measured]) -> report.Section:
     for members, kept in ((clouds.SERIES, f"{clouds.KEPT:,}"), (clouds.TENTHS, "a tenth")):
         series = series_of(all_measured, members)
         if len(series) > 1:
-            slopes = [exponent(series, lambda run, stage=stage: run.timer[stage]) for stage in timer]
+            common = [stage for stage in timer if all(each.runs[GP].timer.get(stage) for each in series)]
+            slopes = {stage: exponent(series, lambda run, stage=stage: run.timer[stage]) for stage in common}
             span = f"{series[0].cloud.size:,} to {series[-1].cloud.size:,}"
-            values = [exponent(series, lambda run: run.seconds), *slopes]
-            rows.append(["**exponent**, Dragon", span, kept, *(f"{value:.2f}" for value in values)])
+            cells = [f"{slopes[stage]:.2f}" if stage in slopes else "" for stage in timer]
+            rows.append(
+                ["**exponent**, Dragon", span, kept, f"{exponent(series, lambda run: run.seconds):.2f}", *cells]
+            )
     return report.Section("gp, seconds of its stages", ["cloud", "points", "kept", "in all", *timer], rows)
 
 

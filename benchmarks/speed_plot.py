@@ -36,7 +36,10 @@ def draw(path: Path, everything: Sequence[Measured], series: Sequence[Measured],
     left.set_title("methods; 5 % of the smaller two clouds kept, else 28,000 points")
     for axes, clouds, kept in zip(others, (series, tenths), ("28,000 points", "a tenth"), strict=True):
         timer = dict.fromkeys(stage for each in clouds for stage in each.runs["gp"].timer)
-        draw_lines(axes, {name: line(clouds, lambda each, name=name: each.runs["gp"].timer[name]) for name in timer})
+        draw_lines(
+            axes,
+            {name: line(clouds, lambda each, name=name: each.runs["gp"].timer.get(name, np.nan)) for name in timer},
+        )
         axes.set_title(f"stages of gp; {kept} of the Dragon kept")
     figure.savefig(path, dpi=120)
 
