@@ -13,7 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
-LANES = 16  # Points whose kernels and posteriors are computed side by side in vector registers.
+LANES = 8  # Points whose kernels and posteriors are computed side by side in vector registers.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 
 
