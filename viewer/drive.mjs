@@ -192,7 +192,7 @@ seen.figures.all = await figures();
 const tops = async (page) => new Set(await page.locator("#tools > :visible").evaluateAll((all) => all.map((each) => each.offsetTop + each.offsetHeight / 2)));
 seen.toolRows = (await tops(tab)).size;
 await tab.locator("#help summary").click();
-seen.keys = { open: await tab.locator("#keys").isVisible() };
+seen.keys = { width: (await tab.locator("#keys").boundingBox()).width };
 await tab.locator("h1").click();
 seen.keys.left = await tab.locator("#keys").isVisible();
 seen.plotted = await tab.locator("#plot circle").count();

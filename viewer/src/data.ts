@@ -72,7 +72,7 @@ export interface Figure {
   unit: string;
   definition: string;
   better: "less" | "more" | null;
-  /** Whether it is shown before the others. */
+  /** Whether it is shown before somebody asks for all. */
   first: boolean;
 }
 

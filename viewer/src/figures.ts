@@ -62,7 +62,7 @@ function fillTable({ clouds, figures }: Description): void {
   head.append(element("th", "Figure", { scope: "col" }));
   for (const cloud of results) head.append(element("th", cloud.name, { scope: "col" }));
   const body = element("tbody");
-  for (const figure of [...figures].sort((one, other) => Number(other.first) - Number(one.first))) {
+  for (const figure of figures) {
     const row = element("tr", "", { className: figure.first ? "" : "more" });
     const name = element("th", "", { scope: "row" });
     name.append(element("b", figure.title), element("span", figure.definition));
