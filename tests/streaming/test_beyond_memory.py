@@ -1,7 +1,7 @@
 """Clouds larger than memory: exactly as many points, chosen equally well, the same for any number of workers."""
 
 import shutil
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import product
 from multiprocessing import get_context
 
@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.amounts.accuracy import distances_to
+from gppcs.engine.threads import number_of_threads
 from gppcs.streaming.workers import map_over_parts
 
 MEMORY = "1GB"
@@ -87,6 +88,10 @@ def test_the_same_for_any_number_of_threads_files_and_chunks(tmp_path, monkeypat
         gppcs.set_threads(threads)
         results.append(gppcs.simplify(paths, n_points=1_500, memory=MEMORY).indices)
     gppcs.set_threads(None)
+    before = number_of_threads()
+    with ThreadPoolExecutor(2) as executor:
+        results.append(gppcs.simplify(path, n_points=1_500, memory=MEMORY, workers=executor).indices)
+    assert number_of_threads() == before
     monkeypatch.setattr("gppcs.streaming.plan.CHUNK", 1_700)
     results.append(gppcs.simplify(path, n_points=1_500, memory=MEMORY).indices)
     for other in results[1:]:
