@@ -76,3 +76,17 @@ def test_patches_that_meet_nowhere_keep_their_signs():
     normals = np.repeat([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], n, axis=0)
     near, _ = KdTree.build(both).nearest_of(both, 9)
     assert not turned_patches(np.concatenate([faces, faces + n]), both, normals, near[:, 1:]).any()
+
+
+@pytest.mark.parametrize("outside", [1.0, -1.0])
+def test_fans_join_the_sides_of_a_sharp_edge(outside):
+    """A right angle, seen from both sides: no cosine between the normals of its sides is above 0."""
+    rng, n = np.random.default_rng(0), 800
+    points, upright = rng.random((n, 3)), np.arange(n) % 2 == 0
+    points[~upright, 2], points[upright, 0] = 0.0, 0.0
+    points[upright, 2] *= -1.0
+    normals = outside * np.where(upright[:, None], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    triangles, _, _ = fans_of(points, normals, neighbours(points, 24))
+    across = triangles[np.ptp(upright[triangles].astype(int), axis=1) == 1]
+    along = points[across].mean(axis=1)[:, 1]
+    assert np.histogram(along, bins=10, range=(0.0, 1.0))[0].min() > 0

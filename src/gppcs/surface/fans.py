@@ -22,8 +22,9 @@ def corners_of_fans(
 ) -> Ints:
     """Return the other corners of the triangles around each point, (n, MAX_FAN, 2); -1 after the last.
 
-    A neighbour is on the same sheet if the cosine between the normals is at least `agreeing` and the sine of the step's
-    angle to the tangent plane at most `steepest`. Shapes: points and normals (n, 3), near (n, k).
+    A neighbour is on the same sheet if the cosine between the normals, or between one and the other mirrored in the
+    plane halfway, as across a sharp edge, is at least `agreeing`, and the sine of the step's angle to the tangent plane
+    at most `steepest`. Shapes: points and normals (n, 3), near (n, k).
     """
     corners = np.full((len(points), MAX_FAN, 2), -1)
     on_ranges(
@@ -56,11 +57,11 @@ def lay_out(points, normals, i, near, agreeing, steepest, inverse, index):
         squared = dot(step, step)
         a, b = dot(step, u), dot(step, v)
         in_plane = a * a + b * b
-        if (
-            squared == 0.0
-            or dot(normal, row(normals, j)) < agreeing
-            or in_plane < (1.0 - steepest * steepest) * squared
-        ):
+        if squared == 0.0 or in_plane < (1.0 - steepest * steepest) * squared:
+            continue
+        other = row(normals, j)
+        cosine = dot(normal, other)
+        if cosine < agreeing and cosine - 2.0 * dot(step, normal) * dot(step, other) / squared < agreeing:
             continue
         scale = 1.0 / np.sqrt(in_plane * squared)
         inverse[count, 0], inverse[count, 1], index[count] = a * scale, b * scale, j

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.engine.arrays import Floats, Ints
@@ -20,6 +21,7 @@ from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
+CLEARNESS = 4.0  # A vote falls to 1 / e for each quarter of doubt, which is 0 in a plane and up to 2 across it.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 
 
@@ -32,11 +34,11 @@ def estimate_normals(
     with Gaussian weights. The coordinates u and v lie in the plane fitted to the same points. The quadric's gradient
     yields the normal (Cazals and Pouget 2005).
 
-    Signs are passed from neighbour to neighbour along a minimum spanning tree (Hoppe et al. 1992). Steps out of the
-    tangent plane come last, since they lead to another sheet. Signs can be wrong on parts that are about as thin as
-    the distance between points. A connected piece points outward if it is closed. An open piece points away from the
-    middle of the cloud, to the side that bulges, or, if it is flat, up (+z). This is a convention, since the points do
-    not show which side is outside.
+    All pairs of neighbours vote on whether their signs agree, clearly along the surface and hardly across it, where
+    the step may lead to another sheet. Points with clear votes join first; then their pieces join by the sums of their
+    votes. Signs can be wrong on parts that are about as thin as the distance between points. A connected piece points
+    outward if it is closed. An open piece points away from the middle of the cloud, to the side that bulges, or, if it
+    is flat, up (+z). This is a convention, since the points do not show which side is outside.
 
     Parameters
     ----------
@@ -163,11 +165,10 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
     if near is None:
         near, _ = tree.neighbours(min(EDGES, len(points) - 1))
     areas = radii**2
-    doubts = np.empty(near.shape, dtype=np.float32)
-    on_ranges(_doubt, len(points), points, normals, near, doubts, minimum=1024)
-    edges = np.flatnonzero(doubts < np.inf)
-    pieces, signs = np.arange(len(points)), np.ones(len(points), dtype=np.int8)
-    _join(edges[_ascending(doubts.ravel()[edges])], points, normals, near, pieces, signs)
+    votes = np.empty(near.shape)
+    on_ranges(_vote, len(points), points, normals, near, votes, minimum=1024)
+    i, slot = np.nonzero(votes)
+    pieces, signs = signs_by_votes(len(points), np.array([i, near[i, slot]]), votes[i, slot])
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
     oriented = np.empty_like(normals)
@@ -175,12 +176,24 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
     return oriented
 
 
-def _ascending(numbers: NDArray[np.float32]) -> Ints:
-    """Return what a stable argsort of numbers, (n,), returns, in a fraction of its time: floats sort as their bits."""
-    bits = (numbers + np.float32(0.0)).view(np.int32)  # -0.0 becomes 0.0
-    keys = np.where(bits < 0, bits ^ 0x7FFFFFFF, bits).astype(np.int64) << 32 | np.arange(len(bits))
-    keys.sort()
-    return keys & 0xFFFFFFFF
+def signs_by_votes(n: int, pairs: Ints, votes: Floats) -> tuple[Ints, Floats]:
+    """Return the piece and the sign of each of n, so that pairs, (2, p), agree where their votes, (p,), are positive.
+
+    In each round, each piece joins the one with which its votes, summed over all pairs, are clearest (Borůvka 1926).
+    So one wrong vote turns nothing where others are right, as between the sheets of a thin part.
+    """
+    pieces, signs = np.arange(n), np.ones(n)
+    while len(votes):
+        piece, sign = np.arange(n), np.ones(n)
+        _join_by_votes(pairs, votes, np.full(n, -1), piece, sign)
+        signs *= sign[pieces]
+        pieces = piece[pieces]
+        votes = votes * sign[pairs[0]] * sign[pairs[1]]
+        pairs = np.sort(piece[pairs], axis=0)
+        differ = pairs[0] != pairs[1]
+        sums = coo_array((votes[differ], tuple(pairs[:, differ])), shape=(n, n)).tocsr().tocoo()
+        pairs, votes = np.array(sums.coords, dtype=np.int64), sums.data
+    return pieces, signs
 
 
 def _outward(points: Floats, normals: Floats, areas: Floats, pieces: Ints) -> Floats:
@@ -200,8 +213,8 @@ def _outward(points: Floats, normals: Floats, areas: Floats, pieces: Ints) -> Fl
 
 
 @kernel
-def _doubt(begin, end, points, normals, near, doubts):
-    """Fill the doubt, (N, edges), about passing a sign on: small along the surface, infinite for the second time."""
+def _vote(begin, end, points, normals, near, votes):
+    """Fill the votes, (N, edges), that signs agree, negative that they differ: clear along the surface, each once."""
     for i in range(begin, end):
         for slot in range(near.shape[1]):
             j, is_second = near[i, slot], False
@@ -209,7 +222,8 @@ def _doubt(begin, end, points, normals, near, doubts):
                 for other in range(near.shape[1]):
                     is_second = is_second or near[j, other] == i
             fit, off = _fit_of_normals(points, normals, i, j)
-            doubts[i, slot] = np.inf if is_second else 1.0 - abs(fit) + 0.5 * off
+            vote = np.copysign(np.exp(-CLEARNESS * (1.0 - abs(fit) + 0.5 * off)), fit)
+            votes[i, slot] = 0.0 if is_second else vote
 
 
 @kernel(allocates=False)
@@ -230,26 +244,29 @@ def _fit_of_normals(points, normals, i, j):
     return cosine - 2.0 * rise_i * rise_j / squared, (abs(rise_i) + abs(rise_j)) / np.sqrt(squared)
 
 
-@kernel
-def _join(edges, points, normals, near, parents, signs):
-    """Join points by edges, e // k to neighbour e % k, in order (Kruskal 1956); `parents`, (N,), become pieces."""
-    for edge in edges:
-        i = edge // near.shape[1]
-        j = near[i, edge % near.shape[1]]
-        a, sign_a = _root(parents, signs, i)
-        b, sign_b = _root(parents, signs, j)
-        if a != b:
-            fit, _ = _fit_of_normals(points, normals, i, j)
-            parents[b] = a
-            signs[b] = sign_a * sign_b * (1 if fit >= 0.0 else -1)
-    for i in range(len(points)):
+@kernel(allocates=False)
+def _join_by_votes(pairs, votes, clearest, parents, signs):
+    """Join each of n by the pair of its clearest vote; `parents` become pieces, `signs` are relative to these, (n,)."""
+    for e in range(len(votes)):
+        for side in range(2):
+            v = pairs[side, e]
+            if clearest[v] < 0 or abs(votes[e]) > abs(votes[clearest[v]]):
+                clearest[v] = e
+    for e in clearest:
+        if e >= 0:
+            a, sign_a = _root(parents, signs, pairs[0, e])
+            b, sign_b = _root(parents, signs, pairs[1, e])
+            if a != b:
+                parents[b] = a
+                signs[b] = sign_a * sign_b * (1.0 if votes[e] >= 0.0 else -1.0)
+    for i in range(len(parents)):
         parents[i], signs[i] = _root(parents, signs, i)
 
 
 @kernel
 def _root(parents, signs, i):
     """Return the root of point i and its sign relative to the root; halve the path there for the next call."""
-    sign = 1
+    sign = 1.0
     while parents[i] != i:
         signs[i] *= signs[parents[i]]
         parents[i] = parents[parents[i]]
