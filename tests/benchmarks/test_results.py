@@ -13,9 +13,13 @@ import gppcs
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
 OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
-UNSEALED = {  # pages of the paper that were written before pages had seals
-    *("paper_modelnet", "paper_noise", "paper_registration", "paper_scans", "paper_scenes", "paper_table1"),
-}
+UNSEALED = {
+    "paper_noise",
+    "paper_registration",
+    "paper_scans",
+    "paper_scenes",
+    "paper_table1",
+}  # written before pages had seals
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
