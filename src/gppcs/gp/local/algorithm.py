@@ -60,7 +60,7 @@ def choose(
         with timer("features"):
             sheets = normals_of_sheets(surveyed, points[last.indices], last.spacing)
     tree = surveyed if len(surveyed.order) == len(points) else None
-    del surveyed  # a sample's tree is not needed any more
+    del surveyed, sharpness  # neither is needed any more, unless the tree is over all points
     fitted = None
     if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
         with timer("noise"):
