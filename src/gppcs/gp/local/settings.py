@@ -29,8 +29,8 @@ DETAIL_PLACEMENT = 0.2
 # Thin parts (research/experiments.md, "thin parts").
 SHEET_SPACINGS = 2.0  # Of the cloud: distance of two sheets at least, as nearer ones mix in the plane of a point.
 SHEET_GAP = 0.25  # Between two sheets lie at most so many points for each on the other one.
-# Of the candidates beside another sheet of a surface variation below the second; with fewer, the cloud has no thin
-# parts. Scenes have 0.3 to 3 %, a desk scanned in frames 7 to 12 %, thin shapes 9 to 90 %.
+# Of a sample, the points beside another sheet whose own has a surface variation below the second; with fewer, a cloud
+# has no thin parts. Scenes have 0.2 to 3 %, a desk scanned in frames 7 to 13 %, fan, turbine and plates 7 to 73 %.
 THIN_FRACTION, SHEET_VARIATION = 0.05, 0.02
 
 # Survey and candidates, steps 1 and 2.
