@@ -76,7 +76,7 @@ def error_of_fitted(case: Case, kept: gppcs.PointCloud) -> float:
     """Return about the least mean error that any values have at the places of kept points, by reweighted squares."""
     middle = case.cloud.points.mean(axis=0)
     surface = LocalSurface.from_points(np.unique(kept.points - middle, axis=0))
-    _, corners, (v, w) = (each.T for each in surface.find(case.cloud.points - middle))
+    _, corners, (v, w), *_ = (each.T for each in surface.find(case.cloud.points - middle))
     n, shares = len(case.cloud), np.stack([1.0 - v - w, v, w], axis=1)
     matrix = csr_array((shares.ravel(), corners.T.ravel(), np.arange(0, 3 * n + 1, 3)), shape=(n, len(surface.normals)))
     true = AttributeRange.from_cloud(case.cloud, case.attribute).values(case.cloud).astype(np.float64)
