@@ -55,12 +55,13 @@ def test_an_error_in_any_thread_reaches_the_caller_and_the_next_call_works(count
 def test_a_fork_starts_its_own_helpers():
     set_threads(3)
     on_ranges(lambda begin, end: None, 10)
-    child = os.fork()
-    if child == 0:
-        signal.alarm(20)
-        barrier = threading.Barrier(3, timeout=10)
-        on_ranges(lambda begin, end: barrier.wait(), 3)
-        os._exit(0)
+    with sharing_cores():
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            barrier = threading.Barrier(3, timeout=10)
+            on_ranges(lambda begin, end: barrier.wait(), 3)
+            os._exit(0)
     assert os.waitpid(child, 0)[1] == 0
 
 

@@ -129,9 +129,9 @@ def _limit(group: Path) -> float | None:
 
 
 def _start_anew() -> None:
-    """Forget the helping threads, which a forked process lacks."""
+    """Forget the other threads, which a forked process lacks."""
     global _pool, _growing, _sharing
-    _pool, _growing, _sharing = None, threading.Lock(), 0
+    _pool, _growing, _sharing = None, threading.Lock(), int(getattr(_here, "shares", False))
     _quota.cache_clear()
 
 
