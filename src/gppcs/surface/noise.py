@@ -137,8 +137,9 @@ class Noise:
         sigma, two_sheets = layers(neighbours).sigma, layers(neighbours).is_two_sheets()
         thick = layers(NEIGHBOURS).is_thick() and not two_sheets
         is_below_threshold = sigma <= CLEAN * spacing
-        is_detail = not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS))
-        is_negligible = is_below_threshold or two_sheets or is_detail
+        is_negligible = (
+            is_below_threshold or two_sheets or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
+        )
         return cls(None, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
 
     @property
