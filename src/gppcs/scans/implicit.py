@@ -42,8 +42,8 @@ class Solid:
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """Return where so many random lines, each near a cell, meet the surface in that cell."""
         centres = self.cells[rng.integers(len(self.cells), size=count)]
-        directions, others = _unit(rng.standard_normal((2, count, 3)))
-        aside = _unit(np.cross(directions, others)) * np.sqrt(rng.uniform(0.0, 0.75, (count, 1))) * self.edge
+        directions, second = _unit(rng.standard_normal((2, count, 3)))
+        aside = _unit(np.cross(directions, second)) * np.sqrt(rng.uniform(0.0, 0.75, (count, 1))) * self.edge
         ends = np.sort((np.array([[[-0.5]], [[0.5]]]) * self.edge - aside) / directions, axis=0)
         start, end = ends[0].max(axis=1), ends[1].min(axis=1)
         crosses = start < end
@@ -62,9 +62,9 @@ class Solid:
             at_start, at_end = np.concatenate([at_start, at_middle]), np.concatenate([at_middle, at_end])
             may = (at_start < 0.0) != (at_end < 0.0)
             may |= np.abs(at_start) + np.abs(at_end) < end - start
-            number, start, end, at_start, at_end = (each[may] for each in (number, start, end, at_start, at_end))
+            number, start, end, at_start, at_end = (values[may] for values in (number, start, end, at_start, at_end))
         crosses = (at_start < 0.0) != (at_end < 0.0)
-        number, start, end, at_start, at_end = (each[crosses] for each in (number, start, end, at_start, at_end))
+        number, start, end, at_start, at_end = (values[crosses] for values in (number, start, end, at_start, at_end))
         along = start + (end - start) * at_start / (at_start - at_end)
         points: Floats = origins[number] + along[:, None] * directions[number]
         return points
@@ -98,8 +98,8 @@ def limbs(ends: Sequence[Limb], blend: float) -> Function:
         to_start = (points**2).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start**2).sum(axis=1)
         gaps = np.sqrt(np.maximum(to_start + squared * t * (t - 2.0 * from_start), 0.0)) - r[:, 0] - grows * t
         gaps /= np.sqrt(1.0 + grows**2 / squared)
-        least = gaps.min(axis=1, keepdims=True)
-        total: Floats = least[:, 0] - blend * np.log(np.exp((least - gaps) / blend).sum(axis=1))
+        smallest = gaps.min(axis=1, keepdims=True)
+        total: Floats = smallest[:, 0] - blend * np.log(np.exp((smallest - gaps) / blend).sum(axis=1))
         return total
 
     return function

@@ -1,1 +1,1 @@
-"""Scenes that a depth camera, a moving LiDAR and an aeroplane or a tripod measure."""
+"""Scenes that a depth camera, a moving LiDAR, a tripod, a drone and an aeroplane measure."""
