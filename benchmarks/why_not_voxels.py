@@ -30,7 +30,7 @@ FIGURES = {
     "surface_mean": "mean error",
     "surface_max": "largest error",
     "feature_error": "feature error",
-    "covering_radius": "largest distance to a kept point",
+    "covering_radius": "largest gap",
 }
 
 VIEW = Viewpoint("z", (-45.0, 75.0))  # the word POINTS stands upright

@@ -26,7 +26,9 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
         command = [sys.executable, "-m", "gppcs", *shlex.split(words)]
         return subprocess.run(command, cwd=tmp_path, env=variables, check=True, capture_output=True, text=True)
 
-    assert "kernels compiled: 0," not in run("warmup").stdout
+    (tmp_path / "source" / "pymeshlab.py").write_text("raise ModuleNotFoundError('not there')\n")
+    assert "kernels compiled: 0," not in run("warmup").stdout  # without optional packages, too
+    (tmp_path / "source" / "pymeshlab.py").unlink()
     gppcs.write(tmp_path / "room.ply", gppcs.sample("room", 50_000))
     gppcs.write(tmp_path / "scan.ply", gppcs.sample("statue", 40_000, noise=0.001, outliers=0.01, seed=3))
     gppcs.write(tmp_path / "fan.ply", gppcs.sample("fan", 15_000, noise=0.003))

@@ -236,6 +236,11 @@ def test_repeats_are_chosen_last(tmp_path, method):
     assert len(np.unique(result.cloud.points, axis=0)) == 300
 
 
+def test_of_repeats_the_first_is_kept(tmp_path):
+    path = written(tmp_path, gppcs.PointCloud(np.tile(np.random.default_rng(0).random((20_000, 3)), (2, 1))))
+    assert gppcs.simplify(path, n_points=300, memory=MEMORY).indices.max() < 20_000
+
+
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("n_places", [1, 2, 3, 40, 900])
 def test_few_different_places(tmp_path, monkeypatch, method, n_places):

@@ -34,11 +34,14 @@ def folders() -> list[Path]:
     return [parent / environment() for parent in parents]
 
 
+@functools.cache
 def environment() -> str:
-    """Return the name of the folder for the versions of Python and Numba."""
+    """Return the name of the folder for the versions of Python, of Numba, and of what compiles and keeps kernels."""
     import numba
 
-    return f"{sys.implementation.cache_tag}-numba-{numba.__version__}"
+    modules = (Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("kernels", "inner_kernels"))
+    digest = hashlib.sha256(b"".join(modules)).hexdigest()[:8]
+    return f"{sys.implementation.cache_tag}-numba-{numba.__version__}-{digest}"
 
 
 @functools.cache

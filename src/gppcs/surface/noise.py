@@ -155,7 +155,7 @@ class Noise:
         """
         if self.tree is None:
             return None, np.zeros(len(points))
-        feet = projected(points.T, fitted).T if fitted else feet_of(self.tree, points, self.neighbours)
+        feet = feet_of(self.tree, points, self.neighbours) if fitted is None else projected(points.T, fitted).T
         squared = ((feet - points) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)  # Eq. (7)
         return feet if self.thick else None, variances

@@ -154,7 +154,7 @@ def _notes(result: gppcs.MeshResult, original: PointCloud, n_points: int | None,
     if diagnostics.added:
         yield f"{diagnostics.added:,} vertices are no points to keep, as holes, handles and small pieces need them"
     if diagnostics.excluded > 0.001 and tolerance is None:
-        yield f"{diagnostics.excluded:.1%} of the points are not covered by the mesh: no large enough piece has them"
+        yield f"{diagnostics.excluded:.1%} of the points are not covered by the mesh: their pieces are too small"
     if diagnostics.open_holes:
         yield f"the mesh has small holes ({diagnostics.open_holes:,}) where triangles would cut others"
     if diagnostics.outliers or diagnostics.off_surface:

@@ -1,8 +1,8 @@
 """The state of a greedy choice: the scores in the nodes of the tree, and what a newly chosen point changes.
 
-The choice is exact although each new point changes few posteriors. A posterior changes only if the new point is among
-the nearest on which the point is conditioned, and a node is skipped only if this holds for none of its points. Where
-parts choose down to a threshold, scores far below it wait: that of a variance rises seldom, and little.
+Each new point changes few posteriors: a posterior changes only if the new point is among the nearest on which the point
+is conditioned. A node is skipped only if this holds for none of its points. Where parts choose down to a threshold,
+scores far below it wait until a lower threshold: a variance hardly ever rises.
 """
 
 from __future__ import annotations

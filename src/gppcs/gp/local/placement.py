@@ -94,7 +94,7 @@ def replacements(
     if noise.is_negligible:
         feet, normals = cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
     else:
-        fitted = fitted or noise.fitted(cells)
+        fitted = noise.fitted(cells) if fitted is None else fitted
         feet, normals = projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
     surface = LocalSurface.from_points(vertices)
     tree, order = surface.tree.in_own_order(), surface.tree.order
