@@ -91,9 +91,8 @@ class StoredPoints:
 
         With a fraction below 1, these are a random sample, as `is_drawn` marks it.
         """
-        if (
-            fraction < 1.0 and not repeats and self.n_places < len(self)
-        ):  # of repeats, the first is kept, also if others are drawn
+        has_repeats = self.n_places < len(self)
+        if has_repeats and fraction < 1.0 and not repeats:  # the first of them counts, also if only others are drawn
             near = self.near(part, width)
             return near.take(np.flatnonzero(is_drawn(near.indices, fraction)))
         around = _in_spans(self.boxes.around(part, width)) if width else []
