@@ -73,7 +73,7 @@ def test_the_run_is_printed_as_a_table(printed, ball):
 
 
 def test_the_fraction_of_points_on_no_surface_is_a_percentage(gppcs_command):
-    ball, speck = (gppcs.sample("sphere", n).points for n in (3000, 60))
+    ball, speck = (gppcs.sample("sphere", n).points for n in (3000, 12))
     gppcs.write("two.npy", np.vstack([ball, 0.05 * speck + 9]))
     out = gppcs_command("mesh", "two.npy", "-o", "small.ply", "--points", 100)[1]
     assert any(re.fullmatch(r"points not covered by the mesh [\d.]+ %", row) for row in rows_of(out)), out
