@@ -14,11 +14,9 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
 OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
 UNSEALED = {
-    "paper_noise",
     "paper_registration",
     "paper_scans",
     "paper_scenes",
-    "paper_table1",
 }  # written before pages had seals
 
 
