@@ -15,7 +15,6 @@ PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
 OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
 UNSEALED = {
     "paper_registration",
-    "paper_scans",
     "paper_scenes",
 }  # written before pages had seals
 
