@@ -68,9 +68,7 @@ def choose(
     with timer("noise"):
         at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[last.indices])
         # Step 5, Eq. (7).
-        candidates = Candidates.observed(last.indices, points, noise, weights, detail, at_candidates)._replace(
-            sheets=sheets
-        )
+        candidates = Candidates.observed(last.indices, points, noise, weights, detail, sheets, at_candidates)
     ranking = choose_in_stages(candidates, stages, criterion, timer, fixed)  # steps 3 to 6 and 8, Eqs. (2) to (9)
     area = last.area
     del candidates, stages, last  # as large as what the placement needs
@@ -161,13 +159,14 @@ class Candidates(NamedTuple):
         noise: Noise,
         weights: Floats | None,
         detail: Detail | None,
-        fitted: Quadrics | None = None,
+        sheets: Floats | None,
+        fitted: Quadrics | None,
     ) -> Candidates:
         """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
         feet, variances = noise.observe(points[indices], fitted)
         weights = None if weights is None else weights[indices]
         detail = None if detail is None else detail.take(indices)
-        return cls(indices, points[indices], feet, variances, weights, detail)
+        return cls(indices, points[indices], feet, variances, weights, detail, sheets)
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
@@ -223,7 +222,7 @@ def choose_in_stage(
 def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order."""
     positions = np.searchsorted(candidates.indices, stage.indices)
-    tree = stage.tree or KdTree.build(candidates.points[positions] / stage.spacing)
+    tree = KdTree.build(candidates.points[positions] / stage.spacing) if stage.tree is None else stage.tree
     candidates = candidates.take(positions[tree.order])
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2

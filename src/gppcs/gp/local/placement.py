@@ -67,7 +67,7 @@ def place(
         cells = KdTree.build(points[drawn])
         new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
         return np.where(new < 0, chosen, drawn[new])
-    cells = tree or KdTree.build(points)
+    cells = KdTree.build(points) if tree is None else tree
     new = replacements(points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted)
     return np.where(new < 0, chosen, new)
 

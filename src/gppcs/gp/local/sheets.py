@@ -88,10 +88,10 @@ def _fill_leaves(
             height = _height_of_other(buffer.packed, full, (x, y, z), normal, nearest, 1.5 * spacing, squared_radius)
             if height != 0.0:
                 _moments_of_sheet(buffer.packed, full, (x, y, z), normal, 0.5 * height, squared_radius, moments)
-                x, y, z = normal
+                upward = normal[0], normal[1], normal[2]
                 if flattest_of(moments[:, 0], normal) > max_variation:
                     continue
-                turn = height * (normal[0] * x + normal[1] * y + normal[2] * z)
+                turn = height * (normal[0] * upward[0] + normal[1] * upward[1] + normal[2] * upward[2])
                 normals[order[i]] = normal if turn > 0.0 else -normal
 
 
