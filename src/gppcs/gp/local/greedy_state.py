@@ -111,7 +111,7 @@ def condition_on(new, root, computed, field, state, workspace, count):
                 _keep_nearest(state.conditioning, i, new, workspace.gaps[i - begin])
                 ranges[i] = state.conditioning.squared[i, last]
                 if state.scores[i] >= computed:
-                    state.scores[i] = UNSCORED
+                    state.outdated[i], state.scores[i] = False, UNSCORED
                     workspace.changed[count] = i
                     count += 1
                 elif state.scores[i] != UNSCORED:
