@@ -315,6 +315,14 @@ def test_a_lost_worker_is_told():
         list(map_parts(_end_at_once, [1]))
 
 
+def test_a_worker_on_another_machine_uses_one_thread(monkeypatch, default_threads):
+    gppcs.set_threads(3)
+    machines = iter(["here", "there"])  # whose processes may have the same number
+    monkeypatch.setattr("platform.node", lambda: next(machines))
+    with map_over_parts(None, 1) as map_parts:
+        assert list(map_parts(lambda part: number_of_threads(), [0])) == [1]
+
+
 def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch):
     def full(*arguments):
         monkeypatch.setattr(shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9, 0))

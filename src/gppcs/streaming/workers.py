@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,7 +21,7 @@ def map_over_parts(workers: str | Executor | None, threads: int) -> Iterator[Map
     """Yield a function like `map` that works on several parts at once: in so many threads, or by workers."""
     try:
         with _executor(workers, threads) as executor:
-            yield lambda task, parts: executor.map(partial(_worked_on, task, os.getpid()), parts)
+            yield lambda task, parts: executor.map(partial(_worked_on, task, _this_process()), parts)
     except Exception as error:
         if isinstance(error, BrokenExecutor) or type(error).__module__.startswith("distributed"):
             name = type(error).__name__
@@ -47,9 +48,14 @@ def _executor(workers: str | Executor | None, threads: int) -> Iterator[Executor
                 raise
 
 
-def _worked_on(task: Callable[[Any], Any], home: int, part: Any) -> Any:
+def _this_process() -> tuple[str, int]:
+    """Return what tells this process from others, also from those of other machines."""
+    return platform.node(), os.getpid()
+
+
+def _worked_on(task: Callable[[Any], Any], home: tuple[str, int], part: Any) -> Any:
     """Work on a part with a share of the cores; another process than `home` works in one thread, as others do."""
-    if os.getpid() != home:
+    if _this_process() != home:
         set_threads(1)
     with sharing_cores():
         return task(part)
