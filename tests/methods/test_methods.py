@@ -4,12 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gppcs
 from gppcs.amounts.options import method_of
-from gppcs.methods.method import largest
 from gppcs.methods.parameters import parameters_of, with_settings
 
 CLOUD = gppcs.sample("bracket", 600).points
@@ -133,10 +130,3 @@ def test_points_that_move_keep_their_attributes(staying, moving, sphere):
     assert away.max() < 1.5
     whole_numbers = gppcs.PointCloud(np.rint(points * 100), coordinate_dtype=np.dtype(np.int32))
     assert gppcs.simplify(whole_numbers, n_points=300, method=moving).cloud.coordinate_dtype == np.float64
-
-
-@given(st.lists(st.integers(-3, 3), min_size=1, max_size=50), st.data())
-def test_largest(values, data):
-    values = np.array(values, dtype=float)
-    count = data.draw(st.integers(0, len(values)))
-    np.testing.assert_array_equal(largest(values, count), np.argsort(-values, kind="stable")[:count])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import InputError
-from gppcs.methods.method import RANKING, Feature, Method, Selection, Task, largest
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,7 +56,7 @@ class APES(Method):
             features = attended(part(weights, "attentions.0"), features, index)
             scores = np.empty(len(features), dtype=np.float64)
             scores[tree.order] = self._scores(part(weights, "downsamplings.0"), features, index)
-        return Selection(largest(scores, task.n_points))
+        return Selection(np.argsort(-scores, kind="stable")[: task.n_points])
 
     def _scores(self, weights: Weights, features: Features, index: Index) -> NDArray[np.float64]:
         """Return the score of each point, (N,)."""

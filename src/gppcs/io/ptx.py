@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 from io import BufferedReader
 from itertools import chain
 
@@ -13,17 +14,12 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
-from gppcs.io.format import Format, Reader, read_at_once
+from gppcs.io.format import Format, read_at_once
 from gppcs.io.rows import cast, lines_of, read_table
 
 
-def open_ptx(file: BufferedReader) -> Reader:
-    """Open a PTX file, whose scans are one cloud, each moved by its pose. Rows without a return are left out."""
-    return read_at_once(file, _read)
-
-
 def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
-    """Return the points of all scans, and in words what is left out."""
+    """Return the points of all scans, each moved by its pose, and in words what is left out: rows without a return."""
     scans = list(_scans(file))
     if not scans:
         raise FileFormatError("expected the size of a scan in a PTX file, found nothing; get the whole file again")
@@ -74,4 +70,4 @@ def _is_ptx(start: bytes, size: int) -> bool:
     return list(map(len, lines)) == [1] * 2 + [3] * 4 + [4] * 4 and all(line[0].isdigit() for line in lines[:2])
 
 
-FORMAT = Format("PTX", (".ptx",), open_ptx, recognises=_is_ptx)
+FORMAT = Format("PTX", (".ptx",), partial(read_at_once, read=_read), recognises=_is_ptx)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gppcs.methods.method import Method, Selection, Task, largest, random_candidates
+from gppcs.methods.method import Method, Selection, Task, random_candidates
 from gppcs.methods.parameters import parameter
 
 
@@ -48,5 +48,5 @@ class FarthestPointVariation(Method):
         with timer("farthest points", k_init) as on_progress:
             initial, _ = farthest_points(points, k_init, on_progress=on_progress)
         variation[initial] = -np.inf
-        indices = np.concatenate([initial, largest(variation, n_points - k_init)])
+        indices = np.concatenate([initial, np.argsort(-variation, kind="stable")[: n_points - k_init]])
         return Selection(subset[indices])

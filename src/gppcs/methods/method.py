@@ -230,10 +230,3 @@ def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) 
     if candidates is None:
         return np.arange(n)
     return np.sort(np.random.default_rng(seed).permutation(n)[: max(candidates, n_points)])
-
-
-def largest(values: Floats, count: int) -> Ints:
-    """Return the indices of the largest values. Shapes: values (N,); returns (count,)."""
-    import numpy as np
-
-    return np.argsort(-values, kind="stable")[:count]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gppcs.methods.method import RANKING, Feature, Method, Selection, Task, largest
+from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -22,8 +22,10 @@ class TopVariation(Method):
     neighbours: int = parameter(25, "About how many points a neighbourhood holds.", minimum=3)
 
     def __call__(self, task: Task) -> Selection:
+        import numpy as np
+
         from gppcs.surface.surface_variation import estimate_features
 
         with task.timer("surface variation"):
             variation = estimate_features(task.points, self.neighbours).surface_variation
-        return Selection(largest(variation, task.n_points))
+        return Selection(np.argsort(-variation, kind="stable")[: task.n_points])

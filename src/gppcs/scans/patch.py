@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.jets import Jet
+
+if TYPE_CHECKING:
+    from gppcs.scans.implicit import Solid
 
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
@@ -71,26 +74,11 @@ class Patch:
         return SurfacePoints(*(values[kept] for values in drawn))
 
 
-class Part(Protocol):
-    """A part of a surface, such as a `Patch`."""
-
-    @property
-    def colour(self) -> Colour:
-        """Its red, green and blue."""
-
-    @property
-    def weight(self) -> float:
-        """Its share of the proposals for points."""
-
-    def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
-        """Draw points that are uniform by area, by so many proposals."""
-
-
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan: patches that make up its whole surface, the corners of its box in mm, and what paints points."""
+    """A sample scan: patches or a solid with its whole surface, the corners of its box in mm, what paints points."""
 
-    patches: tuple[Part, ...]
+    patches: tuple[Patch | Solid, ...]
     box: Box
     paint: Paint | None = None
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,43 +92,68 @@ def replacements(
     (n, k); returns (m,).
     """
     of_point, cells = cells.order, cells.in_own_order()
-    if noise.is_negligible:
-        feet, normals = cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
-    else:
-        fitted = noise.fitted(cells) if fitted is None else fitted
-        feet, normals = projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
+    feet, normals = _planes(cells, area, noise, fitted)
     surface = LocalSurface.from_points(vertices)
     tree, order = surface.tree.in_own_order(), surface.tree.order
-    points, vertices, stays = cells.points, np.ascontiguousarray(tree.points.T), stays[order]
-    vertex_attributes = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
-    point_attributes = (
-        np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
-    )
+    of_points = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
+    of_vertices = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
+    observed = _Observed(cells.points, feet, normals, of_points)
+    positions, k = np.ascontiguousarray(tree.points.T), min(4, len(order))
+    gaps = np.sqrt(tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
+    chosen = _Vertices(
+        positions, of_vertices, surface.corners, surface.normals, gaps, np.minimum(MAX_STEP * gaps, farthest),
+        stays[order],
+    )  # fmt: skip
     new = np.full(len(order), -1)
-    k = min(4, len(order))
-    gaps = np.sqrt(tree.nearest_of(vertices, k)[1]).sum(axis=1) / max(1, k - 1)
     first, squared = nearest_of_each(tree, cells)
-    widest = GAP_GROWTH**2 * float(squared[~stays[first]].max(initial=0.0))
+    widest = GAP_GROWTH**2 * float(squared[~chosen.stays[first]].max(initial=0.0))
     owners, members = first.copy(), np.empty_like(first)
     for later in range(passes):
         if later:
-            on_ranges(_hand_over, len(owners), points, vertices, surface.corners, owners, minimum=1024)
+            on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
         starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
         _gather(owners, starts[:-1].copy(), members)
-        on_ranges(
-            _exchange, len(order), points, feet, normals, vertices, surface.corners, surface.normals, first, members,
-            starts, np.minimum(MAX_STEP * gaps, farthest), stays, widest, vertex_attributes, point_attributes,
-            gaps, new,
-        )  # fmt: skip
+        on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new)
         stay = new[:, np.newaxis] < 0
-        vertices = np.where(stay, vertices, points.T[new])
-        vertex_attributes = np.where(stay, vertex_attributes, point_attributes[new])
+        chosen = chosen._replace(
+            positions=np.where(stay, chosen.positions, observed.points.T[new]),
+            attributes=np.where(stay, chosen.attributes, observed.attributes[new]),
+        )
     if detail is None and not noise.thick:
-        placed = LocalSurface.from_points(vertices)
+        placed = LocalSurface.from_points(chosen.positions)
         new[farther(replace(surface, tree=tree), placed, feet, first, new >= 0, ROUNDING * gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
+
+
+class _Observed(NamedTuple):
+    """The points of the cells, and the surface that they observe."""
+
+    points: Floats  # (3, n)
+    feet: Floats  # (3, n), on their planes
+    normals: Floats  # (n, 3), of these
+    attributes: NDArray[np.float32]  # (n, k), none without detail
+
+
+class _Vertices(NamedTuple):
+    """The chosen points with the fans of triangles around them, in tree order."""
+
+    positions: Floats  # (m, 3)
+    attributes: NDArray[np.float32]  # (m, k)
+    corners: NDArray[np.int32]  # (m, triangles, 2), of the fans; -1 after the last
+    normals: Floats  # (m, 3), of the fans
+    gaps: Floats  # (m,), mean distance from the nearest others
+    steps: Floats  # (m,), how far each may go
+    stays: Flags  # (m,)
+
+
+def _planes(cells: KdTree, area: float, noise: Noise, fitted: Quadrics | None) -> tuple[Floats, Floats]:
+    """Return the feet of the points of a tree on the surface below their noise, (3, n), and its normals, (n, 3)."""
+    if noise.is_negligible:
+        return cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
+    fitted = noise.fitted(cells) if fitted is None else fitted
+    return projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
 
 
 def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], Floats]:
@@ -181,16 +207,16 @@ def _nearest_packed(packed, count, x, y, z, radius, squared):
 
 
 @kernel(allocates=False)
-def _hand_over(begin, end, points, vertices, corners, owners):
-    """Give a range of points, (3, n), to the nearest of their owner and of the corners of its fan."""
+def _hand_over(begin, end, observed, chosen, owners):
+    """Give a range of points to the nearest of their owner, (n,), and of the corners of its fan."""
     for q in range(begin, end):
-        here, owner = row(points.T, q), owners[q]
-        step = minus(row(vertices, owner), here)
+        here, owner = row(observed.points.T, q), owners[q]
+        step = minus(row(chosen.positions, owner), here)
         smallest = dot(step, step)
-        for j, _ in corners[owners[q]]:
+        for j, _ in chosen.corners[owners[q]]:
             if j < 0:
                 break
-            step = minus(row(vertices, j), here)
+            step = minus(row(chosen.positions, j), here)
             if dot(step, step) < smallest:
                 smallest, owner = dot(step, step), j
         owners[q] = owner
@@ -205,71 +231,73 @@ def _gather(owners, ends, members):
 
 
 @kernel
-def _exchange(
-    begin,
-    end,
-    points,
-    feet,
-    normals,
-    vertices,
-    corners,
-    fan_normals,
-    first,
-    members,
-    starts,
-    steps,
-    stays,
-    widest,
-    vertex_attributes,
-    point_attributes,
-    attribute_scale,
-    new,
-):
+def _exchange(begin, end, observed, chosen, first, members, starts, widest, new):
     """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on."""
-    by_shape = point_attributes.shape[1] == 0
-    trials = TRIALS if by_shape else 20
-    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(point_attributes.shape[1], dtype=np.float64)
     errors = np.empty(0, dtype=np.float64)
+    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(observed.attributes.shape[1], dtype=np.float64)
     local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
     for v in range(begin, end):
-        cell, vertex, fan = members[starts[v] : starts[v + 1]], row(vertices, v), corners[v]
-        if stays[v] or len(cell) < 2 or not _is_one_sheet(feet, normals, cell, vertex, row(fan_normals, v)):
+        cell, vertex = members[starts[v] : starts[v + 1]], row(chosen.positions, v)
+        if chosen.stays[v] or len(cell) < 2:
+            continue
+        if not _is_one_sheet(observed.feet, observed.normals, cell, vertex, row(chosen.normals, v)):
             continue
         if len(cell) > len(errors):
             errors = np.empty(2 * len(cell), dtype=np.float64)
-        current = _errors(
-            v, points, feet, normals, vertices, cell, first, steps[v], vertex_attributes, point_attributes,
-            attribute_scale[v], quadric, middle, errors,
-        )  # fmt: skip
-        judged, full = _pack_feet(feet, cell, vertex, local)
-        fan_scale = DETAIL_PLACEMENT * attribute_scale[v]
-        smallest = (0.0 if by_shape else current) - ROUNDING * steps[v]
-        if by_shape:
-            smallest += _off_triangles(local[:, :full], squared[:full], judged, vertices, fan, vertex, vertex)
+        current = _errors(observed, chosen, v, cell, first, quadric, middle, errors)
+        if observed.attributes.shape[1] == 0:
+            best = _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squared)
         else:
-            smallest += _off_fan(
-                feet, vertices, fan, vertex, vertex_attributes, vertex_attributes[v], point_attributes,
-                fan_scale, cell, np.inf,
-            )  # fmt: skip
-        tried = 0
-        while tried < trials:  # in the order of the error, up to that of the vertex; with attributes, while it is small
-            slot = np.argmin(errors[: len(cell)])
-            x, error, errors[slot] = cell[slot], errors[slot], np.inf
-            if error == np.inf or error >= (current if by_shape else smallest):
-                break
-            if not _covers(points, row(points.T, x), cell, widest):
-                continue
-            total, to = 0.0 if by_shape else error, row(points.T, x)
-            if by_shape:
-                total += _off_triangles(local[:, :full], squared[:full], judged, vertices, fan, vertex, to)
-            else:
-                total += _off_fan(
-                    feet, vertices, fan, to, vertex_attributes, point_attributes[x], point_attributes,
-                    fan_scale, cell, smallest - total,
-                )  # fmt: skip
-            if total < smallest:
-                smallest, new[v] = total, x
-            tried += 1
+            best = _best_with_attributes(observed, chosen, v, cell, widest, current, errors)
+        if best >= 0:
+            new[v] = best
+
+
+@kernel(allocates=False)
+def _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squared):
+    """Return the point of a cell to whose triangles this lies nearest, of those of least error; -1 for the vertex."""
+    vertex, fan, best = row(chosen.positions, v), chosen.corners[v], -1
+    judged, full = _pack_feet(observed.feet, cell, vertex, local)
+    smallest = _off_triangles(local[:, :full], squared[:full], judged, chosen.positions, fan, vertex, vertex)
+    smallest -= ROUNDING * chosen.steps[v]
+    for _ in range(TRIALS):
+        x, _ = _next_point(observed.points, cell, errors, current, widest)
+        if x < 0:
+            break
+        to = row(observed.points.T, x)
+        total = _off_triangles(local[:, :full], squared[:full], judged, chosen.positions, fan, vertex, to)
+        if total < smallest:
+            smallest, best = total, x
+    return best
+
+
+@kernel(allocates=False)
+def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
+    """Return the point of a cell with the least sum of Eq. (20), of those of least error; -1 for the vertex."""
+    vertex, best = row(chosen.positions, v), -1
+    smallest = current - ROUNDING * chosen.steps[v]
+    smallest += _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    for _ in range(20):
+        x, error = _next_point(observed.points, cell, errors, smallest, widest)
+        if x < 0:
+            break
+        to, at_apex = row(observed.points.T, x), observed.attributes[x]
+        total = error + _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
+        if total < smallest:
+            smallest, best = total, x
+    return best
+
+
+@kernel(allocates=False)
+def _next_point(points, cell, errors, limit, widest):
+    """Return the point of least error, below a limit, that is near all of its cell, and this error; -1 if none is."""
+    while True:
+        slot = np.argmin(errors[: len(cell)])
+        x, error, errors[slot] = cell[slot], errors[slot], np.inf
+        if error == np.inf or error >= limit:
+            return -1, error
+        if _covers(points, row(points.T, x), cell, widest):
+            return x, error
 
 
 @kernel(allocates=False)
@@ -291,12 +319,11 @@ def _is_one_sheet(feet, normals, cell, vertex, fan_normal):
 
 
 @kernel(allocates=False)
-def _errors(
-    v, points, feet, normals, vertices, cell, first, steps, vertex_attributes, point_attributes, attribute_scale,
-    quadric, middle, errors,
-):  # fmt: skip
+def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
-    vertex, n, judged = row(vertices, v), len(cell), -(-len(cell) // _stride(cell))
+    points, feet, normals, point_attributes = observed
+    steps, scale = chosen.steps[v], chosen.gaps[v]
+    vertex, n, judged = row(chosen.positions, v), len(cell), -(-len(cell) // _stride(cell))
     quadric[:], middle[:] = 0.0, 0.0
     x = y = z = 0.0
     for q in cell:
@@ -310,10 +337,10 @@ def _errors(
         if first[q] == v and dot(step, step) <= steps * steps:
             to_middle = minus(step, (x, y, z))
             squared = value(quadric, step) / n + PULL * dot(to_middle, to_middle)  # Eq. (10)
-            squared = max(0.0, squared) + attribute_scale**2 * _squared_difference(point_attributes[q], middle)
+            squared = max(0.0, squared) + scale**2 * _squared_difference(point_attributes[q], middle)
             errors[slot] = judged * np.sqrt(squared)  # Eq. (20), second term
     squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z))
-    return judged * np.sqrt(max(0.0, squared) + attribute_scale**2 * _squared_difference(vertex_attributes[v], middle))
+    return judged * np.sqrt(max(0.0, squared) + scale**2 * _squared_difference(chosen.attributes[v], middle))
 
 
 @kernel(allocates=False)
@@ -370,17 +397,17 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
 
 
 @kernel(allocates=False)
-def _off_fan(feet, vertices, corners, apex, vertex_attributes, at_apex, point_attributes, attribute_scale, cell, limit):
+def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
     """Return the first sum of Eq. (20) over a cell and the fan of triangles around an apex, or more than `limit`."""
-    total = 0.0
+    total, scale = 0.0, DETAIL_PLACEMENT * chosen.gaps[v]
     for slot in range(0, len(cell), _stride(cell)):
         q = cell[slot]
-        here, smallest = row(feet.T, q), np.inf
+        here, smallest = row(observed.feet.T, q), np.inf
         a, second, third, s, t = minus(apex, here), 0, 0, 0.0, 0.0
-        for j, m in corners:
+        for j, m in chosen.corners[v]:
             if j < 0:
                 break
-            b, c = minus(row(vertices, j), here), minus(row(vertices, m), here)
+            b, c = minus(row(chosen.positions, j), here), minus(row(chosen.positions, m), here)
             along, across = nearest_in_triangle(a, b, c)
             squared = squared_distance(a, b, c, along, across)
             if squared < smallest:
@@ -390,10 +417,10 @@ def _off_fan(feet, vertices, corners, apex, vertex_attributes, at_apex, point_at
         difference = 0.0
         for k in range(len(at_apex)):
             interpolated = at_apex[k]
-            interpolated += s * (vertex_attributes[second, k] - at_apex[k])
-            interpolated += t * (vertex_attributes[third, k] - at_apex[k])
-            difference += (interpolated - point_attributes[q, k]) ** 2
-        total += np.sqrt(smallest) + attribute_scale * np.sqrt(difference)  # Eq. (20), the sum
+            interpolated += s * (chosen.attributes[second, k] - at_apex[k])
+            interpolated += t * (chosen.attributes[third, k] - at_apex[k])
+            difference += (interpolated - observed.attributes[q, k]) ** 2
+        total += np.sqrt(smallest) + scale * np.sqrt(difference)  # Eq. (20), the sum
         if total > limit:
             break
     return total

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gppcs.methods.method import Method, Selection, Task, largest
+from gppcs.methods.method import Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 
@@ -58,4 +58,5 @@ class PCSimp(Method):
             solution, gap, iterations = solve(programme, self.tolerance, self.iterations)
         selection = np.empty(len(points), dtype=np.float64)
         selection[tree.order] = solution
-        return Selection(largest(selection, n_points), {"gap": gap, "iterations": float(iterations)})
+        indices = np.argsort(-selection, kind="stable")[:n_points]
+        return Selection(indices, {"gap": gap, "iterations": float(iterations)})

@@ -48,18 +48,19 @@ class WLOP(Method):
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
-        from gppcs.methods.wlop import projection
-        from gppcs.spatial.kdtree import KdTree
+        from gppcs.methods.wlop.projection import project
+        from gppcs.spatial.kdtree import KdTree, nearest_distances
         from gppcs.spatial.queries import nearest_unused
 
         points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):
             tree = KdTree.build(points)
-            radius = self.radius * projection.average_spacing(tree)
+            # The median (CGAL: the mean) of the points' mean distance to the seven nearest, itself included.
+            spacing = np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0))
         start = points[np.random.default_rng(self.seed).permutation(len(points))[:n_points]]
         with timer("projection", self.iterations) as on_progress:
-            samples = projection.project(
-                tree, start, radius, self.iterations, self.mu, self.require_uniform, on_progress
+            samples = project(
+                tree, start, self.radius * float(spacing), self.iterations, self.mu, self.require_uniform, on_progress
             )
         with timer("nearest points"):
             indices = nearest_unused(samples, tree)

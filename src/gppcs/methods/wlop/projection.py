@@ -16,16 +16,10 @@ from gppcs.spatial.kdtree import (
     leaf_range,
     leaves_near,
     measure_boxes,
-    nearest_distances,
     squared_distance_to_box,
 )
 
 SAME_PLACE = 1e-10  # points whose squared distance is below this fraction of the squared radius ignore each other
-
-
-def average_spacing(tree: KdTree) -> float:
-    """Return the median (CGAL: the mean) of the points' mean distance to the seven nearest, itself included."""
-    return float(np.median(np.mean([nearest_distances(tree, k) for k in range(7)], axis=0)))
 
 
 def project(
