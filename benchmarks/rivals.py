@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import by_cgal
 import gppcs
 import report
-from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
+from gppcs.methods.hc.clustering import hierarchical_clusters
 from gppcs.methods.wlop.projection import project
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.queries import nearest_unused
@@ -49,7 +49,7 @@ def our_clusters(points: NDArray[np.float64], n_points: int | None) -> float:
     if n_points is None:
         hierarchical_clusters(points, SIZE, VARIATION)
     else:
-        clusters_by_variation(points, n_points)
+        hierarchical_clusters(points, maximum=n_points)
     return perf_counter() - start
 
 

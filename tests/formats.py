@@ -1,4 +1,4 @@
-"""What formats leave out."""
+"""What formats leave out and hold."""
 
 from collections import namedtuple
 
@@ -17,3 +17,9 @@ def load(path):
     """A cloud, its number of faces, and in words what is not read."""
     with CloudFiles([path]) as files:
         return Loaded(files.read(), files.n_faces, files.skipped())
+
+
+def lzf(data):
+    """Data as LZF holds it without compression: in runs of at most 32 bytes, behind their length less one."""
+    runs = (data[i : i + 32] for i in range(0, len(data), 32))
+    return b"".join(bytes([len(run) - 1]) + run for run in runs)

@@ -5,13 +5,14 @@ import time
 import laspy
 import numpy as np
 import pytest
-from laspy.vlrs.vlrlist import VLRList
 
 import gppcs
 from copc_file import write_copc
+from formats import lzf
 from gppcs.errors import GppcsError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.joining import joined
+from las_file import random_las, save
 
 N = 60
 AT_MOST = 5.0  # seconds for one read, on a busy machine: a header that lies must not cost time or memory
@@ -35,13 +36,10 @@ def as_pcd(path, encoding):
     written(path, ascii=encoding == "ascii")
     if encoding == "binary_compressed":
         points = cloud().points.astype("<f4").T.tobytes()
-        # Runs of literals, as LZF knows them: a byte of their length less one, then at most 32 bytes.
-        literals = b"".join(
-            bytes([len(run) - 1]) + run for run in (points[i : i + 32] for i in range(0, len(points), 32))
-        )
+        packed = lzf(points)
         head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {N}\nHEIGHT 1\nPOINTS {N}\n"
-        sizes = np.array([len(literals), len(points)], "<u4").tobytes()
-        path.write_bytes(head.encode() + b"DATA binary_compressed\n" + sizes + literals)
+        sizes = np.array([len(packed), len(points)], "<u4").tobytes()
+        path.write_bytes(head.encode() + b"DATA binary_compressed\n" + sizes + packed)
 
 
 def as_colmap(path, _):
@@ -59,16 +57,9 @@ def as_ptx(path, _):
 
 def as_rich_las(path, _):
     """Points with waveforms, random bytes in every dimension, extra bytes and records before and after them."""
-    header = laspy.LasHeader(point_format=10, version="1.4")
-    header.add_extra_dim(laspy.ExtraBytesParams("triple", "3u2"))
-    header.add_extra_dim(laspy.ExtraBytesParams("scaled", "i4", scales=[0.5], offsets=[7.0]))
-    header.vlrs.append(laspy.VLR("somebody", 77, "anything", bytes(range(256))))
-    las = laspy.LasData(header)
-    record = las.points.array = np.zeros(N, header.point_format.dtype())
-    record[:] = np.frombuffer(np.random.default_rng(0).bytes(record.nbytes), record.dtype)
-    las.evlrs = VLRList([laspy.VLR("somebody", 78, "later", bytes(999))])
-    with np.errstate(all="ignore"):  # random floats may be NaN
-        las.write(path)
+    las = random_las("1.4", 10, N, ["3u2"])
+    las.evlrs[0].record_data = bytes(999)
+    save(las, path)
 
 
 def as_copc(path, _):

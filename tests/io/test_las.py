@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
-from laspy.vlrs.vlrlist import VLRList
 
 import gppcs
 from formats import losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, to_laspy, write
+from las_file import EXTRA_TYPES, WKT, random_las, save
 
 SUFFIXES = [".las", ".laz"]
 FORMATS = [
@@ -25,37 +25,6 @@ FORMATS = [
     *((version, number) for version in ("1.3", "1.4") for number in (4, 5)),
     *(("1.4", number) for number in range(6, 11)),
 ]
-EXTRA_TYPES = [
-    f"{width}{kind}"
-    for width in ("", "2", "3")
-    for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
-]
-WKT = 'PROJCS["NAD83 / Oregon",GEOGCS["NAD83",AUTHORITY["EPSG","4269"]],UNIT["foot",0.3048],AUTHORITY["EPSG","2991"]]'
-
-
-def random_las(version, number, n=300, extra=(*EXTRA_TYPES, "100u1")):
-    """Points of a version and point format, with random bytes in every dimension, and a header full of things."""
-    rng = np.random.default_rng(number)
-    header = laspy.LasHeader(version=version, point_format=number)
-    header.scales, header.offsets = [0.001, 0.01, 0.0001], [500_000, 5e6, -3]
-    header.add_extra_dims([laspy.ExtraBytesParams(f"extra {i}", kind) for i, kind in enumerate(extra)])
-    header.add_extra_dim(laspy.ExtraBytesParams("scaled", "i4", scales=[0.5], offsets=[7.0], description="some"))
-    header.vlrs.append(laspy.VLR("somebody", 77, "anything", bytes(range(256))))
-    header.vlrs.append(WktCoordinateSystemVlr(WKT))
-    header.creation_date, header.file_source_id, header.system_identifier = None, 3, "A SCANNER"
-    header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
-    las = laspy.LasData(header)
-    record = las.points.array = np.zeros(n, header.point_format.dtype())
-    record[:] = np.frombuffer(rng.bytes(record.nbytes), record.dtype)
-    if version == "1.4":
-        las.evlrs = VLRList([laspy.VLR("somebody", 78, "later", b"much" * 20_000)])
-    return las
-
-
-def save(las, path):
-    with np.errstate(all="ignore"):  # random floats may be NaN, of which laspy computes minima
-        las.write(path)
-    return path
 
 
 def assert_right_header(las):
@@ -403,14 +372,3 @@ def test_a_header_may_count_more_records_than_there_are(tmp_path):
     content[100:104] = (2**32 - 1).to_bytes(4, "little")
     path.write_bytes(content)
     assert read(path) == cloud
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("number", [3, 7])
-def test_truncated_files_are_refused(tmp_path, number, suffix):
-    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
-    content = path.read_bytes()
-    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
-        path.write_bytes(content[:length])
-        with pytest.raises(FileFormatError):
-            read(path)

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from formats import lzf
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, write
@@ -18,13 +19,7 @@ ENCODINGS = ["ascii", "binary", "binary_compressed"]
 XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 
-def literal(data):
-    """Data as LZF holds it without compression."""
-    runs = (data[i : i + 32] for i in range(0, len(data), 32))
-    return b"".join(bytes([len(run) - 1]) + run for run in runs)
-
-
-def content(table, encoding, lines=(), compress=literal, **changes):
+def content(table, encoding, lines=(), compress=lzf, **changes):
     """A PCD file of a structured array; `changes` are other words for lines of the header, None to leave one out."""
     fields = [(name.rstrip("0") if name.startswith("_") else name, *sub) for name, sub in (
         (name, table.dtype[name].subdtype or (table.dtype[name], ())) for name in table.dtype.names)]  # fmt: skip
@@ -243,10 +238,10 @@ def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):
     ],
 )
 def test_lies_before_compressed_data_are_refused(pcd, sizes, message):
-    data = content(np.zeros(2, XYZ), "binary_compressed", compress=lambda data: literal(data[:8]))
+    data = content(np.zeros(2, XYZ), "binary_compressed", compress=lambda data: lzf(data[:8]))
     head = data[: data.index(b"compressed\n") + 11]
     with pytest.raises(FileFormatError, match=message):
-        read(pcd(head + struct.pack("<II", *sizes) + literal(bytes(8))))
+        read(pcd(head + struct.pack("<II", *sizes) + lzf(bytes(8))))
 
 
 @pytest.mark.parametrize("name", ["rgb", "rgba"])

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.methods.hc.clustering import clusters_by_variation, hierarchical_clusters
+from gppcs.methods.hc.clustering import hierarchical_clusters
 
 
 def spread(members):
@@ -66,7 +66,7 @@ def test_most_varied_first_gives_the_clusters_of_the_plain_algorithm(n, seed, da
     # three points have no variation, and ties among them are broken alike
     points = np.random.default_rng(seed).random((n, 3))
     n_points = data.draw(st.integers(1, n))
-    assert_central(points, plain_best_first(points, n_points), clusters_by_variation(points, n_points))
+    assert_central(points, plain_best_first(points, n_points), hierarchical_clusters(points, maximum=n_points))
 
 
 def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):

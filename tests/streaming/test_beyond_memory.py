@@ -227,15 +227,6 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     assert not len(np.intersect1d(found.indices, found.outliers))
 
 
-@pytest.mark.parametrize("method", METHODS, ids=str)
-def test_repeats_are_chosen_last(tmp_path, method):
-    points = np.repeat(np.random.default_rng(0).random((300, 3)), 5, axis=0)
-    path = written(tmp_path, gppcs.PointCloud(points))
-    result = gppcs.simplify(path, n_points=400, method=method, memory=MEMORY)
-    assert len(np.unique(result.indices)) == 400
-    assert len(np.unique(result.cloud.points, axis=0)) == 300
-
-
 def test_of_repeats_the_first_is_kept(tmp_path):
     path = written(tmp_path, gppcs.PointCloud(np.tile(np.random.default_rng(0).random((20_000, 3)), (2, 1))))
     assert gppcs.simplify(path, n_points=300, memory=MEMORY).indices.max() < 20_000

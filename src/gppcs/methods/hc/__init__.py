@@ -24,7 +24,7 @@ class HierarchicalClustering(Method):
     _bytes_per_point = 110
 
     def __call__(self, task: Task) -> Selection:
-        from gppcs.methods.hc.clustering import clusters_by_variation
+        from gppcs.methods.hc.clustering import hierarchical_clusters
 
         with task.timer("clusters"):
-            return Selection(clusters_by_variation(task.points, task.n_points))
+            return Selection(hierarchical_clusters(task.points, maximum=task.n_points))

@@ -11,19 +11,14 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 
 
-def hierarchical_clusters(points: Floats, size: int, variation: float) -> Ints:
-    """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat."""
-    return _central_points(points, len(points), size, variation)
+def hierarchical_clusters(
+    points: Floats, size: int = 1, variation: float = math.inf, maximum: int | None = None
+) -> Ints:
+    """Choose a point of each cluster of (N, 3), split by planes across its axis until it is small and flat.
 
-
-def clusters_by_variation(points: Floats, n_points: int) -> Ints:
-    """Choose a point of each of M clusters of (N, 3): that of largest size times surface variation is split next."""
-    return _central_points(points, n_points, 1, math.inf)
-
-
-def _central_points(points: Floats, maximum: int, size: int, variation: float) -> Ints:
-    """Choose a point of each cluster; those within both limits are not split, nor is any if there are as many."""
-    chosen = np.empty(maximum, dtype=np.int64)
+    That of largest size times surface variation is split next, and none if there are as many as the maximum.
+    """
+    chosen = np.empty(len(points) if maximum is None else maximum, dtype=np.int64)
     return chosen[: _split(points.T.copy(), np.arange(len(points)), size, variation, chosen)]
 
 
