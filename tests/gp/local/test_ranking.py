@@ -29,8 +29,8 @@ def ranked(points, n_points, seen=clean):
     area = surface_area(KdTree.build(points))
     stages = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, 8.0)
     indices = stages[-1].indices
-    candidates = Candidates(indices, points[indices], *seen(points[indices]), None, None)
-    return choose_in_stages(candidates, stages, criterion(), Timer(), 0)
+    candidates = Candidates(indices, *seen(points[indices]), None, None)
+    return choose_in_stages(points, candidates, stages, criterion(), Timer(), 0)
 
 
 def test_points_on_a_curve_are_spread_over_all_of_it():

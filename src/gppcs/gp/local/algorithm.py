@@ -69,7 +69,8 @@ def choose(
         at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[last.indices])
         # Step 5, Eq. (7).
         candidates = Candidates.observed(last.indices, points, noise, weights, detail, sheets, at_candidates)
-    ranking = choose_in_stages(candidates, stages, criterion, timer, fixed)  # steps 3 to 6 and 8, Eqs. (2) to (9)
+    # Steps 3 to 6 and 8, Eqs. (2) to (9).
+    ranking = choose_in_stages(points, candidates, stages, criterion, timer, fixed)
     area = last.area
     del candidates, stages, last  # as large as what the placement needs
     with timer("placement"):
@@ -80,16 +81,17 @@ def choose(
 
 
 def choose_in_stages(
-    candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
+    points: Floats, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
 ) -> Ranking:
-    """Choose the points of all stages, each of which ends with about twice as many as the one before."""
+    """Choose among points, (N, 3), in all stages, each of which ends with about twice as many as the one before."""
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:
         with timer("features"):
-            tree, field = field_of(candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
+            tree, field = field_of(points, candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
             ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
+        del tree, field  # as large as those of the next stage
     return ranking
 
 
@@ -144,7 +146,6 @@ class Candidates(NamedTuple):
     """What the field needs to know of n candidates."""
 
     indices: Ints  # (n,), ascending: indices in the cloud
-    points: Floats  # (n, 3)
     feet: Floats | None  # (n, 3), where features are measured: as `Noise.observe` returns them
     variances: Floats  # (n,): of each observation, in the squared unit of the points; 0 without noise
     weights: Floats | None  # (n,)
@@ -166,7 +167,7 @@ class Candidates(NamedTuple):
         feet, variances = noise.observe(points[indices], fitted)
         weights = None if weights is None else weights[indices]
         detail = None if detail is None else detail.take(indices)
-        return cls(indices, points[indices], feet, variances, weights, detail, sheets)
+        return cls(indices, feet, variances, weights, detail, sheets)
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
@@ -174,9 +175,7 @@ class Candidates(NamedTuple):
         weights = None if self.weights is None else self.weights[positions]
         detail = None if self.detail is None else self.detail.take(positions)
         sheets = None if self.sheets is None else self.sheets[positions]
-        return Candidates(
-            self.indices[positions], self.points[positions], feet, self.variances[positions], weights, detail, sheets
-        )
+        return Candidates(self.indices[positions], feet, self.variances[positions], weights, detail, sheets)
 
 
 class Ranking(NamedTuple):
@@ -219,10 +218,13 @@ def choose_in_stage(
     )
 
 
-def field_of(candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
-    """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order."""
+def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
+    """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order.
+
+    Shapes: points (N, 3), of which the candidates are some.
+    """
     positions = np.searchsorted(candidates.indices, stage.indices)
-    tree = KdTree.build(candidates.points[positions] / stage.spacing) if stage.tree is None else stage.tree
+    tree = KdTree.build(points[stage.indices] / stage.spacing) if stage.tree is None else stage.tree
     candidates = candidates.take(positions[tree.order])
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2

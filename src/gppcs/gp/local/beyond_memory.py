@@ -362,7 +362,7 @@ def _in_memory(stage: StoredStage, map_parts: MapParts, timer: Timer, fixed: Int
         target = min(stage.target, len(records))
         stages = nested_candidates(points, sharpness, target, stage.area, stage.candidate_density, len(fixed))
     candidates = _candidates(stage, stages[-1].indices, records.take(stages[-1].indices))
-    ranking = choose_in_stages(candidates, stages, stage.criterion, timer, len(fixed))
+    ranking = choose_in_stages(points, candidates, stages, stage.criterion, timer, len(fixed))
     return _chosen(records.take(ranking.indices), ranking.scores, ranking.deviations)
 
 
@@ -376,7 +376,7 @@ def _candidates(stage: StoredStage, indices: Ints, records: NDArray[Any]) -> Can
     if stage.detail is not None:
         detail = Detail(stage.detail.without(records["detail"]), np.ascontiguousarray(records["rough"]))
     sheets = records["sheet"] if "sheet" in names else None
-    return Candidates(indices, np.ascontiguousarray(records["place"]), feet, variances, weights, detail, sheets)
+    return Candidates(indices, feet, variances, weights, detail, sheets)
 
 
 def _chosen(records: NDArray[Any], scores: Floats, deviations: Floats) -> NDArray[Any]:
