@@ -2,8 +2,9 @@
 
 from collections import namedtuple
 
-from gppcs.io import CloudFiles, format_to_write
+from gppcs.io import FORMATS, CloudFiles, format_to_write
 
+WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 Loaded = namedtuple("Loaded", "cloud faces unread")
 
 

@@ -6,12 +6,12 @@ import sys
 import numpy as np
 import pytest
 
+from formats import WRITABLE
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, MissingExtraError, ParameterError
 from gppcs.io import FORMATS, CloudFiles, format_to_write, read, write
 
 CLOUD = PointCloud([[1.5, 2.5, 3.5]])
-WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 PLAIN = (".points3d.txt", ".xyz", ".csv", ".obj")  # texts without a signature, or without a number of points
 UNSIGNED = (".xyz", ".csv", ".pts", ".obj", ".points3d.bin")
 

@@ -5,6 +5,7 @@ import time
 import laspy
 import numpy as np
 import pytest
+import trimesh
 
 import gppcs
 from copc_file import write_copc
@@ -75,11 +76,8 @@ def as_mesh(path, _):
 
 
 def as_text_stl(path, _):
-    facets = "".join(
-        "facet normal 0 0 1\nouter loop\n" + "".join(f"vertex {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in corners)
-        + "endloop\nendfacet\n" for corners in cloud().points.reshape(-1, 3, 3)
-    )  # fmt: skip
-    path.write_text(f"solid a\n{facets}endsolid a\n")
+    mesh = trimesh.Trimesh(cloud().points, np.arange(N).reshape(-1, 3), process=False)
+    mesh.export(path, file_type="stl_ascii")
 
 
 def plain(path, _):

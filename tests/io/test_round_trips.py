@@ -8,12 +8,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from formats import losses
+from formats import WRITABLE, losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import OutputError
-from gppcs.io import FORMATS, read, write
+from gppcs.io import read, write
 
-WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 MULTIPLES = (".copc.laz", ".las", ".laz")  # hold coordinates as multiples of a scale
 PLY_TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
 EVERY_TYPE = [*PLY_TYPES, "i8", "u8", "f2", "?"]

@@ -11,11 +11,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from formats import WRITABLE
 from gppcs import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import FORMATS, check_distinct, check_writable, read, whole_output, write
+from gppcs.io import check_distinct, check_writable, read, whole_output, write
 
-WRITABLE = [file_format.suffixes[0] for file_format in FORMATS if file_format.write]
 CLOUD = PointCloud([[0.5, 1, 2], [3, 4, 5e30]])
 TEXT = b"# x y z label\n0.5 1 2 7\n3 4 5 8\n"
 
