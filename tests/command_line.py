@@ -36,10 +36,11 @@ def described(page):
 
 
 def assert_one_line(result, *parts):
-    """Check that a command failed with one line on stderr that contains all parts."""
+    """Check that a command failed with one line on stderr that contains all parts, and options for arguments."""
     code, out, err = result
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("gppcs: ")
     assert err.endswith("\n")
+    assert not any(argument in err for argument in ("`", "n_points", "n_faces", "max_gap", "=True"))
     for part in parts:
         assert part in err

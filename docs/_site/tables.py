@@ -58,11 +58,16 @@ def row(page, heading, *cells):
     return next(dict(zip(header, each, strict=True)) for each in rows if each[: len(cells)] == list(cells))
 
 
-def quoted(page, heading, chosen=lambda cells: True):
-    """Return a table of results, or some of its rows, as Markdown."""
+def quoted(page, heading, chosen=lambda cells: True, columns=None):
+    """Return a table of results, or some of its rows and columns, as Markdown.
+
+    `columns` has a title for each number of a column.
+    """
     header, *rows = measured(page, heading)
-    rows = [header, ["---"] * len(header), *filter(chosen, rows)]
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in rows)
+    rows = list(filter(chosen, rows))
+    if columns:
+        header, rows = list(columns.values()), [[cells[i] for i in columns] for cells in rows]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in [header, ["---"] * len(header), *rows])
 
 
 def number(cell):

@@ -16,7 +16,7 @@ MOST_SHOWN = 80  # characters of a wrong value that a message shows
 class GppcsError(Exception):
     """Base class of all errors that gppcs raises on purpose.
 
-    Messages name the argument of the library that is to change; the command has options of the same names.
+    Messages name arguments of the library between backticks; the command prints its options in their place.
 
     Examples
     --------
@@ -100,14 +100,14 @@ def file_path(path: Any) -> Path:
 def flag(name: str, value: Any) -> bool:
     """Check that a value is True or False."""
     if not (isinstance(value, bool) or (getattr(value, "shape", None) == () and value.dtype == bool)):
-        raise ParameterError(f"expected {name} to be True or False, found {shown(value)}")
+        raise ParameterError(f"expected `{name}` to be True or False, found {shown(value)}")
     return bool(value)
 
 
 def one_of(name: str, value: Any, choices: tuple[str, ...]) -> str:
     """Check that a value is one of several words."""
     if not (isinstance(value, str) and value in choices):
-        raise ParameterError(f"expected {name} to be {' or '.join(map(repr, choices))}, found {shown(value)}")
+        raise ParameterError(f"expected `{name}` to be {' or '.join(map(repr, choices))}, found {shown(value)}")
     return value
 
 

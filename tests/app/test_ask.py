@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, rows_of
+from command_line import FAST, assert_one_line, rows_of
 from gppcs.io import files, ply
 
 
@@ -85,7 +85,7 @@ def test_all_files_of_the_levels_are_written_or_none(gppcs_command, scan, monkey
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(files, "FORMATS", [replace(ply.FORMAT, write=fail)])
-    assert gppcs_command(*command)[0] == 2
+    assert_one_line(gppcs_command(*command), "scan_2.ply: expected space", "write to another disk")
     assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
 
 

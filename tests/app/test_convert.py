@@ -29,7 +29,7 @@ def test_what_is_lost_is_left_out_by_name(gppcs_command, scan):
 def test_a_virtual_point_cloud_becomes_one_file(printed, refused, two_systems):
     features = [{"assets": {"data": {"href": path.name}}} for path in two_systems]
     Path("all.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    told = ("b.las: expected one coordinate system", "assume_same_crs")
+    told = ("b.las: expected one coordinate system", "--assume-same-crs")
     refused(("convert", "all.vpc", "one.las"), *told)
     printed("convert", "all.vpc", "one.las", "--assume-same-crs")
     expected = np.concatenate([gppcs.read(path).points for path in two_systems])

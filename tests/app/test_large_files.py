@@ -67,7 +67,7 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
 @pytest.mark.parametrize(
     ("options", "parts_of_message"),
     [
-        (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise memory"]),
+        (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise --memory"]),
         (["--normals", *LARGE], ["normals takes all points at once"]),
         (["--mark", "kept", *LARGE], ["mark takes all points at once"]),
         (["--denoise", *LARGE], ["denoise takes all points at once", "found 1 GB"]),

@@ -30,9 +30,9 @@ simplify bytes.ply -o out.ply --ratio 0.1 | bytes.ply
 simplify cut.ply -o out.ply --ratio 0.1 | cut.ply
 simplify broken.ply -o out.ply --ratio 0.1 | index 7
 simplify other -o out.ply --ratio 0.1 | other
-SIMPLIFY | ratio
+SIMPLIFY | expected one of --ratio, --points, --tolerance, --spacing and --max-gap, found none
 SIMPLIFY --ratio 3 | ratio
-SIMPLIFY --tolerance 1% --points 5 | n_points and tolerance
+SIMPLIFY --tolerance 1% --points 5 | found --points and --tolerance
 SIMPLIFY --tolerance 0 | tolerance
 SIMPLIFY --tolerance 1% --dry-run | --dry-run
 SIMPLIFY --tolerance 1% --memory 1MB | memory
@@ -44,12 +44,12 @@ POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours | --set
 POINTS --invalid odd | '--invalid': 'odd'
 POINTS --mark kept --index | index
-POINTS --mark kept --order input | mark without order
+POINTS --mark kept --order input | --mark without --order
 POINTS --order gps_time | 'gps_time'
 POINTS --rank --method voxel | ranking
 POINTS --workers 2 | --threads
 simplify - -o out.ply --points 5 --workers tcp://localhost:1 | standard input
-POINTS --keep 'z > 5' | quota, or read no others with only
+POINTS --keep 'z > 5' | --quota, or read no others with --only
 POINTS --threads x | '--threads': Input should be a valid integer
 POINTS --memory lots | memory
 POINTS --weight red --memory 1MB | memory
@@ -68,7 +68,7 @@ BEFORE scan.ply -o out.pts --mark row | PTS
 BEFORE bare.npy -o out.obj --normals | nx
 
 convert scan.ply out.ply --inside= | box
-convert scan.ply other.obj | lossy
+convert scan.ply other.obj | leave this out with --lossy
 convert scan.ply scan.ply --force | scan.ply
 convert scan.ply there.html --to ply | force
 convert scan.ply a.laz --memory 1GB | .copc.laz
@@ -99,8 +99,8 @@ evaluate scan.ply | --simplified-mesh
 evaluate scan.ply scan.ply --simplified-mesh mesh.ply | --simplified-mesh
 evaluate scan.ply far.ply | unit
 evaluate scan.ply scan.ply --mesh scan.ply | no triangle
-MESH | n_points
-MESH --points 9 --faces 9 | n_points and n_faces
+MESH | --points, --ratio, --faces, --tolerance, points to keep
+MESH --points 9 --faces 9 | found --points and --faces
 MESH --keep-points small.ply | index 0
 MESH --keep-points nothing.ply | nothing.ply: No such file
 MESH --points 9 -o out.las | .las
@@ -111,7 +111,7 @@ COMPARE scan.ply --points 9 -o side --colour rgb | --no-picture
 COMPARE scan.ply --ratio 0.1 -o side --methods '' | ''
 COMPARE scan.ply --ratio 0.1 -o scan.ply | folder
 COMPARE scan.ply --ratio 0.1 -o - | folder
-COMPARE broken.ply --ratio 0.1 -o side --methods fps | 2 of 400
+COMPARE broken.ply --ratio 0.1 -o side --methods fps | drop them with --invalid drop
 COMPARE missing.ply --ratio 0.1 -o old | old
 COMPARE in/table.csv --ratio 0.1 -o in --force | table.csv
 COMPARE ball.ply --points 100 --meshes -o side --methods gp | 'gp'

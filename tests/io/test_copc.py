@@ -61,7 +61,7 @@ def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_pa
     cloud = gppcs.read(path)
     for box in BOXES[1:]:
         assert gppcs.read(path, inside=box) == inside(cloud, box)
-    with pytest.raises(FileFormatError, match=r"b\.\S+: expected a COPC file, .* leave out resolution"):
+    with pytest.raises(FileFormatError, match=r"b\.\S+: expected a COPC file, .* leave out `resolution`"):
         gppcs.read(path, resolution=1)
 
 
@@ -101,7 +101,7 @@ NO_BOXES = (
 @pytest.mark.parametrize(
     ("query", "message"),
     [
-        *(({"inside": box}, "expected inside to be a box xmin, ymin, xmax, ymax or") for box in NO_BOXES),
+        *(({"inside": box}, "expected `inside` to be a box xmin, ymin, xmax, ymax or") for box in NO_BOXES),
         *(({"resolution": size}, "expected a resolution above 0, found") for size in (0, -1, np.inf, np.nan, "1")),
     ],
 )

@@ -372,3 +372,13 @@ def test_a_header_may_count_more_records_than_there_are(tmp_path):
     content[100:104] = (2**32 - 1).to_bytes(4, "little")
     path.write_bytes(content)
     assert read(path) == cloud
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_to_do_with_the_start_of_a_file_is_said(tmp_path, suffix):
+    path = save(random_las("1.4", 3), tmp_path / f"a{suffix}")
+    content = path.read_bytes()
+    for length in (0, 4, 226, 300, len(content) // 2, len(content) - 1):
+        path.write_bytes(content[:length])
+        with pytest.raises(FileFormatError, match=r"a\.la[sz]: .*[:;] get "):
+            read(path)

@@ -368,7 +368,7 @@ def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, mes
     ("arguments", "message"),
     [
         ({}, "exactly one of .*, found none"),
-        ({"n_points": 10, "n_faces": 20}, "found n_points and n_faces"),
+        ({"n_points": 10, "n_faces": 20}, "found `n_points` and `n_faces`"),
         ({"n_points": 3}, "from 4 on, found 3"),
         ({"ratio": 0}, "ratio above 0"),
         ({"ratio": 1e-6}, "at least 4 of the 4000 points"),

@@ -109,7 +109,7 @@ def check_count(count: int, n_keep: int, n_usable: int) -> None:
     if n_keep > count:
         raise InputError(
             f"{n_keep:,} points are to be kept whatever happens, but only {count:,} points are asked for; ask for at "
-            f"least {n_keep:,}, give them a number of the points with quota, or read no others with only"
+            f"least {n_keep:,}, give them a number of the points with `quota`, or read no others with `only`"
         )
 
 

@@ -99,7 +99,7 @@ def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> No
     """Check that the condition of points to keep is met, and that there are positive weights."""
     if isinstance(options.keep, str) and not n_keep:
         raise InputError(
-            f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit keep"
+            f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit `keep`"
         )
     if options.weight is not None and not weights.n_positive:
         raise InputError("expected at least one weight above 0, found only 0")
@@ -112,7 +112,7 @@ def check_finite(n: int, n_bad: int, first_bad: int, invalid: str) -> None:
     if n_bad and invalid == "error":
         raise InputError(
             f"{n_bad} of {n} points have coordinates that are NaN or infinite, the first at index {first_bad}; drop "
-            "them with invalid='drop'"
+            "them with `invalid='drop'`"
         )
     if n_bad == n:
         raise InputError(f"none of the {n} points has finite coordinates")

@@ -144,7 +144,7 @@ class Options:
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
             flag(name, getattr(self, name))
         if self.group is not None and not isinstance(self.group, str):
-            raise ParameterError(f"expected group to be the name of an attribute, found {shown(self.group)}")
+            raise ParameterError(f"expected `group` to be the name of an attribute, found {shown(self.group)}")
         self._check_size()
         self._check_features()
         if self.unit is not None:
@@ -253,21 +253,24 @@ class Options:
             "keep": self.keep is not None and not isinstance(self.keep, str),
             "weight": self.weight is not None and not isinstance(self.weight, str),
         }
-        return next((name for name, is_set in reasons.items() if is_set), None)
+        return next((f"`{name}`" for name, is_set in reasons.items() if is_set), None)
 
     def check_in_memory(self) -> None:
         """Check that no option is given that is only for clouds in files."""
         for option in fields(self):
             if option.metadata["for_files"] and getattr(self, option.name) is not option.default:
-                raise ParameterError(f"expected {option.name} with a cloud in files, found one in memory")
+                raise ParameterError(f"expected `{option.name}` with a cloud in files, found one in memory")
 
     def _check_size(self) -> None:
         """Check that one option decides how many points are kept, beside `max_gap`, and that lengths are some."""
-        names = [name for name in ("ratio", "n_points", "tolerance", "spacing") if getattr(self, name) is not None]
+        sizes = ("ratio", "n_points", "tolerance", "spacing")
+        names = [f"`{name}`" for name in sizes if getattr(self, name) is not None]
         if len(names) > 1 or not (names or self.max_gap is not None):
             actual = " and ".join(names) or "none"
-            sizes = "ratio, n_points (--points), tolerance, spacing and max_gap"
-            raise ParameterError(f"expected one of {sizes}, found {actual}; a ratio of 0.1 keeps a tenth of the points")
+            raise ParameterError(
+                "expected one of `ratio`, `n_points`, `tolerance`, `spacing` and `max_gap`, found "
+                f"{actual}; a ratio of 0.1 keeps a tenth of the points"
+            )
         _ = self.size, self.max_error, self.lengths
 
     def _check_features(self) -> None:
@@ -284,17 +287,17 @@ class Options:
             if is_needed:
                 require(self.algorithm, feature)
         if self.spacing is not None and (self.keep is not None or self.weight is not None):
-            raise ParameterError("expected spacing without keep and weight, found both")
+            raise ParameterError("expected `spacing` without `keep` and `weight`, found both")
         if features[Feature.RANKING] and (self.size is None or self.max_gap is not None):
             raise ParameterError(
-                "expected ratio or n_points with quota or group, without spacing, tolerance and max_gap"
+                "expected `ratio` or `n_points` with `quota` or `group`, without `spacing`, `tolerance` and `max_gap`"
             )
         if self.quotas and self.group:
-            raise ParameterError("expected quota without group, found both")
+            raise ParameterError("expected `quota` without `group`, found both")
         refused = ("tolerance", "max_gap", "keep", "quota", "group")  # of denoised points, all are off the surface
         for name in refused if self.denoises else ():
             if getattr(self, name) is not None:
-                raise ParameterError(f"expected denoise without {name}, found both")
+                raise ParameterError(f"expected `denoise` without `{name}`, found both")
 
 
 def described_options() -> str:
@@ -337,6 +340,6 @@ def _check_workers(workers: Any) -> None:
     is_address = isinstance(workers, str) and "://" in workers
     if not (workers is None or is_address or isinstance(workers, Executor)):
         raise ParameterError(
-            "expected workers to be the address of a Dask scheduler such as tcp://10.0.0.5:8786, or an executor of "
+            "expected `workers` to be the address of a Dask scheduler such as tcp://10.0.0.5:8786, or an executor of "
             f"concurrent.futures, found {shown(workers)}; the threads of this process are set by --threads, set_threads"
         )

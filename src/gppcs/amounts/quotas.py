@@ -37,7 +37,7 @@ class Quota:
 def quotas_of(quota: Any) -> tuple[Quota, ...]:
     """Check the option `quota`: numbers or fractions of the kept points that meet conditions."""
     if not isinstance(quota, Mapping) or not quota:
-        expected = "expected quota to be a mapping of conditions to numbers or shares of the kept points"
+        expected = "expected `quota` to be a mapping of conditions to numbers or shares of the kept points"
         raise ParameterError(f"{expected}, found {shown(quota)}")
     if len(quota) >= EXCLUDED:
         raise ParameterError(f"expected at most {EXCLUDED - 1} quotas, found {len(quota)}")

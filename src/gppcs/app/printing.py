@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
 
 BAD_INPUT = 2
+OPTIONS = {"n_points": "points", "n_faces": "faces", "format": "from"}  # by other names than arguments of the library
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
 
@@ -36,8 +38,15 @@ def say(text: str) -> None:
 
 
 def print_error(message: str) -> None:
-    """Print an error or a note as one line on stderr."""
-    typer.echo(visible(" ".join(f"gppcs: {message}".split())), err=True)
+    """Print an error or a note as one line on stderr, with options in place of `argument` and `argument=value`."""
+    text = re.sub(r"`(\w+)(?:=(?:True|'?(.*?)'?))?`", _option, f"gppcs: {message}")
+    typer.echo(visible(" ".join(text.split())), err=True)
+
+
+def _option(argument: re.Match[str]) -> str:
+    """Return the option, with its value if it has one, that sets an argument of the library."""
+    name, value = argument.groups()
+    return f"--{OPTIONS.get(name, name.replace('_', '-'))} {value or ''}".rstrip()
 
 
 def note_left_out(path: Path, names: list[str]) -> None:

@@ -45,7 +45,7 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     """Plan the work on one cloud; return a record and the rows of a table that describe it."""
     output.check(job.force)
     with job.options.open(output.sources) as files:
-        plan = make_plan(files, job.options, job.mark and "mark")
+        plan = make_plan(files, job.options, job.mark and "`mark`")
     record = {"input": output.input, "output": str(output.targets[-1]), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
@@ -63,7 +63,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
     """Simplify one cloud and write it; return its record, as `--json` prints it, and the rows of a table."""
     output.check(job.force)
     with job.options.open(output.sources) as files:
-        plan = make_plan(files, job.options, job.mark and "mark")
+        plan = make_plan(files, job.options, job.mark and "`mark`")
         preview = files.preview
         _check_storable(job, output, preview)
         result, clouds = _simplified(job, output, files, plan, timer)

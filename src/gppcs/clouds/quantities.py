@@ -27,7 +27,7 @@ _NUMBER = r"(?P<number>[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?)"  # few digi
 
 def count_of(name: str, value: Any, minimum: int = 1) -> int:
     """Return the whole number that the value of an argument means: an int, or a text such as 5000, 5,000 or 1.5M."""
-    label = {"n_points": "the number of points", "n_faces": "the number of triangles"}.get(name, name)
+    label = {"n_points": "the number of points", "n_faces": "the number of triangles"}.get(name, f"`{name}`")
     return whole_number(label, _count(name, value) if isinstance(value, str) else value, minimum)
 
 
@@ -59,11 +59,11 @@ def _count(name: str, text: str) -> int:
     match = re.fullmatch(_NUMBER + " ?(?P<unit>[kKmMgG]?)", plain, re.ASCII)
     if not match or re.fullmatch(r"\+?[1-9]\d{0,2}(\.\d{3})+", plain):  # in many languages, a point parts thousands
         raise ParameterError(
-            f"expected {name} to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}"
+            f"expected `{name}` to be a whole number, such as 5000, 5,000, 5k or 1.5M, found {shown(text)}"
         )
     exact = Fraction(match["number"]) * {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}[match["unit"].lower()]
     if exact.denominator != 1 or abs(exact) > 10**18:
-        raise ParameterError(f"expected {name} to be a whole number of at most 1e18, found {shown(text)}")
+        raise ParameterError(f"expected `{name}` to be a whole number of at most 1e18, found {shown(text)}")
     return exact.numerator
 
 
@@ -73,7 +73,7 @@ def _fraction(name: str, text: str) -> float:
     try:
         return float(Fraction(percent["number"]) / 100) if percent else float(text)
     except (ValueError, OverflowError):
-        raise ParameterError(f"expected {name} to be a fraction, such as 0.03 or 3%, found {shown(text)}") from None
+        raise ParameterError(f"expected `{name}` to be a fraction, such as 0.03 or 3%, found {shown(text)}") from None
 
 
 def bytes_of(memory: int | str) -> int:
@@ -104,11 +104,11 @@ class Length:
         amount, unit = (float(match["number"]), match["unit"]) if match else (number(value), "")
         if unit not in (*METRES, PERCENT, ""):
             near = nearest_name(unit, [*METRES, PERCENT])
-            raise ParameterError(f"expected {name} to have a unit, found {shown(unit)} in {shown(value)}{near}")
+            raise ParameterError(f"expected `{name}` to have a unit, found {shown(unit)} in {shown(value)}{near}")
         if math.isnan(amount):
-            raise ParameterError(f"expected {name} to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(value)}")
+            raise ParameterError(f"expected `{name}` to be a length, such as 0.5, 0.5mm or 0.02%, found {shown(value)}")
         if not 0.0 < amount < math.inf:
-            raise ParameterError(f"expected {name} to be a length above 0, found {shown(value)}")
+            raise ParameterError(f"expected `{name}` to be a length above 0, found {shown(value)}")
         return cls(name, str(value), amount, unit)
 
     def in_cloud(self, diagonal: float, units: Units | None) -> float:
@@ -120,7 +120,7 @@ class Length:
         if units is None:
             raise InputError(
                 f"the cloud does not say in which unit its coordinates are, so it is not known how much {self.text} "
-                f"is; give unit, such as 'm', or {self.name} without a unit, in that of the coordinates"
+                f"is; give `unit`, such as 'm', or `{self.name}` without a unit, in that of the coordinates"
             )
         return self.amount * METRES[self.unit] / units.length
 
@@ -141,7 +141,7 @@ class Tolerance:
         measure = next((measure for measure in MEASURES if measure == name.strip()), None)
         if measure is None:
             names = " or ".join(f":{measure}" for measure in MEASURES)
-            raise ParameterError(f"expected tolerance to end in {names}, found {shown(value)}")
+            raise ParameterError(f"expected `tolerance` to end in {names}, found {shown(value)}")
         return cls(Length.from_value("tolerance", length), measure)
 
 

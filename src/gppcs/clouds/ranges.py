@@ -29,7 +29,7 @@ def weights_of_detail(detail: Any) -> dict[str, float]:
         return {}
     weights = {detail: 1.0} if isinstance(detail, str) else detail
     expected = (
-        f"expected detail to be the name of an attribute, or a mapping of names to weights from 0 to {MAX_WEIGHT}"
+        f"expected `detail` to be the name of an attribute, or a mapping of names to weights from 0 to {MAX_WEIGHT}"
     )
     if not isinstance(weights, Mapping):
         raise ParameterError(f"{expected}, found {shown(detail)}")
@@ -44,7 +44,7 @@ def names_of_detail(detail: Any) -> list[str]:
     names = [detail] if isinstance(detail, str) else detail
     if not (isinstance(names, list | tuple) and all(isinstance(name, str) for name in names)):
         raise ParameterError(
-            f"expected detail to be the name of an attribute, or a list of names, found {shown(detail)}"
+            f"expected `detail` to be the name of an attribute, or a list of names, found {shown(detail)}"
         )
     return list(names)
 

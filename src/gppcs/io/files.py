@@ -60,7 +60,7 @@ def format_of(
         return matches[0]
     named = _named(inner_name(path).name if format is None else format, FORMATS)
     if matches and named not in matches:
-        raise FileFormatError(f"expected the format {named.name}, found {matches[0].name}; leave out format")
+        raise FileFormatError(f"expected the format {named.name}, found {matches[0].name}; leave out `format`")
     return named
 
 
@@ -84,7 +84,9 @@ def format_to_write(
             options["ascii"] = flag("ascii", ascii)
         for option in options.keys() - file_format.options:
             able = " or ".join(other.name for other in FORMATS if option in other.options)
-            raise FileFormatError(f"expected {able}, which has {option}, found {file_format.name}; leave out {option}")
+            raise FileFormatError(
+                f"expected {able}, which has `{option}`, found {file_format.name}; leave out `{option}`"
+            )
     assert file_format.write is not None
     return replace(file_format, write=partial(file_format.write, **options)) if options else file_format
 

@@ -109,7 +109,7 @@ class Format:
         if values and not lossy:
             raise OutputError(
                 f"{path}: expected a format that holds all of the cloud, but {self.name} cannot hold: "
-                f"{', '.join(values)}; choose another format, or leave this out with lossy"
+                f"{', '.join(values)}; choose another format, or leave this out with `lossy=True`"
             )
 
     def has_suffix(self, name: str) -> bool:

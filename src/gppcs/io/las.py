@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -172,7 +173,7 @@ def set_coordinates(block: NDArray[Any], points: NDArray[np.float64], las: laspy
 
 @contextmanager
 def reported_writing() -> Iterator[None]:
-    """Raise an error of laspy or lazrs as an OutputError; lazrs hides why the file could not be written."""
+    """Raise an error of laspy as an OutputError, and one of lazrs, which hides the cause, as that of a full disk."""
     import laspy
     import lazrs
 
@@ -181,7 +182,7 @@ def reported_writing() -> Iterator[None]:
     except (lazrs.LazrsError, OSError) as error:
         if getattr(error, "errno", None) is not None:  # not from lazrs
             raise
-        raise OutputError(f"expected to write LAZ, but {error}; the disk may be full, or its quota used up") from error
+        raise OSError(errno.ENOSPC, f"lazrs reports: {error}, as of a full disk") from error
     except (laspy.LaspyException, ValueError, OverflowError) as error:
         raise OutputError(f"expected a header that LAS can hold, but laspy reports: {error}") from error
 
@@ -262,7 +263,7 @@ def check_coordinates(points: NDArray[np.float64]) -> None:
     if n := np.count_nonzero(~np.isfinite(points).all(axis=1)):
         raise OutputError(
             f"expected finite coordinates, which alone LAS can hold, found {n:,} points with NaN or infinite ones; "
-            "drop them first, as with cloud[cloud.is_finite()] or invalid=drop, or write PLY"
+            "drop them first, as with cloud[cloud.is_finite()] or `invalid='drop'`, or write PLY"
         )
     if np.abs(points).max(initial=0.0) > 1e300:  # beyond, a whole number times the scale overflows
         raise OutputError("expected coordinates of at most 1e300 in LAS, found larger ones; drop them, or write PLY")

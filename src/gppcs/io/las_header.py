@@ -145,10 +145,11 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     import laspy
 
     size = file.seek(0, 2)
+    if size < 227:  # the header of LAS 1.0 to 1.2
+        raise FileFormatError(f"expected a LAS header of at least 227 bytes, found {size}; get the whole file again")
     file.seek(0)
     block = file.read(375)  # of LAS 1.4, which is the longest
-    with reported("laspy", "a LAS header"):
-        length, start, n_records = struct.unpack_from("<HII", block, 94)
+    length, start, n_records = struct.unpack_from("<HII", block, 94)
     n_complete = _n_complete(file, length, min(start, size), n_records)
     if block[25] >= 4 and len(block) == 375:
         position, n_extended = struct.unpack_from("<QI", block, 235)

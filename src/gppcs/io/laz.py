@@ -111,7 +111,7 @@ def _laszip(las: laspy.LasHeader) -> bytes:
     """Return the content of the record that describes the compression."""
     records = las.vlrs.get("LasZipVlr")
     if not records:
-        raise FileFormatError("expected a record that describes the compression of the points, found none")
+        raise FileFormatError("expected a record of the compression, found none; get the whole file again")
     laszip = bytes(records[0].record_data)
     if (compressor := int.from_bytes(laszip[:2], "little")) not in (2, 3):
         raise FileFormatError(

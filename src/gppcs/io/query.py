@@ -64,7 +64,7 @@ class Query:
         """Return a reader of a format that reads only what is asked for."""
         if self.resolution is not None and "query" not in file_format.options:
             raise FileFormatError(
-                f"expected a COPC file, which alone has levels, found {file_format.name}; leave out resolution"
+                f"expected a COPC file, which alone has levels, found {file_format.name}; leave out `resolution`"
             )
 
         return replace(reader, chunks=lambda n: map(self.part, reader.chunks(n)), spans=lambda n: [])
@@ -112,8 +112,8 @@ def _box(inside: Any) -> tuple[list[float], list[float]]:
         -math.inf < b >= a < math.inf for a, b in zip(values[:half], values[half:], strict=True)
     ):
         raise ParameterError(
-            "expected inside to be a box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, with no minimum "
-            "above its maximum, no minimum of inf and no maximum of -inf, or else a GeoJSON file, or the corners of a "
-            f"polygon, (n, 2), found {shown(inside)}"
+            "expected `inside` to be a box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, with no "
+            "minimum above its maximum, no minimum of inf and no maximum of -inf, or else a GeoJSON file, or the "
+            f"corners of a polygon, (n, 2), found {shown(inside)}"
         )
     return lower, upper

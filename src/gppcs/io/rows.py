@@ -95,7 +95,7 @@ def reported(library: str, expected: str, errors: tuple[type[Exception], ...] = 
         reason = reason if " " in reason else f"{type(error).__name__} {reason}".strip()
         raise FileFormatError(
             f"expected {expected}, but {library} reports: {reason}; the file is damaged, or of a kind that {library} "
-            "does not read"
+            "does not read: get it again, or convert it"
         ) from error
 
 

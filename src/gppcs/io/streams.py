@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 import secrets
@@ -128,9 +129,14 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         if target.exists() and not force:  # it has appeared meanwhile
             raise _exists(target)
         os.replace(temporary, target)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise
+        expected = f"{path}: expected space for the whole file, but {error.strerror}"
+        raise OutputError(f"{expected}; free some in {target.parent}, or write to another disk") from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def _exists(target: Path) -> OutputError:
-    return OutputError(f"{target}: the file exists; choose another name, or overwrite it with --force or force=True")
+    return OutputError(f"{target}: the file exists; choose another name, or overwrite it with `force=True`")

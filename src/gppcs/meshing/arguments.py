@@ -41,7 +41,8 @@ class Size:
         fill_holes: float | str | None,
     ) -> Size:
         """Check the arguments; `keep` is only looked at for being there."""
-        values = {"n_points": n_points, "ratio": ratio, "n_faces": n_faces, "tolerance": tolerance, "keep": keep}
+        values = {"`n_points`": n_points, "`ratio`": ratio, "`n_faces`": n_faces, "`tolerance`": tolerance}
+        values |= {"points to keep": keep}
         names = [name for name, value in values.items() if value is not None]
         if len(names) != 1:
             raise ParameterError(f"expected exactly one of {', '.join(values)}, found {' and '.join(names) or 'none'}")
@@ -49,7 +50,7 @@ class Size:
         allowed = None if tolerance is None else Tolerance.from_value(tolerance)
         if allowed and allowed.measure not in (None, "mean"):
             raise ParameterError(
-                "expected tolerance to be a maximum distance, such as '1mm', or a mean with :mean behind it, found "
+                "expected `tolerance` to be a maximum distance, such as '1mm', or a mean with :mean behind it, found "
                 f"{shown(tolerance)}"
             )
         return cls(
@@ -78,13 +79,13 @@ class Size:
 
 def checked_effort(effort: Any, keep: Any | None) -> int:
     """Return the effort, 0, 1 or 2; it must be 0 if points are to become vertices."""
-    value = whole_number("effort", effort, 0)
+    value = whole_number("`effort`", effort, 0)
     if value > 2:
-        raise ParameterError(f"expected effort to be 0, 1 or 2, found {value}")
+        raise ParameterError(f"expected `effort` to be 0, 1 or 2, found {value}")
     if value and keep is not None:
         raise ParameterError(
             f"expected an effort of 0 where points are to become vertices, found {value}: more effort moves vertices "
-            "away; leave out keep or effort"
+            "away; leave out the points to keep, or `effort`"
         )
     return value
 

@@ -99,12 +99,12 @@ def _store(
             if _are_rescaled(cloud, fit.cloud):
                 raise InputError(
                     "expected intensities and colours as whole numbers of 16 bits, found others; "
-                    "raise memory, or scale them"
+                    "raise `memory`, or scale them"
                 )
             if header is not None and fit.cloud.header != header:
                 raise InputError(
                     "expected attributes of types that hold all their values in all files, found others; "
-                    "raise memory, or convert the files to LAZ of one point format first"
+                    "raise `memory`, or convert the files to LAZ of one point format first"
                 )
             assert isinstance(fit.cloud.header, LasHeader)
             header = fit.cloud.header

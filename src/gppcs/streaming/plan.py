@@ -48,7 +48,7 @@ class Plan:
 def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""
     if options.workers is not None and files.reads_standard_input:
-        raise InputError("expected files that each worker can read, found standard input; name a file, or omit workers")
+        raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
     format_name, size = files.at_once
     if format_name and limit is not None and PROGRAM + size > limit:  # before it is read
@@ -99,7 +99,9 @@ def _columns(preview: PointCloud, options: Options) -> dict[str, NDArray[Any]]:
 
 
 def _too_little(expected: str, limit: int | None, remedy: str = "do without") -> InputError:
-    return InputError(f"expected at least {expected}, found {size_of(limit or sys.maxsize)}; raise memory, or {remedy}")
+    return InputError(
+        f"expected at least {expected}, found {size_of(limit or sys.maxsize)}; raise `memory`, or {remedy}"
+    )
 
 
 def _check_preview(preview: PointCloud, options: Options) -> None:

@@ -22,7 +22,7 @@ def scratch_folder(parent: str | os.PathLike[str] | None, size: int) -> Iterator
         raise OutputError(f"{parent}: expected an existing folder for temporary files; make it, or name another")
     free = shutil.disk_usage(parent).free
     expected = f"{parent}: expected about {size_of(size)} of disk space for temporary files, found"
-    remedy = "name a folder with more by scratch or TMPDIR, or raise memory"
+    remedy = "name a folder with more by TMPDIR, in Python also by scratch, or raise `memory`"
     if free < size:
         raise OutputError(f"{expected} {size_of(free)}; {remedy}")
     folder = tempfile.mkdtemp(prefix="gppcs-", dir=parent)

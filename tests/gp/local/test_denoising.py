@@ -101,11 +101,11 @@ def test_the_result_does_not_depend_on_threads():
     ("options", "told"),
     [
         ({"method": "fps"}, "a method that supports denoise, found 'fps'; use 'gp'"),
-        ({"n_points": None, "tolerance": "1%"}, "denoise without tolerance, found both"),
-        ({"max_gap": "1%"}, "denoise without max_gap, found both"),
-        ({"keep": [1]}, "denoise without keep, found both"),
-        ({"quota": {"z > 0": 5}}, "denoise without quota, found both"),
-        ({"group": "number"}, "denoise without group, found both"),
+        ({"n_points": None, "tolerance": "1%"}, "`denoise` without `tolerance`, found both"),
+        ({"max_gap": "1%"}, "`denoise` without `max_gap`, found both"),
+        ({"keep": [1]}, "`denoise` without `keep`, found both"),
+        ({"quota": {"z > 0": 5}}, "`denoise` without `quota`, found both"),
+        ({"group": "number"}, "`denoise` without `group`, found both"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused(options, told):

@@ -135,9 +135,9 @@ def simplify(
         arguments |= {"ratio": sizes[-1]} if sizes[-1] < 1 else {"n_points": round(sizes[-1])}
     job = Job(Options(**arguments), sizes, index, rank, order, mark, force, lossy)
     if dry_run and job.options.size is None:
-        raise ParameterError("expected ratio or n_points with --dry-run, as other options need the points themselves")
+        raise ParameterError("expected --ratio or --points with --dry-run, as other options need the points themselves")
     if mark is not None and job.options.algorithm.moves_points:
-        raise ParameterError("expected mark with a method that moves no points, as it writes them where they were")
+        raise ParameterError("expected --mark with a method that moves no points, as it writes them where they were")
     outputs = {result.sources[0]: result for result in outputs_of(inputs, output, output_format, len(sizes))}
     targets = [target for result in outputs.values() for target in result.targets]
     sources = [source for result in outputs.values() for source in result.sources]
@@ -161,12 +161,12 @@ def simplify(
 def _check_together(arguments: Mapping[str, Any]) -> None:
     """Check that the options go together of which the library does not know."""
     if arguments["mark"] == "":
-        raise ParameterError("expected mark with the name of an attribute, found nothing")
+        raise ParameterError("expected --mark with the name of an attribute, found nothing")
     sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group")
     for name, excluded in {"mark": ("index", "rank", "order", "normals", "scores"), "levels": (*sizes, "mark")}.items():
         for other in excluded:
             if arguments[name] and arguments[other]:
-                raise ParameterError(f"expected {name} without {other}, found both")
+                raise ParameterError(f"expected `{name}` without `{other}`, found both")
 
 
 def _sizes(levels: str) -> tuple[float, ...]:
@@ -176,11 +176,11 @@ def _sizes(levels: str) -> tuple[float, ...]:
     values = [size_of("levels", value.strip()) for value in levels.split(",")]
     sizes = sorted(set(values))
     if len(values) > 256:
-        raise ParameterError(f"expected levels with at most 256 sizes, found {len(values)}")
+        raise ParameterError(f"expected --levels with at most 256 sizes, found {len(values)}")
     if sizes[0] < 1 <= sizes[-1]:
-        raise ParameterError(f"expected levels with fractions or with numbers, found both in {shown(levels)}")
+        raise ParameterError(f"expected --levels with fractions or with numbers, found both in {shown(levels)}")
     if len(sizes) < len(values):
-        raise ParameterError(f"expected levels with different sizes, such as 10%,3%,1%, found {shown(levels)}")
+        raise ParameterError(f"expected --levels with different sizes, such as 10%,3%,1%, found {shown(levels)}")
     return tuple(sizes)
 
 
@@ -196,5 +196,5 @@ def _condition_and_number(quota: str) -> tuple[str, str]:
     """Return condition and number of a quota, given as CONDITION: NUMBER."""
     condition, colon, number = quota.rpartition(":")
     if not colon or not condition.strip() or not number.strip():
-        raise ParameterError(f"expected quota as CONDITION: NUMBER, such as 'z > 6: 10%', found {shown(quota)}")
+        raise ParameterError(f"expected --quota as CONDITION: NUMBER, such as 'z > 6: 10%', found {shown(quota)}")
     return condition.strip(), number.strip()

@@ -85,7 +85,7 @@ class Voxel(Method):
                 means += corner
             chosen = points[indices]
         if not len(indices):
-            raise InputError("expected cells with enough points, found none; lower min_points, or raise spacing")
+            raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")
         kept = np.arange(len(indices))
         if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
