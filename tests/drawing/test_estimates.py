@@ -29,12 +29,13 @@ def test_a_plane_has_no_relief_of_rounding_errors(turn):
     assert (estimates(plane @ turn)[0] == 0).all()
 
 
-def test_wires_are_drawn_thin_and_planes_closed():
+@pytest.mark.parametrize("gap", [0.4, 1.6])
+def test_wires_are_drawn_thin_and_planes_closed(gap):
     """Two wires near each other would be a band if their discs were as large as the gaps between points around them."""
     rng = np.random.default_rng(0)
     plane = rng.random((4000, 3)) * [8, 8, 0]
     along = np.linspace(0, 8, 34)
-    wires = np.vstack([np.column_stack([along, np.full(34, y), np.full(34, 6.0)]) for y in (3.8, 4.2)])
+    wires = np.vstack([np.column_stack([along, np.full(34, y), np.full(34, 6.0)]) for y in (4 - gap / 2, 4 + gap / 2)])
     points = np.vstack([plane, wires])
     _, _, tree = estimates(points)
     scale = np.ptp(points, axis=0).max() / np.ptp(tree.points, axis=1).max()

@@ -13,8 +13,9 @@ from gppcs.spatial.spacing import neighbourhood_radius
 from gppcs.surface.surface_variation import features_in_radius
 
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
-FAR_AROUND = 32  # neighbours that tell wires, of which two can be near, from the edge of a surface
-ON_LINE = 0.42  # largest ratio of the deviations across and in all directions along wires and poles; 0.5 on a plane
+# Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
+# around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
+ON_LINE = ((32, 0.42), (8, 0.08))
 
 
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
@@ -46,8 +47,8 @@ def disc_radii(tree: KdTree, points: Floats) -> Floats:
 
 def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
     """Return which of some points (N, 3) have their neighbours in a tree along a line, as those of wires and poles."""
-    total, across, _ = _around(tree, points, FAR_AROUND)
-    return across < ON_LINE * total
+    spreads = ((*_around(tree, points, count)[:2], ratio) for count, ratio in ON_LINE)
+    return np.logical_or.reduce([across < ratio * total for total, across, ratio in spreads])
 
 
 def _around(tree: KdTree, points: Floats, count: int) -> tuple[Floats, Floats, Floats]:
