@@ -56,3 +56,14 @@ def test_the_nearer_of_two_triangles_is_seen_from_either_side():
     (image,) = mesh_images(mesh, [camera], colours)
     assert image[..., 1].min() > 0.5
     assert image[..., [0, 2]].max() == 0.0
+
+
+def test_the_ridge_of_a_flat_roof_is_sharp():
+    corners = np.array([[x, y, -0.22 * abs(x)] for x in (-9.0, 0.0, 9.0) for y in (-9.0, 9.0)])
+    mesh = Mesh(corners, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
+    (image,) = mesh_images(mesh, [Camera(np.eye(3), np.zeros(2), 10.0, (40, 40))])
+    middle = image.shape[1] // 2
+    left, right = image[:, : middle - 1].reshape(-1, 3), image[:, middle + 1 :].reshape(-1, 3)
+    assert np.ptp(left, axis=0).max() == pytest.approx(0.0, abs=1e-12)
+    assert np.ptp(right, axis=0).max() == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(left[0] - right[0]).max() > 0.01

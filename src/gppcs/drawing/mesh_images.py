@@ -14,7 +14,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 
 GREY = 0.88
-SHARP = math.radians(40.0)  # no smooth shading across edges with a larger angle between their faces
+SHARP = math.radians(20.0)  # no smooth shading across edges with a larger angle between their faces
 AMBIENT = 0.12
 AMBIENT_OF_COLOURS = 0.26  # which are to be as bright as those of a cloud beside
 LIGHTS = (  # right, up, to the viewer; intensity: a key light, one at the viewer, a fill light
