@@ -54,10 +54,10 @@ class KdTree:
         return tree
 
     @classmethod
-    def over(cls, points: Floats, order: Ints | None = None) -> KdTree:
+    def over(cls, points: Floats, order: Ints | None = None, leaf_size: int = LEAF_SIZE) -> KdTree:
         """Build a tree over points, (3, N), that are already sorted: only the boxes are computed, in O(N)."""
         n, leaves = points.shape[1], 1
-        while n > LEAF_SIZE * leaves:
+        while n > leaf_size * leaves:
             leaves *= 2
         lower, upper = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
         measure_boxes(points, lower, upper)
@@ -275,7 +275,7 @@ def nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit=np.
     squared[:] = limit
     stack = np.empty(STACK, dtype=np.int64)
     stack[0] = 1
-    height = 1
+    height, last = 1, -1
     while height:
         height -= 1
         node = stack[height]
@@ -287,7 +287,7 @@ def nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit=np.
             for j in range(*leaf_range(n, leaves, node)):
                 d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if d < squared[-1]:
-                    slot = len(squared) - 1
+                    slot = last = min(last + 1, len(squared) - 1)
                     while slot > 0 and squared[slot - 1] > d:
                         squared[slot], positions[slot] = squared[slot - 1], positions[slot - 1]
                         slot -= 1

@@ -13,7 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
-LANES = 8  # Points whose kernels and posteriors are computed side by side in vector registers.
+LANES = 32  # Points that are computed side by side in vector registers; loops over 16 are unrolled, not vectorised.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 
 
@@ -50,26 +50,34 @@ def detail_distance(detail, i, j):
 def correlate(sites, a, b, lengthscale, normal_weight, out):
     """Compute the kernel (Eq. (6)) between the a-th and the b-th site of each lane, in units of the prior variance.
 
-    The exponential is the 64th power of its Taylor polynomial at -t / 64, with an error below 1e-14. Shapes:
-    sites (K + 1, SITE + k, LANES), out (LANES,).
+    Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
     """
     vanished = 40.0  # from this t on, the correlation is less than rounding
     for p in range(LANES):
+        out[p] = 0.0
+    for c in range(SITE, sites.shape[1]):  # before the next loop, which is vectorised only without one inside
+        for p in range(LANES):
+            out[p] += (sites[a, c, p] - sites[b, c, p]) ** 2
+    for p in range(LANES):
         s, r = sites[a, 6, p], sites[b, 6, p]
-        squared = field_distance(
+        squared = out[p] + field_distance(
             sites[a, 0, p] - sites[b, 0, p], sites[a, 1, p] - sites[b, 1, p], sites[a, 2, p] - sites[b, 2, p],
             sites[a, 3, p] * sites[b, 3, p] + sites[a, 4, p] * sites[b, 4, p] + sites[a, 5, p] * sites[b, 5, p],
             s, r, normal_weight,
         )  # fmt: skip
-        for c in range(SITE, sites.shape[1]):
-            squared += (sites[a, c, p] - sites[b, c, p]) ** 2
         t = np.sqrt(5.0 * squared) / lengthscale
-        x = min(t, vanished) / -64.0
-        e = 1.0
-        for power in range(10, 0, -1):
-            e = 1.0 + x * e * (1.0 / power)
-        for _ in range(6):
-            e *= e
+        e = _exponential(min(t, vanished))
         even = 2.0 * s * r / (s * s + r * r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
+
+
+@kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
+def _exponential(t):
+    """Return exp(-t): the 64th power of the Taylor polynomial at -t / 64, with an error below 1e-14."""
+    e = 1.0
+    for power in range(10, 0, -1):
+        e = 1.0 + t / -64.0 * e * (1.0 / power)
+    for _ in range(6):
+        e *= e
+    return e

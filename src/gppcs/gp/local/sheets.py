@@ -21,6 +21,7 @@ from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_st
 PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
 SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
 FEW = 64  # Runs of points that follow each other in a tree, by which a cloud has thin parts or none.
+POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run; four are there at least.
 
 
 def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | None:
@@ -28,16 +29,16 @@ def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | N
 
     The tree is over the points of the surface.
     """
-    few = toward_other_sheet(tree, runs_of(tree), radius, SHEET_VARIATION)
+    few = toward_other_sheet(tree, runs_of(tree, max(4, len(tree.order) // POINTS_FOR_EACH)), radius, SHEET_VARIATION)
     return toward_other_sheet(tree, KdTree.build(points), radius) if has_thin_parts(few) else None
 
 
-def runs_of(tree: KdTree) -> KdTree:
-    """Return a tree over `FEW` runs of points, evenly spread, as points of a run share one search."""
+def runs_of(tree: KdTree, in_run: int = LEAF_SIZE) -> KdTree:
+    """Return a tree over `FEW` runs of points at most so long, evenly spread, as points of a run share one search."""
     n = len(tree.order)
-    in_run = min(LEAF_SIZE, -(-n // FEW))
+    in_run = min(in_run, LEAF_SIZE, -(-n // FEW))
     starts = (n - in_run) * np.arange(FEW) // (FEW - 1)
-    return KdTree.over(tree.points[:, (starts[:, np.newaxis] + np.arange(in_run)).ravel()])
+    return KdTree.over(tree.points[:, (starts[:, np.newaxis] + np.arange(in_run)).ravel()], leaf_size=in_run)
 
 
 def has_thin_parts(normals: Floats) -> bool:
