@@ -160,6 +160,15 @@ def _within(squared, limit):
     return count
 
 
+@kernel(fastmath={"nnan", "nsz"}, allocates=False)
+def _largest_within(squared, limit):
+    """Return the largest of the squared distances, (m,), that is at most `limit`."""
+    largest = 0.0
+    for j in range(len(squared)):
+        largest = max(largest, squared[j] if squared[j] <= limit else 0.0)
+    return largest
+
+
 def squared_radii(tree: KdTree) -> Floats:
     """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
     n, tasks = len(tree.order), number_of_runs(tree.leaves)
@@ -183,7 +192,11 @@ def _squared_radii(first, last, tasks, points, lower, upper, order, k, squared):
             total = 0.0
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                nearest = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
-                squared[order[i]] = nearest
-                total += nearest
+                limit = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
+                if limit >= 0.0:
+                    squared[order[i]] = _largest_within(search.squared[:count], limit)
+                else:
+                    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+                    squared[order[i]] = search.gaps[-1]
+                total += squared[order[i]]
             squared_radius = WIDER * total / (end - begin)

@@ -140,7 +140,10 @@ def squared_distance(a, b, c, v, w):
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def approach(points, squared, a, b, c):
-    """Lower the squared distances, (n,), of points, (3, n), to those from a triangle, without branches."""
+    """Lower the squared distances, (n,), of the first points, of (3, m), to those from a triangle, without branches.
+
+    The points are contiguous: loops over parts of rows are vectorised, those over a part of all rows are not.
+    """
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)
     normal = cross(ab, minus(c, a))
     off_ab, off_bc, off_ca = cross(ab, normal), cross(bc, normal), cross(ca, normal)  # out of the triangle

@@ -15,6 +15,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import quantile
 from gppcs.surface.quadrics import Quadrics, fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
@@ -48,7 +49,7 @@ class NoiseLayer(NamedTuple):
     @classmethod
     def from_distances(cls, distances: Floats, radii: Floats) -> NoiseLayer:
         """Return the layer by the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
-        return cls(float(np.quantile(distances, 0.9)) / 1.645, float(np.median(radii)), float(np.median(distances)))
+        return cls(quantile(distances, 0.9) / 1.645, quantile(radii, 0.5), quantile(distances, 0.5))
 
     @classmethod
     def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:

@@ -258,14 +258,14 @@ def _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, sq
     """Return the point of a cell to whose triangles this lies nearest, of those of least error; -1 for the vertex."""
     vertex, fan, best = row(chosen.positions, v), chosen.corners[v], -1
     judged, full = _pack_feet(observed.feet, cell, vertex, local)
-    smallest = _off_triangles(local[:, :full], squared[:full], judged, chosen.positions, fan, vertex, vertex)
+    smallest = _off_triangles(local, squared[:full], judged, chosen.positions, fan, vertex, vertex)
     smallest -= ROUNDING * chosen.steps[v]
     for _ in range(TRIALS):
         x, _ = _next_point(observed.points, cell, errors, current, widest)
         if x < 0:
             break
         to = row(observed.points.T, x)
-        total = _off_triangles(local[:, :full], squared[:full], judged, chosen.positions, fan, vertex, to)
+        total = _off_triangles(local, squared[:full], judged, chosen.positions, fan, vertex, to)
         if total < smallest:
             smallest, best = total, x
     return best
@@ -483,7 +483,7 @@ def _add_distances(
                     continue
                 triangles[count, 0], triangles[count, 1], triangles[count, 2] = triangle
                 count += 1
-                approach(local[:, :full], squared[:full], a, b, c)
+                approach(local, squared[:full], a, b, c)
             limit = radius + np.sqrt(squared[:full].max())
         for q in range(judged):
             sums[order[i]] += np.sqrt(squared[q])
