@@ -227,11 +227,11 @@ BESIDE_BEST_RIVAL = {
 }
 BESIDE_EACH_RIVAL = {
     0: "rival",
-    2: "H mean, other clouds",
-    4: "with estimated normals",
+    2: "held-out: H mean",
+    4: "H mean with estimated normals",
     6: "mean error",
-    1: "H mean, first clouds",
-    3: "with estimated normals",
+    1: "tuning: H mean",
+    3: "H mean with estimated normals",
     5: "mean error",
 }
 SCENES_BESIDE_EACH_RIVAL = {0: "rival", 1: "mean error", 3: "mean error by area", 5: "feature error", 6: "largest gap"}
@@ -262,8 +262,8 @@ TABLES = {
     "docs/usage.md": [("options", options_table)],
     "docs/api.md": [("names", names_table)],
     "docs/results.md": [
-        ("other clouds", partial(best_rivals, HELD_OUT)),
-        ("first clouds", partial(best_rivals, TUNED)),
+        ("held-out clouds", partial(best_rivals, HELD_OUT)),
+        ("tuning clouds", partial(best_rivals, TUNED)),
         ("each rival", lambda: quoted("quality", EACH_RIVAL, columns=BESIDE_EACH_RIVAL)),
         ("scenes", lambda: quoted("scenes", SCENES)),
         ("scenes beside each rival", lambda: quoted("scenes", EACH_RIVAL, columns=SCENES_BESIDE_EACH_RIVAL)),
@@ -272,7 +272,7 @@ TABLES = {
         ("small clouds", small_clouds),
         ("normals", lambda: quoted("normals", NORMALS)),
         ("placement", partial(placed, "## the rules were found on these clouds")),
-        ("placement, other clouds", partial(placed, "## held-out clouds")),
+        ("placement, held-out clouds", partial(placed, "## held-out clouds")),
         ("gallery", lambda: quoted("gallery", GALLERY)),
     ],
     "research/cost.md": [("stages", lambda: quoted("speed", STAGES, lambda cells: cells[1] not in LEFT_OUT))],
