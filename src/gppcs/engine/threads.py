@@ -72,9 +72,13 @@ def _pool_of(size: int) -> ThreadPoolExecutor:
 
 def number_of_threads() -> int:
     """Return the number of threads that a call uses."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = _wanted or int(min(cores, _quota()))
+    threads = _wanted or int(min(_cores(), _quota()))
     return max(1, threads // _sharing) if getattr(_here, "shares", False) else threads
+
+
+def _cores() -> int:
+    """Return on how many cores this process may run."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager

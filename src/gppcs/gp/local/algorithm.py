@@ -207,7 +207,8 @@ def choose_in_stage(
     The field is over the candidates of the stage, in the order of the tree.
     """
     indices = stage.indices[tree.order]
-    chosen, n_added = np.flatnonzero(np.isin(indices, ranking.indices)), stage.target - len(ranking.indices)
+    chosen = np.sort(tree.positions()[np.searchsorted(stage.indices, ranking.indices)])
+    n_added = stage.target - len(ranking.indices)
     added, scores, deviations = extend(
         field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
     )

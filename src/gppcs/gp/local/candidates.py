@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
@@ -29,7 +31,7 @@ from gppcs.gp.local.settings import (
     WANTED_FROM,
 )
 from gppcs.spatial.cells import first_occurrences, greatest_in_cells
-from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.kdtree import KdTree, leaf_range
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
@@ -138,17 +140,26 @@ def gaps_of_isolated(tree: KdTree, spacing: float) -> Floats:
     """Return how far isolated candidates, the n points of a tree, are from all others. Shapes: returns (n,)."""
     n, radius = len(tree.order), ISOLATION[0] * spacing
     suspects = np.ones(n, dtype=bool)
-    for step in (1, 2, 3):  # in tree order, points that follow each other are mostly near each other
-        steps = tree.points[:, step:] - tree.points[:, :-step]
-        near = np.einsum("an,an->n", steps, steps) <= radius**2
-        suspects[step:] &= ~near
-        suspects[:-step] &= ~near
+    on_ranges(_clear_leaves, tree.leaves, tree.points, tree.leaves, radius * radius, suspects, minimum=16)
     gaps = np.full(n, 0.0 if n > 1 else np.inf)
     if n > 1:
         queries = np.ascontiguousarray(tree.points[:, suspects].T)
         nearest = np.sqrt(tree.nearest_of(queries, 2)[1][:, 1])
         gaps[tree.order[suspects]] = np.where(nearest > radius, nearest, 0.0)
     return gaps
+
+
+@kernel(allocates=False)
+def _clear_leaves(begin, end, points, leaves, squared_radius, suspects):
+    """Clear suspects, (n,), that have another of the points, (3, n), of their leaf within a radius."""
+    for leaf in range(leaves + begin, leaves + end):
+        first, last = leaf_range(points.shape[1], leaves, leaf)
+        for i in range(first, last):
+            for j in range(first, last):
+                x, y, z = points[0, j] - points[0, i], points[1, j] - points[1, i], points[2, j] - points[2, i]
+                if j != i and x * x + y * y + z * z <= squared_radius:
+                    suspects[i] = False
+                    break
 
 
 def count_isolated(gaps: Floats, spacing: float) -> Ints:
