@@ -458,7 +458,7 @@ def _add_distances(
     The feet of a cell are `members` from `starts`, (m + 1,), on. Several fans may have the same triangle.
     """
     near = np.empty(min(NEAR_FANS, len(vertices)), dtype=np.int64)
-    gaps, triangles = np.empty(len(near), dtype=np.float64), np.empty((len(near) * corners.shape[1], 3), dtype=np.int64)
+    gaps, triangles = np.empty(len(near), dtype=np.float64), np.empty((3, len(near) * corners.shape[1]), dtype=np.int64)
     local, squared = np.empty((3, CHECKED_ON), dtype=np.float64), np.empty(CHECKED_ON, dtype=np.float64)
     for i in range(begin, end):
         cell, apex = members[starts[order[i]] : starts[order[i] + 1]], row(vertices, i)
@@ -479,9 +479,9 @@ def _add_distances(
                     break
                 b, c = minus(row(vertices, j), apex), minus(row(vertices, k), apex)
                 triangle = min(centre, j, k), max(centre, j, k), centre + j + k
-                if _is_beyond(a, b, c, limit) or _is_among(triangle, triangles[:count]):
+                if _is_beyond(a, b, c, limit) or _is_among(triangle, triangles, count):
                     continue
-                triangles[count, 0], triangles[count, 1], triangles[count, 2] = triangle
+                triangles[0, count], triangles[1, count], triangles[2, count] = triangle
                 count += 1
                 approach(local, squared[:full], a, b, c)
             limit = radius + np.sqrt(squared[:full].max())
@@ -510,9 +510,10 @@ def _is_beyond(a, b, c, limit):
 
 
 @kernel(allocates=False)
-def _is_among(triangle, triangles):
-    """Return whether three numbers are among others, (t, 3)."""
-    for t in range(len(triangles)):
-        if triangles[t, 0] == triangle[0] and triangles[t, 1] == triangle[1] and triangles[t, 2] == triangle[2]:
-            return True
-    return False
+def _is_among(triangle, triangles, count):
+    """Return whether three numbers are among the first others, of (3, t), without branches."""
+    first, second, third = triangles
+    repeats = 0
+    for t in range(count):
+        repeats += (first[t] == triangle[0]) & (second[t] == triangle[1]) & (third[t] == triangle[2])
+    return repeats > 0
