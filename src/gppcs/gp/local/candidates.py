@@ -140,7 +140,7 @@ def gaps_of_isolated(tree: KdTree, spacing: float) -> Floats:
     """Return how far isolated candidates, the n points of a tree, are from all others. Shapes: returns (n,)."""
     n, radius = len(tree.order), ISOLATION[0] * spacing
     suspects = np.ones(n, dtype=bool)
-    on_ranges(_clear_leaves, tree.leaves, tree.points, tree.leaves, radius * radius, suspects, minimum=16)
+    on_ranges(_clear_leaves, tree.leaves, tree.points, tree.leaves, radius * radius, suspects, minimum=64)
     gaps = np.full(n, 0.0 if n > 1 else np.inf)
     if n > 1:
         queries = np.ascontiguousarray(tree.points[:, suspects].T)

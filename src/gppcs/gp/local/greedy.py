@@ -99,7 +99,7 @@ def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int,
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
     state.scores[chosen] = state.ranges[chosen] = TAKEN
-    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, minimum=32)
+    on_ranges(_begin_leaves, tree.leaves, field.spacings, state, minimum=256)
     _renew_upper(state, tree.leaves)
     return state
 

@@ -113,7 +113,7 @@ def replacements(
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
         starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
         _gather(owners, starts[:-1].copy(), members)
-        on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new)
+        on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new, minimum=64)
         stay = new[:, np.newaxis] < 0
         chosen = chosen._replace(
             positions=np.where(stay, chosen.positions, observed.points.T[new]),
