@@ -155,7 +155,8 @@ def test_a_benchmark_that_is_run_again_changes_the_pages_that_quote_it(made, mon
     shutil.copy(ROOT / "README.md", tmp_path)
     monkeypatch.setattr(made, "ROOT", tmp_path)
     for page in (tmp_path / "benchmarks" / "results").glob("*.md"):
-        page.write_text(re.sub(r"(?<=\| )\d+\.\d+(?= \|)", "7.77", page.read_text()))
+        # All figures but ratios, which name the rows.
+        page.write_text(re.sub(r"(?<=\| )(?!0\.1 |0\.03 )\d+\.\d+(?= \|)", "7.77", page.read_text()))
     for page in made.SENTENCES:
         assert made.renewed(page) != text(page)
     (tmp_path / "docs" / "usage.md").write_text(text("docs/usage.md").replace("on two cores", "here"))
