@@ -13,7 +13,6 @@ import gppcs
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 PAGES = sorted((BENCHMARKS / "results").glob("*.md"))
 OF_THE_PAPER = [page for page in PAGES if page.stem.startswith("paper_") or page.stem in ("ablation", "all_points")]
-UNSEALED = {"paper_scenes"}  # written before pages had seals
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -27,7 +26,8 @@ def test_each_page_tells_commit_and_machine(page):
 def test_no_figure_of_a_page_is_typed_in(page, script):
     report = script("report.py")
     written, mark, seal = page.read_text().partition(report.SEAL)
-    assert (mark and seal.strip() == report.seal(written)) or (not mark and page.stem in UNSEALED)
+    assert mark
+    assert seal.strip() == report.seal(written)
 
 
 def test_claims_are_those_of_the_pages(script):
