@@ -252,6 +252,36 @@ def denoised():
     return quoted("denoising", heading, lambda cells: cells[0] in ways)
 
 
+DETAIL = "# Attributes that count beside the shape"
+DETAIL_COLUMNS = {
+    0: "cloud",
+    1: "attribute",
+    5: "error of the attribute",
+    7: "by the nearest kept point",
+    8: "mean error of the shape",
+    9: "largest gap",
+}
+
+
+def detailed():
+    """Return what an attribute beside the shape changes, divided by the figures of `gp` alone."""
+    return quoted("detail", DETAIL, lambda cells: cells[2] == "gp, detail", DETAIL_COLUMNS)
+
+
+def best_values():
+    """Return the least and the most that the best values leave of the error of `gp`."""
+    header, *rows = measured("detail", DETAIL)
+    left = [float(cells[header.index("times that of gp")]) for cells in rows if cells[2] == "best values there"]
+    return f"{min(left):.2f}", f"{max(left):.2f}"
+
+
+def detail_times():
+    """Return how many times as long the choice takes with an attribute: the least and the most."""
+    header, *rows = measured("detail", DETAIL)
+    times = [float(cells[header.index("time")]) for cells in rows if cells[2] == "gp, detail"]
+    return f"{min(times):.1f}", f"{max(times):.1f}"
+
+
 REGISTRATION = (
     "# Registration by Open3D 0.20.0, original and simplified clouds: medians of errors and least CPU seconds of 5 runs"
 )
@@ -304,6 +334,7 @@ def placed(heading):
 TABLES = {
     "docs/usage.md": [("options", options_table)],
     "docs/api.md": [("names", names_table)],
+    "docs/ask.md": [("detail", detailed)],
     "docs/results.md": [
         ("held-out clouds", partial(best_rivals, HELD_OUT)),
         ("tuning clouds", partial(best_rivals, TUNED)),
@@ -339,6 +370,10 @@ SENTENCES = {
         ("2,000 points to 256 take {} ms in one thread, and {} ms by `fps`", a_small_cloud),
     ],
     "docs/usage.md": [("[{} s on two cores](../benchmarks/results/alternatives.md)", dragon_seconds)],
+    "docs/ask.md": [
+        ("would leave {} to {} of the error of `gp`", best_values),
+        ("takes {} to {} times as long with `--detail`", detail_times),
+    ],
     "docs/results.md": [
         ("to 28,000 in {} s and needs {} bytes of memory a point", large_cloud),
         ("ICP take {} s, and thinning by `gp` {} s. With all points they take {} s, or {} s if", registration_seconds),
