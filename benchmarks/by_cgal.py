@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def _point_set(points: Array) -> Point_set_3:
+def point_set(points: Array) -> Point_set_3:
+    """Return the points as a set of CGAL."""
     made = Point_set_3()
     for x, y, z in points.tolist():
         made.insert(Point_3(x, y, z))
@@ -26,12 +27,12 @@ def _point_set(points: Array) -> Point_set_3:
 
 def radius_of_wlop(points: Array) -> float:
     """Return CGAL's default."""
-    return 8 * compute_average_spacing(_point_set(points), 6)
+    return 8 * compute_average_spacing(point_set(points), 6)
 
 
 def clusters(points: Array, size: int, variation: float) -> float:
     """Return the seconds of hierarchical clustering."""
-    given = _point_set(points)
+    given = point_set(points)
     start = perf_counter()
     hierarchy_simplify_point_set(given, size, variation)
     return perf_counter() - start
@@ -39,7 +40,7 @@ def clusters(points: Array, size: int, variation: float) -> float:
 
 def wlop(points: Array, share: float, radius: float | None = None) -> tuple[Array, float]:
     """Return the points that WLOP moves, and the seconds, with those for the radius if it is not given."""
-    given, moved = _point_set(points), Point_set_3()
+    given, moved = point_set(points), Point_set_3()
     start = perf_counter()
     radius = radius or 8 * compute_average_spacing(given, 6)
     wlop_simplify_and_regularize_point_set(given, moved, 100 * share, radius, 35, False)

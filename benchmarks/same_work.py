@@ -81,19 +81,19 @@ def scipy_query(points: Array) -> Work:
 
 def cgal_clusters(points: Array) -> Work:
     """Cluster hierarchically."""
-    import rivals
+    import by_cgal
+    from rivals import SIZE, VARIATION
 
-    given = rivals.point_set(points)
-    return lambda: rivals.hierarchy_simplify_point_set(given, rivals.SIZE, rivals.VARIATION)
+    given = by_cgal.point_set(points)
+    return lambda: by_cgal.hierarchy_simplify_point_set(given, SIZE, VARIATION)
 
 
 def cgal_wlop(points: Array) -> Work:
     """Project by WLOP with the default radius, which is the same as ours."""
-    import rivals
+    import by_cgal
 
-    given, moved = rivals.point_set(points), rivals.Point_set_3()
-    radius = 8 * rivals.compute_average_spacing(given, 6)
-    return lambda: rivals.wlop_simplify_and_regularize_point_set(given, moved, 100 * RATIO, radius, 35, False)
+    given, moved, radius = by_cgal.point_set(points), by_cgal.Point_set_3(), by_cgal.radius_of_wlop(points)
+    return lambda: by_cgal.wlop_simplify_and_regularize_point_set(given, moved, 100 * RATIO, radius, 35, False)
 
 
 def fpsample(points: Array) -> Work:
