@@ -76,7 +76,8 @@ def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
     if n <= 1.5 * size:  # to draw most of the points would cost more than it saves
         return np.arange(n)
     draws = round(-n * math.log1p(-size / n))  # with replacement: some points are drawn twice
-    indices = np.unique(np.random.default_rng(0).integers(0, n, draws))
+    drawn = np.sort(np.random.default_rng(0).integers(0, n, draws))
+    indices = drawn[np.diff(drawn, prepend=-1) > 0]  # by sorting, as `np.unique` hashes, in 20 times as long
     return indices[first_occurrences(points[indices])]
 
 
