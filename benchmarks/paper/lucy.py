@@ -9,7 +9,7 @@ from __future__ import annotations
 import experiment
 import gppcs
 import report
-from clouds import mesh_sample
+from clouds import NOISE, mesh_sample
 from experiment import SECONDS, VARIATION, Column, Condition
 
 RATIO = 0.002
@@ -34,7 +34,7 @@ def main() -> None:
     """Print and write the table."""
     path = report.DATA / "lucy.ply"
     is_lucy = path.is_file()
-    cloud = gppcs.read(path) if is_lucy else gppcs.PointCloud(mesh_sample(POINTS))
+    cloud = gppcs.read(path) if is_lucy else gppcs.PointCloud(mesh_sample(POINTS, NOISE))
     name = "Lucy" if is_lucy else "samples of the Dragon's mesh in place of Lucy"
     condition = Condition(name, cloud, RATIO)
     made = experiment.runs([condition], METHODS)

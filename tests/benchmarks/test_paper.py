@@ -125,3 +125,13 @@ print(len({{(run.global_rmse, run.icp_rmse) for run in (released.register(kept, 
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=PAPER, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["1"]
+
+
+def test_samples_of_the_dragon_take_the_place_of_lucy(shared_data, benchmark, monkeypatch):
+    lucy, pages = benchmark("lucy"), {}
+    monkeypatch.setattr(lucy.report, "DATA", shared_data)
+    monkeypatch.setattr(lucy, "POINTS", 2000)
+    monkeypatch.setattr(lucy, "METHODS", {"random": gppcs.Random()})
+    monkeypatch.setattr(lucy.report, "write_sections", lambda name, title, *rest: pages.update({name: title}))
+    lucy.main()
+    assert " 2,000 points" in pages["paper_lucy"]
