@@ -247,9 +247,9 @@ def best_rivals(heading):
 
 def denoised():
     """Return how far points lie from the true surface: `gp`, `wlop`, and the best ways with other tools."""
-    ways = ("gp", "gp, denoise", "wlop, moved", "APSS, scale 4, then fps", "APSS, scale 8, then fps")
+    shown = ("gp", "gp, denoise", "wlop, moved", "APSS, scale 4, then fps", "APSS, scale 8, then fps")
     heading = "## Mean distance of the kept points from the true surface, 1e-4 diagonals"
-    return quoted("denoising", heading, lambda cells: cells[0] in ways)
+    return quoted("denoising", heading, lambda cells: cells[0] in shown)
 
 
 DETAIL = "# Attributes that count beside the shape"
@@ -288,13 +288,13 @@ REGISTRATION = (
 SUCCESSES = "runs of 5 within 5 degrees"
 
 
-def successes(cloud, ratio):
-    """Return how many runs found the motion between two views, of how many."""
+def successes(cloud, *ratios):
+    """Return how many runs found the motion between two views at some ratios, of how many."""
     header, *rows = measured("paper_registration", REGISTRATION)
     runs = [
         int(cells[header.index(SUCCESSES)])
         for cells in rows
-        if cells[0].endswith("two views") and cells[1:3] == [ratio, cloud]
+        if cells[0].endswith("two views") and cells[1] in ratios and cells[2] == cloud
     ]
     return sum(runs), 5 * len(runs)
 
@@ -309,20 +309,19 @@ def registrations():
 
 
 def all_successes():
-    """Return how many runs found the motion: with points of `gp`, and with all points."""
-    pairs = {cloud: [successes(cloud, ratio) for ratio in ("0.1", "0.03")] for cloud in ("gp", "original")}
-    (kept, n), (whole, _) = ([*map(sum, zip(*pair, strict=True))] for pair in pairs.values())
-    return str(kept), str(n), str(whole)
+    """Return how many runs found the motion: with points of `gp`, of how many, and with all points."""
+    kept, runs = successes("gp", "0.1", "0.03")
+    return str(kept), str(runs), str(successes("original", "0.1", "0.03")[0])
 
 
 def registration_seconds():
     """Return CPU seconds for two views of the Dragon at 3 %: by `gp`, to thin, with all points, by a voxel grid."""
-    of = {
-        cloud: row("paper_registration", REGISTRATION, "Dragon, two views", "0.03", cloud)
+    rows = [
+        row("paper_registration", REGISTRATION, "Dragon, two views", "0.03", cloud)
         for cloud in ("gp", "original", "original, global step on a voxel grid")
-    }
-    kept, *others = (short(number(each["features + global + ICP, s"])) for each in of.values())
-    return kept, short(number(of["gp"]["simplification, s"])), *others
+    ]
+    kept, *unthinned = (short(number(cells["features + global + ICP, s"])) for cells in rows)
+    return kept, short(number(rows[0]["simplification, s"])), *unthinned
 
 
 def placed(heading):

@@ -16,7 +16,8 @@ MOST_SHOWN = 80  # characters of a wrong value that a message shows
 class GppcsError(Exception):
     """Base class of all errors that gppcs raises on purpose.
 
-    Messages name arguments of the library between backticks; the command prints its options in their place.
+    Arguments of the library that the user is to set stand between backticks; the command prints its options in their
+    place.
 
     Examples
     --------

@@ -260,10 +260,10 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"tolerance": 1.0}, "tolerance takes all points at once"),
-        ({"n_points": 9, "max_gap": 1.0}, "max_gap takes all points at once"),
+        ({"tolerance": 1.0}, ".tolerance. takes all points at once"),
+        ({"n_points": 9, "max_gap": 1.0}, ".max_gap. takes all points at once"),
         ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
-        ({"n_points": 9, "normals": True}, "normals takes all points at once"),
+        ({"n_points": 9, "normals": True}, ".normals. takes all points at once"),
         ({"n_points": 9, "group": "pulse"}, "no attribute 'pulse' to group its points by"),
         (
             {"n_points": 9, "quota": {"x < 1e9": 5}},

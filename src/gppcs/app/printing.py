@@ -39,7 +39,7 @@ def say(text: str) -> None:
 
 def print_error(message: str) -> None:
     """Print an error or a note as one line on stderr, with options in place of `argument` and `argument=value`."""
-    text = re.sub(r"`(\w+)(?:=(?:True|'?(.*?)'?))?`", _option, f"gppcs: {message}")
+    text = re.sub(r"(?<![\w./])`(\w+)(?:=(?:True|'?(.*?)'?))?`(?!\w|\.\w|/)", _option, f"gppcs: {message}")
     typer.echo(visible(" ".join(text.split())), err=True)
 
 

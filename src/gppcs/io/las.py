@@ -180,9 +180,9 @@ def reported_writing() -> Iterator[None]:
     try:
         yield
     except (lazrs.LazrsError, OSError) as error:
-        if getattr(error, "errno", None) is not None:  # not from lazrs
+        if getattr(error, "errno", None) is not None or isinstance(error, OutputError):  # not from lazrs
             raise
-        raise OSError(errno.ENOSPC, f"lazrs reports: {error}, as of a full disk") from error
+        raise OSError(errno.ENOSPC, f"lazrs reports: {error}, perhaps of a full disk") from error
     except (laspy.LaspyException, ValueError, OverflowError) as error:
         raise OutputError(f"expected a header that LAS can hold, but laspy reports: {error}") from error
 

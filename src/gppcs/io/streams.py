@@ -133,7 +133,8 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise
         expected = f"{path}: expected space for the whole file, but {error.strerror}"
-        raise OutputError(f"{expected}; free some in {target.parent}, or write to another disk") from error
+        folders = f"{target.parent} and in {tempfile.gettempdir()}, where parts may lie meanwhile"
+        raise OutputError(f"{expected}; free some in {folders}, or write to another disk") from error
     finally:
         temporary.unlink(missing_ok=True)
 

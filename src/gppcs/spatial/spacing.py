@@ -15,12 +15,14 @@ AREA_POINTS = 16_384  # of a larger cloud, the area is measured on so many point
 
 
 def quantile(values: Floats, fraction: float) -> float:
-    """Return `np.quantile` of values, (n,), which for few of them takes ten times as long."""
+    """Return what `np.quantile` does for values, (n,); where they are few, in a tenth of its time."""
     position = fraction * (len(values) - 1)
     below = int(position)
     above, part = min(below + 1, len(values) - 1), position - below
     ordered = np.partition(values, (below, above))
     a, b = float(ordered[below]), float(ordered[above])
+    if part == 0.0:  # the next value may be infinite
+        return a
     return b - (b - a) * (1.0 - part) if part >= 0.5 else a + (b - a) * part  # so that rounding is the same
 
 

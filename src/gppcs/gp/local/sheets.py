@@ -21,7 +21,7 @@ from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_st
 PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
 SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
 FEW = 64  # Runs of points that follow each other in a tree, by which a cloud has thin parts or none.
-POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run; four are there at least.
+POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run: four at least, if so many are there.
 
 
 def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | None:
