@@ -362,7 +362,7 @@ SENTENCES = {
         ("`gp` beats the best one on {} of these {} clouds, by {} %", partial(margins, HELD_OUT)),
         ("at worst by {} % (blade)", largest_margin),
         ("`gp` beats the best one on {} of the {} clouds by which we tuned it, by {} %", partial(margins, TUNED)),
-        ("the mean error of `gp` is {} % smaller than that of `fps`, and {} % smaller if each point", scene_errors),
+        ("the mean error of `gp` is {} % smaller than that of `fps`. It is {} % smaller if each point", scene_errors),
         ("gap is {} to {} % larger than that of `fps` on the clouds, and gaps in scenes are {} % larger", gaps),
         ("motion in [{} of {} runs](docs/results.md#registration), with all points in {}", all_successes),
         ("`gp` thins 437,645 points to 13,129 in {} s on two cores", dragon_seconds),
