@@ -52,7 +52,7 @@ def test_a_mesh_to_look_at_ends_where_the_points_end(sphere):
     ("methods", "options", "message"),
     [
         (["fps", "fsp"], {"ratio": 0.1}, "no method 'fsp'"),
-        (["fps"], {}, "and .max_gap., found none"),
+        (["fps"], {}, "and `max_gap`, found none"),
         (["fps"], {"ratio": 5}, "at most 1, found 5"),
         ([], {"ratio": 0.1}, "at least one method"),
         (["random"], {"ratio": 0.1, "seed": -1}, "seed to be at least 0, found -1"),

@@ -73,7 +73,7 @@ def test_a_pipeline_without_a_surface_says_why_and_stops_no_other(monkeypatch):
         ({"pipelines": ["poison-kept"], "ratio": 0.1}, "did you mean 'poisson-kept'"),
         ({"pipelines": "mesh", "ratio": 0.1}, "list of pipelines"),
         ({"pipelines": [], "ratio": 0.1}, "at least one pipeline"),
-        ({}, "and .max_gap., found none"),
+        ({}, "and `max_gap`, found none"),
         ({"n_points": 3}, "from 4 on, found 3"),
     ],
 )

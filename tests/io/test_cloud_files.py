@@ -174,6 +174,26 @@ def test_what_can_only_be_read_from_its_start_is_one_part(divisible, tmp_path):
             assert len(all_of(part)) == len(clouds.read())
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.las", r"a\.las: the file ends in point 120001 of 1152921504606846976"),
+        ("a.laz", r"a\.laz: expected all compressed points within the file, found fewer"),
+        ("a.ply", "the file ends"),
+        ("a.npy", "numpy reports: mmap length is greater than file size"),
+    ],
+)
+def test_a_damaged_file_has_no_parts(divisible, tmp_path, name, message):
+    content = bytearray((divisible / name).read_bytes())
+    if name in ("a.las", "a.laz"):
+        content[247:255] = (2**60).to_bytes(8, "little")
+    else:
+        del content[-1:]
+    (tmp_path / name).write_bytes(content)
+    with CloudFiles([tmp_path / name]) as clouds, pytest.raises(FileFormatError, match=message):
+        all_of(clouds.parts(1_000)[0])
+
+
 @pytest.mark.parametrize("suffix", [".npz", ".npy", ".feather", ".ptx"])
 def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypatch, suffix):
     """A small file of many points: 1.5 million times the same point."""

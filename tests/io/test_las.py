@@ -382,3 +382,14 @@ def test_what_to_do_with_the_start_of_a_file_is_said(tmp_path, suffix):
         path.write_bytes(content[:length])
         with pytest.raises(FileFormatError, match=r"a\.la[sz]: .*[:;] get "):
             read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("number", [3, 7])
+def test_truncated_files_are_refused(tmp_path, number, suffix):
+    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
+    content = path.read_bytes()
+    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
+        path.write_bytes(content[:length])
+        with pytest.raises(FileFormatError):
+            read(path)

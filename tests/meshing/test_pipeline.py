@@ -372,17 +372,20 @@ def test_points_on_no_surface_are_an_error_that_tells_what_was_found(points, mes
         ({"n_points": 3}, "from 4 on, found 3"),
         ({"ratio": 0}, "ratio above 0"),
         ({"ratio": 1e-6}, "at least 4 of the 4000 points"),
-        ({"tolerance": 0}, ".tolerance. to be a length above 0"),
+        ({"tolerance": 0}, "`tolerance` to be a length above 0"),
         (
             {"tolerance": "1mm:p95"},
             "a maximum distance, such as '1mm', or a mean with :mean behind it, found '1mm:p95'",
         ),
-        ({"n_points": 10, "fill_holes": -1}, ".fill_holes. to be a length above 0"),
+        ({"n_points": 10, "fill_holes": -1}, "`fill_holes` to be a length above 0"),
         ({"keep": [0, 1, 2]}, "at least 4 indices"),
         ({"keep": [0, 1, 2, 4000]}, "rows of the cloud from 0 to 3999 .*, found 4000"),
         ({"keep": [0.5, 1, 2, 3]}, "indices of rows"),
-        ({"n_points": 10, "effort": 3}, ".effort. to be 0, 1 or 2, found 3"),
-        ({"keep": [0, 1, 2, 3], "effort": 1}, "leave out the points to keep, or .effort."),
+        ({"n_points": 10, "effort": 3}, "`effort` to be 0, 1 or 2, found 3"),
+        (
+            {"keep": [0, 1, 2, 3], "effort": 1},
+            "more effort moves vertices away; leave out the points to keep, or `effort`",
+        ),
     ],
 )
 def test_bad_parameters_are_errors(ball, arguments, message):

@@ -227,6 +227,15 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     assert not len(np.intersect1d(found.indices, found.outliers))
 
 
+@pytest.mark.parametrize("method", METHODS, ids=str)
+def test_repeats_are_chosen_last(tmp_path, method):
+    points = np.repeat(np.random.default_rng(0).random((300, 3)), 5, axis=0)
+    path = written(tmp_path, gppcs.PointCloud(points))
+    result = gppcs.simplify(path, n_points=400, method=method, memory=MEMORY)
+    assert len(np.unique(result.indices)) == 400
+    assert len(np.unique(result.cloud.points, axis=0)) == 300
+
+
 def test_of_repeats_the_first_is_kept(tmp_path):
     path = written(tmp_path, gppcs.PointCloud(np.tile(np.random.default_rng(0).random((20_000, 3)), (2, 1))))
     assert gppcs.simplify(path, n_points=300, memory=MEMORY).indices.max() < 20_000
@@ -260,10 +269,10 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"tolerance": 1.0}, ".tolerance. takes all points at once"),
-        ({"n_points": 9, "max_gap": 1.0}, ".max_gap. takes all points at once"),
+        ({"tolerance": 1.0}, "`tolerance` takes all points at once"),
+        ({"n_points": 9, "max_gap": 1.0}, "`max_gap` takes all points at once"),
         ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
-        ({"n_points": 9, "normals": True}, ".normals. takes all points at once"),
+        ({"n_points": 9, "normals": True}, "`normals` takes all points at once"),
         ({"n_points": 9, "group": "pulse"}, "no attribute 'pulse' to group its points by"),
         (
             {"n_points": 9, "quota": {"x < 1e9": 5}},

@@ -125,6 +125,14 @@ def test_points_to_keep_stay():
     assert set(gppcs.simplify(points, n_points=100, keep=kept).indices[:40]) == set(kept)
 
 
+def test_any_number_of_threads_places_alike(on_threads):
+    points = sphere_cap(20_000)
+    chosen = np.random.default_rng(3).choice(len(points), 1_000, replace=False)
+    one, *several = on_threads(lambda: placed(points, chosen))
+    for other in several:
+        np.testing.assert_array_equal(other, one)
+
+
 @pytest.mark.parametrize(
     "points",
     [
