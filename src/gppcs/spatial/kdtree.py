@@ -1,7 +1,7 @@
 """A balanced k-d tree over points, and the kernels that search it.
 
-There are two descents: through the nodes in tree order, without a stack, on to `2 * node` or `after` the node; and to
-the nearest node first, with the stack of `push_children`.
+There are two descents without a stack: through the nodes in tree order, on to `2 * node` or `after` the node; and to
+the nearest node first, on to `nearer_child` or `unvisited_sibling`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fil
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
 SAMPLED = 64  # the pivot of a split comes from a random sample of this many keys
 LCG_MULTIPLIER = np.uint64(6364136223846793005)  # of the linear congruential generator of that sample (Knuth)
-STACK = 64  # nodes that wait in a search; a tree of fewer than 2^62 leaves has no more
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,35 +254,38 @@ def squared_distance_to_box(lower, upper, x, y, z):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel
-def push_children(node, lower, upper, x, y, z, stack, height):
-    """Push the children of a node, the one nearer to (x, y, z) last, so that it comes first; return the new height."""
-    near, far = 2 * node, 2 * node + 1
-    if squared_distance_to_box(lower[far], upper[far], x, y, z) < squared_distance_to_box(
-        lower[near], upper[near], x, y, z
-    ):
-        near, far = far, near
-    stack[height], stack[height + 1] = far, near
-    return height + 2
+@kernel(allocates=False)
+def nearer_child(node, lower, upper, x, y, z):
+    """Return the child of a node whose box is nearer to (x, y, z), the first one if they are equally near."""
+    first = squared_distance_to_box(lower[2 * node], upper[2 * node], x, y, z)
+    second = squared_distance_to_box(lower[2 * node + 1], upper[2 * node + 1], x, y, z)
+    return 2 * node + 1 if second < first else 2 * node
 
 
-@kernel
+@kernel(allocates=False)
+def unvisited_sibling(node, visited):
+    """Return the next node behind a subtree, and its `visited`; 0 behind the last.
+
+    A bit of `visited` for each depth, from the deepest on, is set if the sibling of the node, or of its ancestor of
+    that depth, comes before it: children of a node with `visited` have `2 * visited`.
+    """
+    while visited & 1:
+        node, visited = node >> 1, visited >> 1
+    return (node ^ 1, visited | 1) if node > 1 else (0, 0)
+
+
+@kernel(allocates=False)
 def nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit=np.inf):
     """Find the k points, (k,), nearest to (x, y, z); all must lie within a limit to their squared distance."""
     leaves = first_leaf(lower)
     n = points.shape[1]
     squared[:] = limit
-    stack = np.empty(STACK, dtype=np.int64)
-    stack[0] = 1
-    height, last = 1, -1
-    while height:
-        height -= 1
-        node = stack[height]
-        if squared_distance_to_box(lower[node], upper[node], x, y, z) >= squared[-1]:
-            continue
-        if node < leaves:
-            height = push_children(node, lower, upper, x, y, z, stack, height)
-        else:
+    node, visited, last = 1, 0, -1
+    while node:
+        if squared_distance_to_box(lower[node], upper[node], x, y, z) < squared[-1]:
+            if node < leaves:
+                node, visited = nearer_child(node, lower, upper, x, y, z), 2 * visited
+                continue
             for j in range(*leaf_range(n, leaves, node)):
                 d = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if d < squared[-1]:
@@ -292,6 +294,7 @@ def nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit=np.
                         squared[slot], positions[slot] = squared[slot - 1], positions[slot - 1]
                         slot -= 1
                     squared[slot], positions[slot] = d, j
+        node, visited = unvisited_sibling(node, visited)
 
 
 @kernel(fastmath=False, allocates=False)

@@ -9,13 +9,13 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
     QUERIES_AT_ONCE,
-    STACK,
     KdTree,
     after,
     first_leaf,
     leaf_range,
-    push_children,
+    nearer_child,
     squared_distance_to_box,
+    unvisited_sibling,
 )
 
 
@@ -119,19 +119,15 @@ def _nearest_untaken(points, order, lower, upper, taken, unused, x, y, z):
     leaves = first_leaf(lower)
     n = points.shape[1]
     best, nearest = -1, np.inf
-    stack = np.empty(STACK, dtype=np.int64)
-    stack[0] = 1
-    height = 1
-    while height:
-        height -= 1
-        node = stack[height]
-        if not unused[node] or squared_distance_to_box(lower[node], upper[node], x, y, z) > nearest:
-            continue
-        if node < leaves:
-            height = push_children(node, lower, upper, x, y, z, stack, height)
-        else:
+    node, visited = 1, 0
+    while node:
+        if unused[node] and squared_distance_to_box(lower[node], upper[node], x, y, z) <= nearest:
+            if node < leaves:
+                node, visited = nearer_child(node, lower, upper, x, y, z), 2 * visited
+                continue
             for j in range(*leaf_range(n, leaves, node)):
                 squared = (points[0, j] - x) ** 2 + (points[1, j] - y) ** 2 + (points[2, j] - z) ** 2
                 if not taken[j] and (squared < nearest or (squared == nearest and order[j] < order[best])):
                     best, nearest = j, squared
+        node, visited = unvisited_sibling(node, visited)
     return best

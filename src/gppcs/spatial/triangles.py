@@ -10,13 +10,13 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import (
-    STACK,
     KdTree,
     first_leaf,
     leaf_range,
     measure_boxes,
-    push_children,
+    nearer_child,
     squared_distance_to_box,
+    unvisited_sibling,
 )
 
 
@@ -195,26 +195,23 @@ def nearest_triangles(vertices: Floats, faces: Ints, queries: Floats) -> tuple[I
 @kernel
 def _find_all(first, last, corners, lower, upper, queries, order, nearest, squared, weights):
     """Find the nearest triangles of a range of the queries in their order."""
-    stack, leaves = np.empty(STACK, dtype=np.int64), first_leaf(lower)
+    leaves = first_leaf(lower)
     for i in order[first:last]:
-        query, smallest, height = row(queries, i), np.inf, 1
-        stack[0] = 1
-        while height:
-            height -= 1
-            node = stack[height]
-            if squared_distance_to_box(lower[node], upper[node], *query) >= smallest:
-                continue
-            if node < leaves:
-                height = push_children(node, lower, upper, *query, stack, height)
-                continue
-            for f in range(*leaf_range(len(corners), leaves, node)):
-                a = minus(row(corners[f], 0), query)
-                b = minus(row(corners[f], 1), query)
-                c = minus(row(corners[f], 2), query)
-                d, s, t = _nearest_of_one(a, b, c)
-                if d < smallest:
-                    smallest = d
-                    nearest[i], weights[i, 0], weights[i, 1] = f, s, t
+        query, smallest, node, visited = row(queries, i), np.inf, 1, 0
+        while node:
+            if squared_distance_to_box(lower[node], upper[node], *query) < smallest:
+                if node < leaves:
+                    node, visited = nearer_child(node, lower, upper, *query), 2 * visited
+                    continue
+                for f in range(*leaf_range(len(corners), leaves, node)):
+                    a = minus(row(corners[f], 0), query)
+                    b = minus(row(corners[f], 1), query)
+                    c = minus(row(corners[f], 2), query)
+                    d, s, t = _nearest_of_one(a, b, c)
+                    if d < smallest:
+                        smallest = d
+                        nearest[i], weights[i, 0], weights[i, 1] = f, s, t
+            node, visited = unvisited_sibling(node, visited)
         squared[i] = smallest
 
 
