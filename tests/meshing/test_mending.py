@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.cuts import cutting
+from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.mending import cut_out, mend, relax
@@ -49,7 +49,7 @@ def test_mending_keeps_the_topology_and_leaves_no_cut(damaged, lost):
     points, normals, faces = damaged
     mesh = HalfEdges.from_faces(faces, len(points))
     assert len(cutting(mesh, points)) > 0
-    into, _ = mend(mesh, points, normals, no_vertex(points))
+    into, _ = mend(mesh, points, normals, no_vertex(points), TriangleTree.from_mesh(mesh, points))
     used = np.unique(mesh.faces())
     assert faults(mesh) == []
     assert topology_of(mesh.faces()) == topology_of(faces)
@@ -71,11 +71,11 @@ def folded_strip():
 def test_relaxed_corners_cut_nothing_where_no_patch_does_and_the_mesh_stays_whole():
     points, normals, faces = folded_strip()
     mesh, kept = HalfEdges.from_faces(faces, len(points)), no_vertex(points)
-    _, cut = mend(mesh, points, normals, kept)
+    _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
     assert topology_of(cut_out(mesh, points, normals)[0].faces()).pieces > 1
     for _ in range(12):
         relax(mesh, points, np.unique(mesh.corners()[cut]))
-        _, cut = mend(mesh, points, normals, kept)
+        _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
     assert len(cut) == 0
     assert topology_of(mesh.faces()) == topology_of(faces)
 
@@ -83,7 +83,7 @@ def test_relaxed_corners_cut_nothing_where_no_patch_does_and_the_mesh_stays_whol
 def test_a_mesh_without_cuts_is_not_changed():
     points, normals, faces = ball(200)
     mesh = HalfEdges.from_faces(faces, 200)
-    mend(mesh, points, normals, no_vertex(points))
+    mend(mesh, points, normals, no_vertex(points), TriangleTree.from_mesh(mesh, points))
     left, holes = cut_out(mesh, points, normals)
     assert np.array_equal(mesh.faces(), faces)
     assert np.array_equal(left.faces(), faces)
@@ -97,7 +97,7 @@ def test_planted_cuts_all_go(seed, share, depth):
     rng = np.random.default_rng(seed)
     some = rng.random(len(points)) < share
     points = points + depth * some[:, None] * rng.standard_normal(points.shape)
-    mend(mesh, points, normals, no_vertex(points))
+    mend(mesh, points, normals, no_vertex(points), TriangleTree.from_mesh(mesh, points))
     assert faults(mesh) == []
     mended, holes = cut_out(mesh, points, normals)
     topology = topology_of(mended.faces())

@@ -12,12 +12,15 @@ from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges, around, position_of, room_for_ring
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import (
+    area_vector,
+    cross,
     dot,
     minus,
     nearest_in_triangle,
     nearest_triangles,
     row,
     squared_distance,
+    unit,
 )
 
 MAX_WALK = 64  # vertices that a walk visits
@@ -63,14 +66,23 @@ def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_n
 
 def _planes(mesh: HalfEdges, vertices: Floats) -> tuple[Floats, Floats]:
     """Return the normals of triangles, (F, 3), and for each edge the outward unit normal and the extent, (F, 3, 4)."""
-    corners = vertices[mesh.corners()]
-    along = np.roll(corners, -1, axis=1) - corners
-    upright = np.cross(along[:, 0], -along[:, 2])
-    outward = np.cross(along, upright[:, None])
-    lengths = np.linalg.norm(outward, axis=2, keepdims=True)
-    outward /= np.where(lengths > 0.0, lengths, 1.0)
-    extents = np.einsum("fkx,fjx->fkj", outward, corners).max(axis=2, keepdims=True)
-    return upright, np.concatenate([outward, extents], axis=2)
+    count = len(mesh.corners())
+    upright, sides = np.empty((count, 3)), np.empty((count, 3, 4))
+    on_ranges(_fill_planes, count, mesh, vertices, upright, sides, minimum=1024)
+    return upright, sides
+
+
+@kernel
+def _fill_planes(begin, end, mesh, vertices, upright, sides):
+    """Fill what `_planes` returns for a range of triangles."""
+    for f in range(begin, end):
+        corners = corners_from(mesh, vertices, f, (0.0, 0.0, 0.0))
+        normal = area_vector(*corners)
+        upright[f, 0], upright[f, 1], upright[f, 2] = normal
+        for k in range(3):
+            outward = unit(cross(minus(corners[(k + 1) % 3], corners[k]), normal))
+            sides[f, k, 0], sides[f, k, 1], sides[f, k, 2] = outward
+            sides[f, k, 3] = max(dot(outward, corners[0]), dot(outward, corners[1]), dot(outward, corners[2]))
 
 
 @kernel

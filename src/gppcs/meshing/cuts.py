@@ -32,13 +32,14 @@ class TriangleTree(NamedTuple):
     def from_mesh(cls, mesh: HalfEdges, vertices: Floats) -> Self:
         """Build the tree of the triangles of a mesh."""
         faces = np.flatnonzero(mesh.origin[::3] >= 0)
-        centroids = KdTree.build(vertices[mesh.corners()[faces]].mean(axis=1))
+        a, b, c = (vertices[corner] for corner in mesh.corners()[faces].T)
+        centroids = KdTree.build((a + b + c) / 3.0)
         order, leaf, leaves = faces[centroids.order], np.full(len(mesh.corners()), -1), len(centroids.lower) // 2
         leaf[order] = leaves + np.repeat(np.arange(leaves), np.diff(len(order) * np.arange(leaves + 1) // leaves))
-        corners = vertices[mesh.corners()[order]]
+        a, b, c = a[centroids.order], b[centroids.order], c[centroids.order]
         lower, upper, unused = np.empty((3, 2 * leaves, 3))
-        measure_boxes(np.ascontiguousarray(corners.min(axis=1).T), lower, unused)
-        measure_boxes(np.ascontiguousarray(corners.max(axis=1).T), unused, upper)
+        measure_boxes(np.ascontiguousarray(np.minimum(np.minimum(a, b), c).T), lower, unused)
+        measure_boxes(np.ascontiguousarray(np.maximum(np.maximum(a, b), c).T), unused, upper)
         return cls(order, leaf, lower, upper)
 
     @classmethod

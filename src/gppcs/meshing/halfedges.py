@@ -9,8 +9,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from gppcs.clouds.topology import connected
 from gppcs.engine.arrays import Ints
@@ -232,11 +230,8 @@ def without_bow_ties(faces: Ints, n: int) -> HalfEdges:
     """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
         mesh = HalfEdges.from_faces(faces, n)
-        opposite = mesh.opposite[mesh.opposite >= 0]
-        after = np.where(opposite % 3 == 2, opposite - 2, opposite + 1)  # they leave the same vertex
-        begins = np.concatenate([[0], np.cumsum(mesh.opposite >= 0)])
-        size = len(mesh.origin)
-        _, fan = connected_components(csr_array((np.ones(len(after)), after, begins), shape=(size, size)))
+        fan = np.full(len(mesh.origin), -1)
+        _number_fans(mesh, fan)
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return mesh
@@ -247,6 +242,22 @@ def without_bow_ties(faces: Ints, n: int) -> HalfEdges:
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+
+
+@kernel(allocates=False)
+def _number_fans(mesh, fan):
+    """Fill `fan`, (3 F,): half-edges that leave a vertex side by side have one number, by the first of them."""
+    count = 0
+    for first in range(len(fan)):
+        if fan[first] >= 0:
+            continue
+        h = first
+        while h >= 0 and fan[h] < 0:
+            fan[h], h = count, mesh.opposite[preceding(h)]
+        h = mesh.opposite[first]
+        while h >= 0 and fan[following(h)] < 0:
+            fan[following(h)], h = count, mesh.opposite[following(h)]
+        count += 1
 
 
 def pieces_of(faces: Ints, n: int) -> NDArray[np.int32]:

@@ -43,7 +43,8 @@ def _mended(draft: Draft, relaxations: int) -> Ints:
     """Mend cuts, and relax what still cuts; return the triangles that no round has helped, whose corners go back."""
     before = draft.vertices.copy()
     for last in (*[False] * relaxations, True):
-        into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed)
+        tree = TriangleTree.from_mesh(draft.mesh, draft.vertices)
+        into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed, tree)
         draft.merge(into)
         if not len(cut) or last:
             break
@@ -68,16 +69,15 @@ def _add(draft: Draft, count: int) -> None:
     insert(draft, assigned, faces[best], points[best])
 
 
-def mend(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags, rounds: int = 4) -> tuple[Ints, Ints]:
+def mend(
+    mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags, tree: TriangleTree, rounds: int = 4
+) -> tuple[Ints, Ints]:
     """Replace discs around triangles that cut others; return where vertices go, and which triangles still cut."""
-    into, cut = np.arange(len(vertices)), np.empty(0, dtype=np.int64)
-    if len(mesh.faces()):
-        tree = TriangleTree.from_mesh(mesh, vertices)
-        cut = cutting(mesh, vertices, tree)
-        for _ in range(rounds):
-            if not len(cut) or _mend_all(mesh, vertices, normals, fixed, tree, cut, into) == 0:
-                break
-            cut = cutting(mesh, vertices, tree, cut)  # new triangles cut none
+    into, cut = np.arange(len(vertices)), cutting(mesh, vertices, tree)
+    for _ in range(rounds):
+        if not len(cut) or _mend_all(mesh, vertices, normals, fixed, tree, cut, into) == 0:
+            break
+        cut = cutting(mesh, vertices, tree, cut)  # new triangles cut none
     return ends(into), cut
 
 
@@ -192,7 +192,8 @@ def _nearest(vertices, v, corners):
 
 def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:
     """Drop triangles until none cuts another, as handles may, and fill the holes; return also how many stay open."""
-    boundary, left = mesh.boundary_edges(), _without_cuts(mesh, vertices)
+    boundary, tree = mesh.boundary_edges(), TriangleTree.from_mesh(mesh, vertices)
+    left = _without(mesh, vertices, tree, cutting(mesh, vertices, tree))
     old = mesh.origin[boundary] * len(vertices) + mesh.targets()[boundary]
     loops = [loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]
     filled, numbers = with_fillings(left, vertices, *fillings(left, vertices, normals, loops, careful=True))
@@ -201,14 +202,13 @@ def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdg
 
 def without_cuts(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags) -> HalfEdges:
     """Mend triangles that cut others once, then drop those that still do: a first mesh has others beside them."""
-    _, cut = mend(mesh, vertices, normals, fixed, rounds=1)
-    return _without_cuts(mesh, vertices) if len(cut) else HalfEdges.from_faces(mesh.faces(), len(vertices))
-
-
-def _without_cuts(mesh: HalfEdges, vertices: Floats) -> HalfEdges:
-    """Drop triangles until none cuts another, large ones first."""
     tree = TriangleTree.from_mesh(mesh, vertices)
-    cut = cutting(mesh, vertices, tree)
+    _, cut = mend(mesh, vertices, normals, fixed, tree, rounds=1)
+    return _without(mesh, vertices, tree, cut) if len(cut) else HalfEdges.from_faces(mesh.faces(), len(vertices))
+
+
+def _without(mesh: HalfEdges, vertices: Floats, tree: TriangleTree, cut: Ints) -> HalfEdges:
+    """Drop triangles that cut others until none does, large ones first."""
     a, b, c = (vertices[corner] for corner in mesh.corners()[cut].T)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     dropped = mesh.origin[::3] < 0

@@ -5,36 +5,53 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Ints
+from gppcs.engine.kernels import kernel
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import HalfEdges
+from gppcs.spatial.triangles import dot, minus, row
 
 
 def refine(draft: Draft, count: int, assigned: Assignment) -> None:
     """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
     insert(draft, assigned, *farthest_points_of(draft.mesh, assigned, unused_points(draft), count))
-    assigned = flip(draft)
-    covered = np.flatnonzero(assigned.face >= 0)
-    corners = draft.mesh.corners()[assigned.face[covered]]
-    squared = ((draft.vertices[corners] - draft.dense.positions[covered, None]) ** 2).sum(axis=2)
-    draft.nearest[covered] = np.take_along_axis(corners, squared.argmin(axis=1)[:, None], axis=1)[:, 0]
+    _find_nearest(draft.mesh, draft.vertices, draft.dense.positions, flip(draft), draft.nearest)
+
+
+@kernel(allocates=False)
+def _find_nearest(mesh, vertices, points, assigned, nearest):
+    """Fill the nearest corner of the triangle of each point, (n,)."""
+    for i in range(len(points)):
+        lowest, first = np.inf, 3 * assigned.face[i]
+        for corner in mesh.origin[first : first + 3] if first >= 0 else mesh.origin[:0]:
+            step = minus(row(vertices, corner), row(points, i))
+            if dot(step, step) < lowest:
+                nearest[i], lowest = corner, dot(step, step)
 
 
 def farthest_points_of(
     mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int, min_weight: float = 0.05
 ) -> tuple[Ints, Ints]:
     """Return the triangles with the largest sums of squared distances, and the farthest inner point of each."""
-    covered = assigned.face >= 0
-    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(mesh.corners()))
-    s, t = assigned.weights.T
-    inner = np.flatnonzero(covered & usable & (np.minimum(np.minimum(s, t), 1.0 - s - t) > min_weight))
-    farthest = np.full(len(mesh.corners()), -1)
-    inner = inner[np.argsort(assigned.squared[inner], kind="stable")]
-    farthest[assigned.face[inner]] = inner  # of several points of a triangle, the last one stays
+    sums, farthest = np.zeros(len(mesh.corners())), np.full(len(mesh.corners()), -1)
+    _find_farthest(assigned, usable, min_weight, sums, farthest)
     faces = np.flatnonzero(farthest >= 0)
     faces = np.sort(faces[np.argsort(-sums[faces], kind="stable")][:count])
     return faces, farthest[faces]
+
+
+@kernel(allocates=False)
+def _find_farthest(assigned, usable, min_weight, sums, farthest):
+    """Fill what `farthest_points_of` needs of each triangle, (F,): the sum, and the point, -1 if there is none."""
+    for i in range(len(usable)):
+        f, (s, t) = assigned.face[i], assigned.weights[i]
+        if f < 0:
+            continue
+        sums[f] += assigned.squared[i]
+        is_farther = farthest[f] < 0 or assigned.squared[i] >= assigned.squared[farthest[f]]
+        if is_farther and usable[i] and min(s, t, 1.0 - s - t) > min_weight:
+            farthest[f] = i
 
 
 def unused_points(draft: Draft) -> Flags:
