@@ -18,7 +18,7 @@ def test_splits_keep_the_topology(seed):
     _, _, mesh = random_mesh(seed)
     count = len(mesh.faces())
     faces = np.flatnonzero(np.random.default_rng(seed).random(count) < 0.3)
-    after = split(mesh, faces, len(mesh.leaving))
+    after = split(mesh, faces)
     assert faults(after) == []
     assert topology_of(after.faces()) == topology_of(mesh.faces())
     assert len(after.faces()) == count + 2 * len(faces)

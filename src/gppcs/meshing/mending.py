@@ -59,7 +59,7 @@ def _add(draft: Draft, count: int) -> None:
     assigned, n = draft.assigned(), len(draft.dense_index)
     faces, points = farthest_points_of(draft.mesh, assigned, unused_points(draft), 4 * count)
     positions = draft.dense.positions if draft.moved else draft.dense.raw
-    trial = split(draft.mesh, faces, n)
+    trial = split(draft.mesh, faces)
     cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
     spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])
     covered = assigned.face >= 0

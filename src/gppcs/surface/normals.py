@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.engine.arrays import Floats, Ints
@@ -188,11 +187,7 @@ def signs_by_votes(n: int, pairs: Ints, votes: Floats) -> tuple[Ints, Floats]:
         _join_by_votes(pairs, votes, np.full(n, -1), piece, sign)
         signs *= sign[pieces]
         pieces = piece[pieces]
-        votes = votes * sign[pairs[0]] * sign[pairs[1]]
-        pairs = np.sort(piece[pairs], axis=0)
-        differ = pairs[0] != pairs[1]
-        sums = coo_array((votes[differ], tuple(pairs[:, differ])), shape=(n, n)).tocsr().tocoo()
-        pairs, votes = np.array(sums.coords, dtype=np.int64), sums.data
+        pairs, votes = _summed(pairs, votes, piece, sign)
     return pieces, signs
 
 
@@ -261,6 +256,37 @@ def _join_by_votes(pairs, votes, clearest, parents, signs):
                 signs[b] = sign_a * sign_b * (1.0 if votes[e] >= 0.0 else -1.0)
     for i in range(len(parents)):
         parents[i], signs[i] = _root(parents, signs, i)
+
+
+@kernel
+def _summed(pairs, votes, pieces, signs):
+    """Return pairs of pieces, (2, p), and the sums of the votes between them, (p,), but not those within a piece."""
+    n = len(pieces)
+    ends = np.zeros(n + 1, dtype=np.int64)
+    for e in range(len(votes)):
+        a, b = pieces[pairs[0, e]], pieces[pairs[1, e]]
+        ends[min(a, b) + 1] += a != b
+    for a in range(n):
+        ends[a + 1] += ends[a]
+    joined, sums, between = np.empty(ends[n], dtype=np.int64), np.empty(ends[n]), np.empty((2, ends[n]), dtype=np.int64)
+    for e in range(len(votes)):
+        p, q = pairs[0, e], pairs[1, e]
+        a, b = min(pieces[p], pieces[q]), max(pieces[p], pieces[q])
+        if a != b:
+            joined[ends[a]], sums[ends[a]] = b, votes[e] * signs[p] * signs[q]
+            ends[a] += 1
+    count, slots = 0, np.full(n, -1)
+    for a in range(n):
+        first = count
+        for entry in range(ends[a - 1] if a else 0, ends[a]):
+            b = joined[entry]
+            if slots[b] >= first:
+                sums[slots[b]] += sums[entry]
+            else:
+                slots[b], sums[count] = count, sums[entry]
+                between[0, count], between[1, count] = a, b
+                count += 1
+    return between[:, :count].copy(), sums[:count]
 
 
 @kernel
