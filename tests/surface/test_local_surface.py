@@ -59,6 +59,24 @@ def test_the_sagitta_and_the_normals_of_a_lattice_on_a_cylinder():
     assert np.abs(cosines).min() > np.cos(np.radians(1))
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.01, 3.0])
+def test_the_foot_is_the_nearest_on_the_fans_of_the_five_nearest_points(spread):
+    """Also on wide fans around a hub, on slivers, of queries at a point, and of queries far from each other."""
+    rng = np.random.default_rng(0)
+    turns = np.arange(0, 2 * np.pi, 2 * np.pi / 14)
+    wheel = np.stack([5 + np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    sliver = rng.random((15, 3)) * [1, 1e-4, 1e-9] + [0, 3, 0]
+    points = np.concatenate([rng.random((50, 3)) * [1, 1, 0.1], wheel, [[5, 0, 0.2]], sliver])
+    surface = LocalSurface.from_points(points)
+    queries = np.repeat(points, 2, axis=0) + rng.normal(0, spread, (2 * len(points), 3))
+    feet, own = surface.find(queries), surface.tree.points.T
+    near = np.argsort(cdist(queries, own), axis=1)[:, :5]
+    for q, query in enumerate(queries):
+        faces = [(i, *pair) for i in near[q] for pair in surface.corners[i] if pair[0] >= 0]
+        expected = distances_to_triangles(query[np.newaxis], own[np.array(faces)])
+        assert feet.distances[q] == pytest.approx(min(expected, default=np.inf), rel=1e-9, abs=1e-12)
+
+
 def test_two_sheets_are_not_joined():
     points = np.random.default_rng(0).random((2000, 3)) * [1, 1, 0]
     points[1000:, 2] = 0.2  # six spacings

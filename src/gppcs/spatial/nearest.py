@@ -66,7 +66,7 @@ class Search(NamedTuple):
     near: Ints  # (leaves,), node numbers of the leaves near the box of the shared search
     buffer: SearchBuffer  # The points found in these leaves
     squared: Floats  # (m + STRIDE,), squared distances of these points from a position
-    positions: Ints  # (k,), of the nearest points, if a position searches the tree by itself
+    positions: Ints  # (k,), of the nearest points, if a position searches the tree by itself or they are sorted
     gaps: Floats  # (k,), their squared distances
     local: Floats  # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding
 
@@ -125,6 +125,32 @@ def steps_by_itself(points, lower, upper, x, y, z, search):
     return search.gaps[-1]
 
 
+@kernel(fastmath=False, allocates=False, forceinline=True)
+def sort_nearest(x, y, z, count, squared_radius, search):
+    """Find what `nearest_in_tree` finds in the shared search; return whether that is wide enough and none are tied."""
+    k, near, gaps = len(search.gaps), search.positions, search.gaps
+    along_x, along_y, along_z = search.buffer.packed[0], search.buffer.packed[1], search.buffer.packed[2]
+    squared = search.squared[:count]
+    for j in range(count):
+        squared[j] = (along_x[j] - x) ** 2 + (along_y[j] - y) ** 2 + (along_z[j] - z) ** 2
+    limit = _radius_holding(squared, k, squared_radius)
+    if limit < 0.0:
+        return False
+    slot, j, distinct = 0, 0, True
+    while slot < k:
+        near[slot] = j  # always written and then counted or not: a branch would be mispredicted often
+        slot += 1 if squared[j] <= limit else 0
+        j += 1
+    for n in range(k):
+        j, slot = near[n], n
+        while slot > 0 and gaps[slot - 1] > squared[j]:
+            gaps[slot], near[slot] = gaps[slot - 1], near[slot - 1]
+            slot -= 1
+        distinct = distinct and not (slot > 0 and gaps[slot - 1] == squared[j])
+        gaps[slot], near[slot] = squared[j], search.buffer.positions[j]
+    return distinct
+
+
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
 def radius_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     """Return a squared distance within which exactly k packed points, (3, m), lie, by regula falsi; or -1."""
@@ -133,6 +159,12 @@ def radius_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
     for j in range(len(along_x)):
         dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
         squared[j] = dx * dx + dy * dy + dz * dz
+    return _radius_holding(squared, k, squared_radius)
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _radius_holding(squared, k, squared_radius):
+    """Return a limit that exactly k of the squared distances, (m,), do not exceed, by regula falsi; or -1."""
     lower, upper = 0.0, squared_radius
     below, above = 0.0, _within(squared, upper)
     for _ in range(24):
@@ -160,13 +192,13 @@ def _within(squared, limit):
     return count
 
 
-@kernel(fastmath={"nnan", "nsz"}, allocates=False)
+@kernel(allocates=False)
 def _largest_within(squared, limit):
     """Return the largest of the squared distances, (m,), that is at most `limit`."""
-    largest = 0.0
+    largest, bits = 0, squared.view(np.int64)  # whose order is that of floats: the loop over integers is vectorised
     for j in range(len(squared)):
-        largest = max(largest, squared[j] if squared[j] <= limit else 0.0)
-    return largest
+        largest = max(largest, bits[j] if squared[j] <= limit else 0)
+    return np.int64(largest).view(np.float64)
 
 
 def squared_radii(tree: KdTree) -> Floats:

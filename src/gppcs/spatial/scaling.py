@@ -78,11 +78,11 @@ def _bound_chunks(begin, end, points, lower, upper):
     for c in range(begin, end):
         last = n * (c + 1) // chunks
         for first in range(n * c // chunks, last, 1024):  # so many points fit into the innermost cache of a core
-            _widen(points[first : min(first + 1024, last)], lower[c], upper[c])
+            widen(points[first : min(first + 1024, last)], lower[c], upper[c])
 
 
 @kernel
-def _widen(points, lower, upper):
+def widen(points, lower, upper):
     """Extend the bounds `lower` and `upper`, (3,), so that they hold the points, (n, 3)."""
     for axis in range(3):
         smallest, greatest = lower[axis], upper[axis]

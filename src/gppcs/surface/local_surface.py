@@ -12,8 +12,19 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, limit_beside, nearest_in_tree
-from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
-from gppcs.spatial.triangles import circumradius, nearest_in_triangle, row, squared_distance
+from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for, sort_nearest
+from gppcs.spatial.scaling import widen
+from gppcs.spatial.triangles import (
+    area_vector,
+    circumradius,
+    cross,
+    dot,
+    minus,
+    nearest_in_triangle,
+    row,
+    squared_distance,
+    unit,
+)
 from gppcs.surface.fans import ANY_NORMAL, lay_out, wrap
 from gppcs.surface.surface_variation import features_of_nearest
 
@@ -21,6 +32,10 @@ PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the poin
 # Neighbours that are searched for corners; twice as many, again and again up to the second number, if necessary.
 NEIGHBOURS, MAX_NEIGHBOURS = 18, 288
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
+BOUNDED = 8  # triangles of a fan, at its start, whose distances are bounded before they are computed
+MARGIN = 1e-9  # of these bounds, in squared lengths
+FANS = 64  # whose planes are kept
+QUERIES_PER_SEARCH, MANY_POINTS = 32, 256  # queries share a search of the tree, unless it finds so many points
 SIN_MAX_SLOPE = np.sin(np.radians(60.0))  # a neighbour steeper above the tangent plane lies on another sheet
 
 
@@ -149,27 +164,101 @@ def _widest(points, i, corners):
 def _search(begin, end, points, lower, upper, corners, queries, feet):
     """Fill the feet of a range of queries, (Q, 3), on fans with corners, (M, MAX_TRIANGLES, 2)."""
     k = min(5, points.shape[1])  # nearest points whose fans are searched; fewer leave gaps
-    near, squared, limit = np.zeros(k, dtype=np.int64), np.empty(k, dtype=np.float64), np.inf
-    for q in range(begin, end):
-        x, y, z = queries[q]
-        if q > begin:
-            limit = limit_beside(squared[-1], x - queries[q - 1, 0], y - queries[q - 1, 1], z - queries[q - 1, 2])
-        nearest_in_tree(points, lower, upper, x, y, z, near, squared, limit)
-        smallest, first, second, third, v, w = squared[0], near[0], near[0], near[0], 0.0, 0.0
-        for i in near:
-            a = _from(points, i, x, y, z)
-            for slot in range(MAX_TRIANGLES):
-                j, m = corners[i, slot]
-                if j < 0:
-                    break
-                b, c = _from(points, j, x, y, z), _from(points, m, x, y, z)
-                new_v, new_w = nearest_in_triangle(a, b, c)
-                d = squared_distance(a, b, c, new_v, new_w)
-                if d < smallest:
-                    smallest, first, second, third, v, w = d, i, j, m, new_v, new_w
-        feet.distances[q], feet.nearest[q], feet.squared[q] = np.sqrt(smallest), near[0], squared[0]
-        feet.corners[q, 0], feet.corners[q, 1], feet.corners[q, 2] = first, second, third
-        feet.weights[q, 0], feet.weights[q, 1] = v, w
+    search, box, squared_radius = search_for(k, first_leaf(lower)), np.empty((2, 3), dtype=np.float64), 0.0
+    search.positions[:] = 0  # for a query without a finite distance
+    holders, planes = np.full(FANS, -1, dtype=np.int64), np.empty((FANS, 14, BOUNDED), dtype=np.float64)
+    kept = holders, planes, np.empty((k, BOUNDED), dtype=np.float64), np.empty(BOUNDED, dtype=np.float64)
+    for first in range(begin, end, QUERIES_PER_SEARCH):
+        last, total = min(first + QUERIES_PER_SEARCH, end), 0.0
+        box[0], box[1] = np.inf, -np.inf
+        widen(queries[first:last], box[0], box[1])
+        count = look_around(points, lower, upper, box[0], box[1], squared_radius, search)
+        for q in range(first, last):
+            x, y, z = queries[q]
+            if not sort_nearest(x, y, z, count if count <= MANY_POINTS else 0, squared_radius, search):
+                limit = np.inf
+                if q > begin:
+                    u, v, w = minus(row(queries, q), row(queries, q - 1))
+                    limit = limit_beside(search.gaps[-1], u, v, w)
+                nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps, limit)
+            total += search.gaps[-1]
+            _find_foot(points, corners, q, x, y, z, search, kept, feet)
+        squared_radius = WIDER * total / (last - first)
+
+
+@kernel(allocates=False, forceinline=True)  # so many arguments take longer to pass than to use
+def _find_foot(points, corners, q, x, y, z, search, kept, feet):
+    """Fill the foot of query q at (x, y, z) on the fans of its nearest points; the planes of some fans are kept."""
+    holders, planes, lower, upper = kept
+    near, smallest, k = search.positions, search.gaps[0], len(search.gaps)
+    first, second, third, v, w, limit = near[0], near[0], near[0], 0.0, 0.0, smallest
+    for n in range(k):
+        i, fan = near[n], near[n] % FANS
+        if holders[fan] != i:
+            holders[fan] = i
+            _measure(points, corners[i], i, planes[fan])
+        _bound(planes[fan], _from(points, i, x, y, z), lower[n], upper)
+        for bound in upper:
+            limit = min(limit, bound)
+    for n in range(k):
+        i = near[n]
+        for slot in range(MAX_TRIANGLES):
+            if slot < BOUNDED and lower[n, slot] > limit:
+                continue
+            j, m = corners[i, slot]
+            if j < 0:
+                break
+            a, b, c = _from(points, i, x, y, z), _from(points, j, x, y, z), _from(points, m, x, y, z)
+            new_v, new_w = nearest_in_triangle(a, b, c)
+            d = squared_distance(a, b, c, new_v, new_w)
+            if d < smallest:
+                smallest, first, second, third, v, w = d, i, j, m, new_v, new_w
+                limit = min(limit, d)
+    feet.distances[q], feet.nearest[q], feet.squared[q] = np.sqrt(smallest), near[0], search.gaps[0]
+    feet.corners[q, 0], feet.corners[q, 1], feet.corners[q, 2] = first, second, third
+    feet.weights[q, 0], feet.weights[q, 1] = v, w
+
+
+@kernel(allocates=False)
+def _measure(points, corners, i, planes):
+    """Fill `planes`, (14, BOUNDED), of the first triangles of point i, with corners (MAX_TRIANGLES, 2).
+
+    Rows 0 to 2: the unit normal of a triangle; 3 to 11: those of its edges, inwards in its plane; 12: how far the edge
+    that is not at i is from i; 13: a margin for rounding.
+    """
+    planes[:], planes[12] = 0.0, -1e-150  # slivers, whose normals are inexact: beside the point at any distance
+    a = row(points.T, i)
+    for slot in range(BOUNDED):
+        if corners[slot, 0] < 0:
+            planes[13, slot] = -np.inf  # no triangle: infinitely far
+            continue
+        b, c = row(points.T, corners[slot, 0]), row(points.T, corners[slot, 1])
+        ab, bc, ca, normal = minus(b, a), minus(c, b), minus(a, c), area_vector(a, b, c)
+        squared = dot(ab, ab) + dot(bc, bc) + dot(ca, ca)
+        planes[13, slot] = MARGIN * squared
+        if dot(normal, normal) > (1e-3 * squared) ** 2:
+            normals = unit(normal), unit(cross(normal, ab)), unit(cross(normal, ca)), unit(cross(normal, bc))
+            for plane in range(4):
+                for axis in range(3):
+                    planes[3 * plane + axis, slot] = normals[plane][axis]
+            planes[12, slot] = -dot(normals[3], ab)
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _bound(planes, a, lower, upper):
+    """Fill bounds, (BOUNDED,), of squared distances of triangles from the origin, from which `a` leads to theirs."""
+    x, y, z = a
+    margin = MARGIN * (x * x + y * y + z * z)
+    for slot in range(BOUNDED):
+        height = planes[0, slot] * x + planes[1, slot] * y + planes[2, slot] * z
+        beyond = max(
+            planes[3, slot] * x + planes[4, slot] * y + planes[5, slot] * z,
+            planes[6, slot] * x + planes[7, slot] * y + planes[8, slot] * z,
+            planes[9, slot] * x + planes[10, slot] * y + planes[11, slot] * z - planes[12, slot],
+        )
+        wide = margin + planes[13, slot]
+        lower[slot] = height * height + max(beyond, 0.0) ** 2 - wide
+        upper[slot] = height * height + wide if beyond <= 0.0 else np.inf
 
 
 @kernel
