@@ -81,9 +81,9 @@ def always_round(roughness: Any) -> float:
     return 1.0
 
 
-def nowhere_sharp(tree: Any, edge: float) -> Any:
+def nowhere_sharp(variation: Any) -> Any:
     """Take no place for sharp, in place of `candidates.sharpness_of`."""
-    return np.zeros(len(tree.order))
+    return np.zeros(len(variation))
 
 
 def changes() -> dict[str, Change]:

@@ -101,6 +101,7 @@ CONSTANTS = (
     Constant("TOLERATED", "noise whose observations are as uncertain as the prior", "target spacings", noise),
     Constant("LARGEST", "variance of an observation at most", "prior variances", noise),
     Constant("SAMPLES", "points on which the noise is measured", "points", noise),
+    Constant("SHARED", "distance from a fit within which points take its quadric", "radii of the fits", noise),
 )
 
 

@@ -109,3 +109,17 @@ def test_many_places_at_a_time_as_each_by_itself():
         height, normal = fitted(points, places[of_places.order[i]], 20)
         assert abs(together.heights[i]) == pytest.approx(abs(height), abs=1e-9)
         assert abs(together.normals[:, i] @ normal) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_queries_near_a_fit_take_its_quadric():
+    """On a smooth surface it is nearly that of each, on both sides of the surface."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-1, 1, (2, 4_000))
+    points = np.column_stack([x, y, 0.2 * np.sin(2 * x) * np.cos(y)]) @ rotation(0)
+    tree = KdTree.build(points)
+    queries = KdTree.build(points[::2] + 0.01 * rng.standard_normal((2_000, 3)))
+    single, shared = (fit_quadrics(tree, queries, 30, share) for share in (0.0, 0.5))
+    assert len(np.unique(single.radii)) == 2_000
+    assert len(np.unique(shared.radii)) < 1_200
+    np.testing.assert_allclose(np.abs(shared.heights), np.abs(single.heights), atol=1e-4)
+    assert np.abs((shared.normals * single.normals).sum(axis=0)).min() > np.cos(np.radians(1))

@@ -64,9 +64,13 @@ class LocalSurface:
     @classmethod
     def from_points(cls, points: Floats) -> LocalSurface:
         """Build the surface of a cloud. Shapes: points (M, 3)."""
-        tree = KdTree.build(points)
+        return cls.over(KdTree.build(points))
+
+    @classmethod
+    def over(cls, tree: KdTree) -> LocalSurface:
+        """Build the surface of the points of a tree."""
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
-        corners = np.full((len(points), MAX_TRIANGLES, 2), -1, dtype=np.int32)
+        corners = np.full((len(normals), MAX_TRIANGLES, 2), -1, dtype=np.int32)
         tasks = number_of_runs(tree.leaves)
         on_ranges(_build_fans, tasks, tasks, *tree.arrays, normals, corners)
         return cls(tree, normals, corners)

@@ -12,6 +12,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for, steps_to_nearest
+from gppcs.spatial.triangles import dot
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
@@ -34,58 +35,71 @@ class Quadrics(NamedTuple):
         return Quadrics(self.heights.astype(dtype), self.normals.astype(dtype), self.radii.astype(dtype))
 
 
-def fit_quadrics(tree: KdTree, queries: KdTree, k: int) -> Quadrics:
+def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query, over their plane.
 
-    Where the quadric is steep, or there are fewer than six points, the normal is the plane's.
+    Queries of a leaf within `shared` radii of a fit take its quadric; with 0, each has its own. Where it is steep, or
+    there are fewer than six points, the normal is the plane's.
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
     tasks = number_of_runs(queries.leaves)
-    on_ranges(_fit_leaves, tasks, tasks, *tree.arrays, *queries.arrays, min(k, len(tree.order)), fitted)
+    on_ranges(_fit_leaves, tasks, tasks, *tree.arrays, *queries.arrays, min(k, len(tree.order)), shared, fitted)
     return fitted
 
 
 @kernel(fastmath=False)
-def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower, queries_upper, k, fitted):
+def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower, queries_upper, k, shared, fitted):
     """Fill `fitted` at the queries, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
     leaves = first_leaf(queries_lower)
     search = search_for(k, first_leaf(lower))
+    moments = np.empty((MOMENTS, 1), dtype=np.float64)
+    terms = np.empty((TERMS, search.local.shape[1]), dtype=np.float64)
+    equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
     for task in range(first, last):
         squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
             begin, end = leaf_range(queries.shape[1], leaves, leaf)
-            total = _fit_leaf(points, lower, upper, queries, begin, end, count, squared_radius, search, fitted)
+            fitted.radii[begin:end] = 0.0
+            total = 0.0
+            for i in range(begin, end):
+                if fitted.radii[i] > 0.0:
+                    continue
+                x, y, z = queries[0, i], queries[1, i], queries[2, i]
+                squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
+                total += squared * _fit(queries, i, end, squared, shared, search, moments, terms, equations, fitted)
             squared_radius = WIDER * total / (end - begin)
 
 
 @kernel(fastmath=False)
-def _fit_leaf(points, lower, upper, queries, begin, end, count, squared_radius, search, fitted):
-    """Fit quadrics at queries `begin` to `end` of (3, m); return the sum of their squared radii."""
+def _fit(queries, centre, end, squared, shared, search, moments, terms, equations, fitted):
+    """Fit a quadric to the nearest points of a query, of (3, m); return for how many queries it is taken."""
     k, full = len(search.gaps), search.local.shape[1]
-    moments = np.empty((MOMENTS, 1), dtype=np.float64)
-    terms = np.empty((TERMS, full), dtype=np.float64)
-    equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
+    radius = np.sqrt(squared) if squared > 0.0 else 1.0
     normal = np.empty(3, dtype=np.float64)
-    total = 0.0
-    for i in range(begin, end):
-        x, y, z = queries[0, i], queries[1, i], queries[2, i]
-        squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
-        radius = np.sqrt(squared) if squared > 0.0 else 1.0
-        moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
-        flattest_of(moments[:, 0], normal)
+    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
+    flattest_of(moments[:, 0], normal)
+    u, v = tangents(normal[0], normal[1], normal[2])
+    if k >= COEFFICIENTS:
+        _fill_terms(search.local, k, radius, u, v, normal, terms)
+        fill_equations(terms, equations)
+        solve(equations)
+    count = 0
+    for i in range(centre, end):
+        x, y, z = (
+            (queries[0, i] - queries[0, centre]) / radius, (queries[1, i] - queries[1, centre]) / radius,
+            (queries[2, i] - queries[2, centre]) / radius,
+        )  # fmt: skip
+        if i > centre and (fitted.radii[i] > 0.0 or x * x + y * y + z * z > shared * shared):
+            continue
         height = 0.0
-        if k >= COEFFICIENTS:
-            u, v = tangents(normal[0], normal[1], normal[2])
-            _fill_terms(search.local, k, radius, u, v, normal, terms)
-            fill_equations(terms, equations)
-            solve(equations)
-            height = _turn(equations[:, COEFFICIENTS], u, v, normal)
-        fitted.heights[i], fitted.radii[i] = height * radius, radius
         fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]
-        total += squared
-    return total
+        if k >= COEFFICIENTS:
+            height = _turn(equations[:, COEFFICIENTS], (x, y, z), u, v, fitted.normals[:, i])
+        fitted.heights[i], fitted.radii[i] = height * radius, radius
+        count += 1
+    return count
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
@@ -124,9 +138,14 @@ def fill_equations(terms, equations):
 
 
 @kernel(fastmath=False)
-def _turn(coefficients, s, t, normal):
-    """Turn the plane's normal, (3,), into the quadric's at the origin; return the distance to the quadric along it."""
-    height, b, c = coefficients[0], coefficients[1], coefficients[2]
+def _turn(coefficients, step, s, t, normal):
+    """Turn the plane's normal, (3,), into the quadric's below a step; return the distance to the quadric along it."""
+    u, v = dot(step, s), dot(step, t)
+    height = -(step[0] * normal[0] + step[1] * normal[1] + step[2] * normal[2])
+    height += coefficients[0] + u * (coefficients[1] + u * coefficients[3] + v * coefficients[4])
+    height += v * (coefficients[2] + v * coefficients[5])
+    b = coefficients[1] + 2.0 * u * coefficients[3] + v * coefficients[4]
+    c = coefficients[2] + u * coefficients[4] + 2.0 * v * coefficients[5]
     if b * b + c * c > 3.0:  # 60 degrees: a steeper quadric extrapolates from points on one side only
         return height
     length = np.sqrt(1.0 + b * b + c * c)

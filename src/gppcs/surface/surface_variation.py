@@ -116,10 +116,10 @@ def estimate_features(cloud: CloudLike, neighbours: int = 25) -> Features:
     return features_in_radius(tree, neighbourhood_radius(distinct, neighbours))
 
 
-def features_in_radius(tree: KdTree, radius: float, with_normals: bool = True) -> Features:
+def features_in_radius(tree: KdTree, radius: float) -> Features:
     """Measure each point's neighbourhood of all points within a radius; nodes of dense parts count as a whole."""
     n = len(tree.order)
-    features = Features(np.empty(n), np.empty((n * with_normals, 3)), np.empty(n, dtype=np.int32))
+    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     moments = np.empty((0, MOMENTS))
     groups = max(1, tree.leaves // LEAVES_PER_GROUP)
     nodes = slice(groups, 2 * groups)

@@ -45,7 +45,7 @@ def kernel_of(field):
     for begin in range(0, n * n, LANES):
         lanes = slice(begin, begin + LANES)
         pair = np.stack([sites[:, i[lanes]], sites[:, j[lanes]]])
-        correlate(pair, 0, 1, field.lengthscale, field.normal_weight, kernel[lanes])
+        correlate(pair, 0, 1, field.lengthscale, field.normal_weight, LANES, kernel[lanes])
     return kernel[: n * n].reshape(n, n)
 
 

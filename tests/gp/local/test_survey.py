@@ -7,6 +7,7 @@ from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
+from gppcs.surface.surface_variation import features_in_radius
 from shapes import rotation, square
 
 
@@ -39,7 +40,7 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
         points = np.random.default_rng(seed).random((40_000, 3)) * [1.0, 1.0, 0.0]
         points[::2] = points[::2, [2, 1, 0]]
         points[:, 1] -= 0.5
-        sharpness = sharpness_of(KdTree.build(points), edge).astype(np.float32)
+        sharpness = sharpness_of(features_in_radius(KdTree.build(points), edge).surface_variation).astype(np.float32)
         for off, values in ((by_chance, np.zeros_like(sharpness)), (chosen, sharpness)):
             kept = greatest_in_cells(points, edge, values)
             distance = np.maximum(points[kept, 0], points[kept, 2])
@@ -51,7 +52,8 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
 def test_faces_have_no_sharp_points():
     """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
     points = square(20_000) @ rotation(0)
-    np.testing.assert_array_equal(sharpness_of(KdTree.build(points), 0.016), 0.0)
+    variation = features_in_radius(KdTree.build(points), 0.016).surface_variation
+    np.testing.assert_array_equal(sharpness_of(variation), 0.0)
 
 
 def test_area_and_noise_of_millions_are_judged_by_some():

@@ -52,15 +52,20 @@ def choose(
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
     candidate_density = cells_for(candidate_density, len(points), n_points)
-    area, noise, sharpness, detail, surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
+    surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
+    noise, detail = surveyed.noise, surveyed.detail
     with timer("candidates"):
-        stages = nested_candidates(points, sharpness, n_points, area, candidate_density, fixed)  # step 2
+        stages = nested_candidates(
+            points, surveyed.sharpness, n_points, surveyed.area, candidate_density, fixed
+        )  # step 2
     sheets, last = None, stages[-1]
     if not noise.thick:
         with timer("features"):
-            sheets = normals_of_sheets(surveyed, points[last.indices], last.spacing)
-    tree = surveyed if len(surveyed.order) == len(points) else None
-    del surveyed, sharpness  # neither is needed any more, unless the tree is over all points
+            sheets = normals_of_sheets(surveyed.tree, points[last.indices], last.spacing)
+    tree = normals = None
+    if len(surveyed.tree.order) == len(points):
+        tree, normals = surveyed.tree, surveyed.normals
+    del surveyed  # of a sample, nothing is needed any more
     fitted = None
     if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
         with timer("noise"):
@@ -76,7 +81,7 @@ def choose(
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted)
+        indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted, normals)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
 
 

@@ -64,7 +64,7 @@ from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.spacing import surface_area
 from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write_at_once, write_run
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Noise, NoiseLayer, projections
-from gppcs.surface.surface_variation import Features
+from gppcs.surface.surface_variation import Features, features_in_radius
 
 PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
 HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (research/experiments.md).
@@ -314,7 +314,7 @@ def _sharpness(
     tree = KdTree.build(points[drawn]) if len(drawn) else None
     sharpness, rough = np.zeros((2, len(points)), dtype=np.float32)
     if stage.noise.is_below_threshold and tree:  # otherwise noisy points would look sharp
-        sharpness[drawn] = sharpness_of(tree, stage.edge)
+        sharpness[drawn] = sharpness_of(features_in_radius(tree, stage.edge).surface_variation)
     if stage.detail and tree:
         drawn = drawn[tree.order]
         values = near.records["detail"][drawn].astype(np.float64)

@@ -26,6 +26,7 @@ from gppcs.gp.local.settings import (
     MAX_CELLS,
     MIN_CANDIDATES,
     OUTLIERS,
+    PLANE_POINTS,
     SAMPLE_SIZE,
     SAMPLED_PER_POINT,
     WANTED_FROM,
@@ -36,14 +37,25 @@ from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
+ALIKE = 0.8  # Balls of candidate cells and of planes, of which one is at least so large as the other, are one.
+
+
+class Survey(NamedTuple):
+    """What is measured on a cloud of N points, or on a sample of n of them."""
+
+    area: float  # Of the surface
+    noise: Noise
+    # (N,), surface variation in a ball about as wide as a candidate cell, and that of the detail; 0 elsewhere.
+    sharpness: NDArray[np.float32]
+    detail: Detail | None
+    tree: KdTree  # Over the n points
+    normals: Floats | None  # (n, 3), of these balls, in tree order, if the placement can take them
+
 
 def survey(
     points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
-) -> tuple[float, Noise, NDArray[np.float32], Detail | None, KdTree]:
-    """Return area A, noise, sharpness, (N,), and detail of a cloud, (N, 3), and the tree over it or over a sample.
-
-    The sharpness is the surface variation within the edge length of a cell, plus that of the detail; 0 if not measured.
-    """
+) -> Survey:
+    """Measure a cloud, (N, 3), or a sample of it. Shapes: attributes (N, k)."""
     with timer("sample"):
         indices = sample(points, n_points)
         sampled = points if len(indices) == len(points) else points[indices]
@@ -53,16 +65,21 @@ def survey(
         area, _ = thinned(sampled, alike, n_points, surface_area(tree), candidate_density)
     with timer("noise"):
         noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
-    sharpness = np.zeros(len(points), dtype=np.float32)
+    sharpness, normals = np.zeros(len(points), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            sharpness[indices] = sharpness_of(tree, cell_edge(area, candidate_density * n_points))
+            edge, plane = cell_edge(area, candidate_density * n_points), radius_of_plane(area / len(sampled))
+            is_shared = sampled is points and edge > ALIKE * plane  # the placement takes the normals
+            features = features_in_radius(tree.in_own_order(), max(edge, plane) if is_shared else edge)
+            of_tree = tree.order if sampled is points else indices[tree.order]
+            sharpness[of_tree] = sharpness_of(features.surface_variation)
+            normals = features.normals if is_shared else None
     detail = None
     if attributes is not None:
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation
-    return area, noise, sharpness, detail, tree
+    return Survey(area, noise, sharpness, detail, tree, normals)
 
 
 def sample_size(n_points: int) -> int:
@@ -86,10 +103,9 @@ def cells_for(wanted: float, n: int, n_points: int) -> float:
     return min(wanted, max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
 
 
-def sharpness_of(tree: KdTree, edge: float) -> Floats:
-    """Return the surface variation within the edge length of a cell, in the order of the tree's input, (N,)."""
-    variation = features_in_radius(tree, edge, with_normals=False).surface_variation
-    return np.where(variation > ROUNDING, variation, 0.0)  # rounding changes with the position of the cloud
+def sharpness_of(variation: Floats) -> Floats:
+    """Return the surface variation, (n,), but 0 where it is rounding, which changes with the position of the cloud."""
+    return np.where(variation > ROUNDING, variation, 0.0)
 
 
 class Stage(NamedTuple):
@@ -180,6 +196,11 @@ def largest_gap(isolated: Ints, n: int, n_points: int, spacing: float) -> float:
         if harmless < n_isolated <= n - MIN_CANDIDATES * n_points and n_isolated_twice > OUTLIERS * n_isolated:
             return distance * spacing
     return math.inf
+
+
+def radius_of_plane(area: float) -> float:
+    """Return the radius of a ball with `PLANE_POINTS` points, by the area for each."""
+    return math.sqrt(PLANE_POINTS * area / math.pi)
 
 
 def cell_edge(area: float, cells: float) -> float:

@@ -13,7 +13,8 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
-LANES = 32  # Points that are computed side by side in vector registers; loops over 16 are unrolled, not vectorised.
+# Points that are computed side by side at most, and of which loops in vector registers take multiples.
+LANES, STEP = 32, 16
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 
 
@@ -47,18 +48,18 @@ def detail_distance(detail, i, j):
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
-def correlate(sites, a, b, lengthscale, normal_weight, out):
+def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
     """Compute the kernel (Eq. (6)) between the a-th and the b-th site of each lane, in units of the prior variance.
 
-    Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
+    Only so many lanes, a multiple of `STEP`, are computed. Shapes: sites (K + 1, SITE + k, LANES), out (LANES,).
     """
     vanished = 40.0  # from this t on, the correlation is less than rounding
-    for p in range(LANES):
+    for p in range(lanes):
         out[p] = 0.0
     for c in range(SITE, sites.shape[1]):  # before the next loop, which is vectorised only without one inside
-        for p in range(LANES):
+        for p in range(lanes):
             out[p] += (sites[a, c, p] - sites[b, c, p]) ** 2
-    for p in range(LANES):
+    for p in range(lanes):
         s, r = sites[a, 6, p], sites[b, 6, p]
         squared = out[p] + field_distance(
             sites[a, 0, p] - sites[b, 0, p], sites[a, 1, p] - sites[b, 1, p], sites[a, 2, p] - sites[b, 2, p],

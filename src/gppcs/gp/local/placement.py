@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.candidates import radius_of_plane
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     CHECKED_ON,
@@ -25,7 +26,6 @@ from gppcs.gp.local.settings import (
     GAP_GROWTH,
     MAX_STEP,
     NOISY_CELL_POINTS,
-    PLANE_POINTS,
     PULL,
     TRIALS,
     TRIED_ON,
@@ -54,11 +54,13 @@ def place(
     detail: NDArray[np.float32] | None = None,
     tree: KdTree | None = None,
     fitted: Quadrics | None = None,
+    normals: Floats | None = None,
 ) -> Ints:
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
-    The tree over all points is built if it is not there; quadrics are fitted around them if noise matters. Shapes:
-    points (N, 3), chosen (m,), detail (N, k); returns (m,).
+    The tree over all points is built if it is not there. Quadrics fitted around them if noise matters, or their
+    normals, in tree order, are computed if they are not there. Shapes: points and normals (N, 3), chosen (m,), detail
+    (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
@@ -69,7 +71,9 @@ def place(
         new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
         return np.where(new < 0, chosen, drawn[new])
     cells = KdTree.build(points) if tree is None else tree
-    new = replacements(points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted)
+    new = replacements(
+        points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted, normals=normals
+    )
     return np.where(new < 0, chosen, new)
 
 
@@ -84,6 +88,7 @@ def replacements(
     farthest: float = math.inf,
     passes: int = 2,
     fitted: Quadrics | None = None,
+    normals: Floats | None = None,
 ) -> Ints:
     """Return for which point each vertex, a chosen point, is exchanged, -1 where it stays.
 
@@ -92,7 +97,7 @@ def replacements(
     (n, k); returns (m,).
     """
     of_point, cells = cells.order, cells.in_own_order()
-    feet, normals = _planes(cells, area, noise, fitted)
+    feet, normals = _planes(cells, area, noise, fitted, normals)
     surface = LocalSurface.from_points(vertices)
     tree, order = surface.tree.in_own_order(), surface.tree.order
     of_points = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
@@ -120,8 +125,8 @@ def replacements(
             attributes=np.where(stay, chosen.attributes, observed.attributes[new]),
         )
     if detail is None and not noise.thick:
-        placed = LocalSurface.from_points(chosen.positions)
-        new[farther(replace(surface, tree=tree), placed, feet, first, new >= 0, ROUNDING * gaps)] = -1
+        placed = LocalSurface.over(KdTree.over(np.ascontiguousarray(chosen.positions.T)))
+        new[farther(replace(surface, tree=tree), placed, first, new >= 0, feet, ROUNDING * gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -148,10 +153,12 @@ class _Vertices(NamedTuple):
     stays: Flags  # (m,)
 
 
-def _planes(cells: KdTree, area: float, noise: Noise, fitted: Quadrics | None) -> tuple[Floats, Floats]:
+def _planes(
+    cells: KdTree, area: float, noise: Noise, fitted: Quadrics | None, normals: Floats | None
+) -> tuple[Floats, Floats]:
     """Return the feet of the points of a tree on the surface below their noise, (3, n), and its normals, (n, 3)."""
     if noise.is_negligible:
-        return cells.points, features_in_radius(cells, math.sqrt(PLANE_POINTS * area / math.pi)).normals
+        return cells.points, features_in_radius(cells, radius_of_plane(area)).normals if normals is None else normals
     fitted = noise.fitted(cells) if fitted is None else fitted
     return projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
 
@@ -384,16 +391,14 @@ def _pack_feet(feet, cell, origin, local):
 def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
     """Return the summed distance of the first feet, of (3, n), from the fan around an apex; 0 if it is empty."""
     squared[:] = np.inf
-    a, total = minus(apex, origin), 0.0
+    a = minus(apex, origin)
     for j, k in corners:
         if j < 0:
             break
         approach(local, squared, a, minus(row(vertices, j), origin), minus(row(vertices, k), origin))
     if corners[0, 0] < 0:
         return 0.0
-    for q in range(judged):
-        total += np.sqrt(squared[q])
-    return total
+    return _sum_of_roots(squared[:judged])
 
 
 @kernel(allocates=False)
@@ -427,66 +432,85 @@ def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
 
 
 def farther(
-    chosen: LocalSurface,
-    placed: LocalSurface,
-    feet: Floats,
-    owners: NDArray[np.int32],
-    moved: Flags,
-    rounding: Floats,
+    chosen: LocalSurface, placed: LocalSurface, owners: NDArray[np.int32], moved: Flags, feet: Floats, rounding: Floats
 ) -> NDArray[np.intp]:
     """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
 
-    The points are in the order of the first surface's tree. Shapes: feet (3, n), owners (n,), moved and rounding (m,).
+    The trees of both surfaces have the same order. Shapes: owners (n,), moved (m,), feet (3, n), rounding (m,).
     """
     starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(moved)))])
-    members = np.empty_like(owners)
+    members, is_farther = np.empty_like(owners), np.zeros(len(moved), dtype=np.bool_)
     _gather(owners, starts[:-1].copy(), members)
-    cells, sums = (feet, members, starts, moved), np.zeros((2, len(moved)))
-    for surface, of_surface in zip((chosen, placed), sums, strict=True):
-        vertices = np.ascontiguousarray(surface.tree.points.T)
-        fans = surface.tree.order, vertices, surface.normals, surface.corners
-        on_ranges(_add_distances, len(moved), *surface.tree.arrays, *fans, *cells, of_surface, minimum=64)
-    return np.flatnonzero(sums[1] > sums[0] + rounding)
+    fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
+    cells = feet, members, starts, moved, rounding
+    on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *cells, is_farther, minimum=64)
+    return np.flatnonzero(is_farther)
 
 
 @kernel
-def _add_distances(
-    begin, end, points, lower, upper, order, vertices, normals, corners, feet, members, starts, moved, sums
+def _mark_farther(
+    begin, end, points, lower, upper, normals, chosen, placed, feet, members, starts, moved, rounding, is_farther
 ):
-    """Fill `sums`, (m,), with the distances of moved cells from the fans near their points, in a range of the tree.
+    """Mark the moved points of a range whose cells are farther from the fans near them once all are placed.
 
-    The feet of a cell are `members` from `starts`, (m + 1,), on. Several fans may have the same triangle.
+    The feet of a cell are `members` from `starts`, (m + 1,), on. `chosen` and `placed` are vertices and corners.
     """
+    vertices, corners = chosen
     near = np.empty(min(NEAR_FANS, len(vertices)), dtype=np.int64)
     gaps, triangles = np.empty(len(near), dtype=np.float64), np.empty((3, len(near) * corners.shape[1]), dtype=np.int64)
     local, squared = np.empty((3, CHECKED_ON), dtype=np.float64), np.empty(CHECKED_ON, dtype=np.float64)
     for i in range(begin, end):
-        cell, apex = members[starts[order[i]] : starts[order[i] + 1]], row(vertices, i)
-        if len(cell) == 0 or not moved[order[i]]:
+        cell, apex = members[starts[i] : starts[i + 1]], row(vertices, i)
+        if len(cell) == 0 or not moved[i]:
             continue
-        judged, full = _pack_feet(feet, cell, apex, local)
-        for q in range(full):
-            squared[q] = local[0, q] ** 2 + local[1, q] ** 2 + local[2, q] ** 2
-        radius, limit, count = np.sqrt(squared[:full].max()), np.inf, 0
         nearest_in_tree(points, lower, upper, apex[0], apex[1], apex[2], near, gaps)
         if _is_beside_a_sheet(vertices, normals, near):
-            sums[order[i]] = np.nan  # fans may reach from one sheet to the other, so the sum says little
-            continue
-        for centre in near:  # the first is the point itself
-            a = minus(row(vertices, centre), apex)
-            for j, k in corners[centre]:
-                if j < 0:
-                    break
-                b, c = minus(row(vertices, j), apex), minus(row(vertices, k), apex)
-                triangle = min(centre, j, k), max(centre, j, k), centre + j + k
-                if _is_beyond(a, b, c, limit) or _is_among(triangle, triangles, count):
-                    continue
-                triangles[0, count], triangles[1, count], triangles[2, count] = triangle
-                count += 1
-                approach(local, squared[:full], a, b, c)
-            limit = radius + np.sqrt(squared[:full].max())
-        for q in range(judged):
-            sums[order[i]] += np.sqrt(squared[q])
+            continue  # fans may reach from one sheet to the other, so the distances say little
+        judged, full = _pack_feet(feet, cell, apex, local)
+        before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles)
+        after = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles)
+        is_farther[i] = after > before + rounding[i]
+
+
+@kernel
+def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
+    """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
+
+    Feet are relative to an origin; `squared`, (n,), and `triangles`, (3, t), are scratch memory.
+    """
+    vertices, corners = fans
+    _measure_from(local, squared, minus(row(vertices, i), origin))
+    radius, limit, count = np.sqrt(squared.max()), np.inf, 0
+    for centre in near:  # the first is the point itself
+        a = minus(row(vertices, centre), origin)
+        for j, k in corners[centre]:
+            if j < 0:
+                break
+            b, c = minus(row(vertices, j), origin), minus(row(vertices, k), origin)
+            triangle = min(centre, j, k), max(centre, j, k), centre + j + k
+            if _is_beyond(a, b, c, limit) or _is_among(triangle, triangles, count):
+                continue
+            triangles[0, count], triangles[1, count], triangles[2, count] = triangle
+            count += 1
+            approach(local, squared, a, b, c)
+        limit = radius + np.sqrt(squared.max())
+    return _sum_of_roots(squared[:judged])
+
+
+@kernel(allocates=False)
+def _measure_from(local, squared, origin):
+    """Fill `squared`, (n,), with the squared distances of feet, (3, n), from a point."""
+    for q in range(len(squared)):
+        squared[q] = (local[0, q] - origin[0]) ** 2 + (local[1, q] - origin[1]) ** 2 + (local[2, q] - origin[2]) ** 2
+
+
+@kernel(allocates=False)
+def _sum_of_roots(squared):
+    """Return the summed distance, by the squares."""
+    total = 0.0
+    for q in range(len(squared)):
+        total += np.sqrt(squared[q])
+    return total
 
 
 @kernel(allocates=False)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.kernel import LANES, SITE, LocalField, correlate, field_distance
+from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, correlate, field_distance
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 
 NEGLIGIBLE = 1e-12  # Smallest pivot of the factorisation, in units of the prior variance: less is only rounding.
@@ -87,36 +87,36 @@ def work_for(neighbours, details):
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def compute_posteriors(field, nearest, indices, begin, end, error_weight, work):
     """Compute mean and variance (Eq. (8)) and score (Eq. (9)) at the points `indices[begin:end]`, side by side."""
-    neighbours = nearest.shape[1]
+    neighbours, lanes = nearest.shape[1], STEP * -(-(end - begin) // STEP)
     sites, factor, cross, observed, pivot, mean, variance, score = work
-    _gather(field, nearest, indices, begin, end, sites)
-    for p in range(LANES):
+    _gather(field, nearest, indices, begin, end, lanes, sites)
+    for p in range(lanes):
         mean[p], variance[p] = 0.0, 1.0
     for a in range(neighbours):
         of_a = a * (neighbours + 2)
-        correlate(sites, a, neighbours, field.lengthscale, field.normal_weight, cross)
-        for p in range(LANES):
+        correlate(sites, a, neighbours, field.lengthscale, field.normal_weight, lanes, cross)
+        for p in range(lanes):
             observed[p], pivot[p] = sites[a, 7, p], sites[a, 8, p]
         for b in range(a):
             of_b = b * (neighbours + 2)
-            correlate(sites, a, b, field.lengthscale, field.normal_weight, factor[of_a + b])
+            correlate(sites, a, b, field.lengthscale, field.normal_weight, lanes, factor[of_a + b])
             for c in range(b):
-                for p in range(LANES):
+                for p in range(lanes):
                     factor[of_a + b, p] -= factor[of_a + c, p] * factor[of_b + c, p]
-            for p in range(LANES):
+            for p in range(lanes):
                 entry = factor[of_a + b, p] * factor[of_b + b, p]
                 factor[of_a + b, p] = entry
                 cross[p] -= entry * factor[of_b + neighbours, p]
                 observed[p] -= entry * factor[of_b + neighbours + 1, p]
                 pivot[p] -= entry * entry
-        for p in range(LANES):
+        for p in range(lanes):
             inverse = 1.0 / np.sqrt(max(pivot[p], NEGLIGIBLE))
             of_point, of_y = cross[p] * inverse, observed[p] * inverse
             factor[of_a + a, p] = inverse
             factor[of_a + neighbours, p], factor[of_a + neighbours + 1, p] = of_point, of_y
             variance[p] -= of_point * of_point
             mean[p] += of_point * of_y
-    for p in range(LANES):
+    for p in range(lanes):
         variance[p] = max(variance[p], 0.0)
         # Eq. (9)
         gain = variance[p] / (variance[p] + (sites[neighbours, 8, p] - 1.0))
@@ -124,10 +124,10 @@ def compute_posteriors(field, nearest, indices, begin, end, error_weight, work):
 
 
 @kernel(allocates=False)
-def _gather(field, nearest, indices, begin, end, sites):
+def _gather(field, nearest, indices, begin, end, lanes, sites):
     """Copy what the kernel and the observation need of each point into lanes, (K + 1, SITE + k, LANES)."""
     neighbours = nearest.shape[1]
-    for p in range(LANES):
+    for p in range(lanes):
         i = indices[min(begin + p, end - 1)]
         for a in range(neighbours + 1):
             j = nearest[i, a] if a < neighbours else i

@@ -40,7 +40,7 @@ FIRST_STAGE = 64  # Points of the first stage at most. A still smaller stage wou
 MIN_CANDIDATES = 3  # For each point to keep. With fewer, all points stay candidates.
 # Cells of the candidates' grid for each point to keep at least, and points for each from which on there are as many
 # as wanted. Where more points are kept, candidates are nearly all points, and the placement makes up for fewer.
-FEWEST_CELLS, WANTED_FROM = 5, 16
+FEWEST_CELLS, WANTED_FROM = 3.5, 23
 MAX_CELLS = 3  # Occupied cells for each that the area has room for. A plane has 1.5 on average, 1.7 at most.
 ISOLATION = (0.45, 0.9, 1.8, 3.6)  # In target spacings: a candidate is isolated if no other lies within the first.
 # Candidates isolated within a distance are outliers if more than this fraction of them is isolated within twice that
