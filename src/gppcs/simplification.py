@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -22,14 +22,13 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError
-from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.units import Units
-from gppcs.streaming.beyond_memory import choose_beyond_memory
-from gppcs.streaming.plan import Plan, make_plan
-from gppcs.streaming.scratch import scratch_folder
-from gppcs.streaming.workers import map_over_parts
+
+if TYPE_CHECKING:  # for arrays, no files are needed
+    from gppcs.io.cloud_files import CloudFiles
+    from gppcs.streaming.plan import Plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +217,8 @@ def simplify(
         with timer("preparation"):
             in_memory = PointCloud.from_object(cast(CloudLike, cloud))
         return simplify_cloud(in_memory, options, timer)
+    from gppcs.streaming.plan import make_plan
+
     with options.open(cast(Sequence[str], paths)) as files:
         return simplify_files(files, options, make_plan(files, options), timer)
 
@@ -232,6 +233,10 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
+    from gppcs.streaming.beyond_memory import choose_beyond_memory
+    from gppcs.streaming.scratch import scratch_folder
+    from gppcs.streaming.workers import map_over_parts
+
     check_order(files.preview, options.order)
     if options.scores:
         _check_scores(files.preview)
