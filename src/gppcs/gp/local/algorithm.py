@@ -212,7 +212,9 @@ def choose_in_stage(
     The field is over the candidates of the stage, in the order of the tree.
     """
     indices = stage.indices[tree.order]
-    chosen = np.sort(tree.positions()[np.searchsorted(stage.indices, ranking.indices)])
+    is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
+    is_chosen[ranking.indices] = True
+    chosen = np.flatnonzero(is_chosen[indices])
     n_added = stage.target - len(ranking.indices)
     added, scores, deviations = extend(
         field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
@@ -229,9 +231,11 @@ def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Cr
 
     Shapes: points (N, 3), of which the candidates are some.
     """
-    positions = np.searchsorted(candidates.indices, stage.indices)
     tree = KdTree.build(points[stage.indices] / stage.spacing) if stage.tree is None else stage.tree
-    candidates = candidates.take(positions[tree.order])
+    if len(stage.indices) < len(candidates.indices):
+        candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices)[tree.order])
+    else:
+        candidates = candidates.take(tree.order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)

@@ -111,13 +111,13 @@ def replacements(
     )  # fmt: skip
     new = np.full(len(order), -1)
     first, squared = nearest_of_each(tree, cells)
-    widest = GAP_GROWTH**2 * float(squared[~chosen.stays[first]].max(initial=0.0))
-    owners, members = first.copy(), np.empty_like(first)
+    exchanged = squared[~chosen.stays[first]] if stays.any() else squared
+    widest = GAP_GROWTH**2 * float(exchanged.max(initial=0.0))
+    owners = first.copy()
     for later in range(passes):
         if later:
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
-        starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(order)))])
-        _gather(owners, starts[:-1].copy(), members)
+        members, starts = cells_of(owners, len(order))
         on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new, minimum=64)
         stay = new[:, np.newaxis] < 0
         chosen = chosen._replace(
@@ -229,12 +229,25 @@ def _hand_over(begin, end, observed, chosen, owners):
         owners[q] = owner
 
 
+def cells_of(owners: NDArray[np.int32], m: int) -> tuple[NDArray[np.int32], Ints]:
+    """Return the points of each of m owners, (n,), and where those of each start, (m + 1,)."""
+    members, starts = np.empty_like(owners), np.zeros(m + 1, dtype=np.int64)
+    _gather(owners, members, starts)
+    return members, starts
+
+
 @kernel(allocates=False)
-def _gather(owners, ends, members):
-    """Fill `members`, (n,), with the points of each owner, (n,), from its end so far, (m,), on."""
-    for q in range(len(owners)):
-        members[ends[owners[q]]] = q
-        ends[owners[q]] += 1
+def _gather(owners, members, starts):
+    """Fill `members`, (n,), owner by owner, and `starts`, (m + 1,), which are 0."""
+    for owner in owners:
+        starts[owner] += 1
+    total = len(owners)
+    for owner in range(len(starts) - 1, -1, -1):  # from counts to ends, which become starts as members are filled in
+        total -= starts[owner]
+        starts[owner] += total
+    for q in range(len(owners) - 1, -1, -1):
+        starts[owners[q]] -= 1
+        members[starts[owners[q]]] = q
 
 
 @kernel
@@ -438,9 +451,8 @@ def farther(
 
     The trees of both surfaces have the same order. Shapes: owners (n,), moved (m,), feet (3, n), rounding (m,).
     """
-    starts = np.concatenate([[0], np.cumsum(np.bincount(owners, minlength=len(moved)))])
-    members, is_farther = np.empty_like(owners), np.zeros(len(moved), dtype=np.bool_)
-    _gather(owners, starts[:-1].copy(), members)
+    members, starts = cells_of(owners, len(moved))
+    is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
     cells = feet, members, starts, moved, rounding
     on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *cells, is_farther, minimum=64)
