@@ -56,11 +56,12 @@ class Assignment(NamedTuple):
 
 def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_normals: Floats, members: Ints) -> Ints:
     """Return for each dense point the nearest of some vertices on its sheet, among the nearest four."""
-    near, _ = KdTree.build(vertices[members]).nearest_of(points, min(4, len(members)))
-    nearest = np.full(len(points), -1)
-    for rank in reversed(members[near].T):
-        agrees = np.einsum("ij,ij->i", normals, vertex_normals[rank]) > 0.0
-        nearest[agrees] = rank[agrees]
+    tree, nearest, left = KdTree.build(vertices[members]), np.full(len(points), -1), np.arange(len(points))
+    for count in (1, min(4, len(members))):  # the first is on the sheet of nearly all points
+        for rank in members[tree.nearest_of(points[left], count)[0]].T:
+            agrees = (nearest[left] < 0) & (np.einsum("ij,ij->i", normals[left], vertex_normals[rank]) > 0.0)
+            nearest[left[agrees]] = rank[agrees]
+        left = np.flatnonzero(nearest < 0)
     return nearest
 
 

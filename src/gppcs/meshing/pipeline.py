@@ -210,12 +210,9 @@ def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -
     n_vertices = -(-target // 2) if counts_faces else target
     excess = draft.n_vertices - n_vertices
     with request.timer("collapse", max(0, excess)) as on_progress:
-        collapse(draft, target * 13 // 10, counts_faces, on_progress)
-    with request.timer("flips"):
+        collapse(draft, target, counts_faces, on_progress)
         draft.compact()
-        flip(draft)
     with request.timer("refinement"):
-        collapse(draft, target, counts_faces)
         assigned = flip(draft)
         if not len(request.fixed) and excess > 0:
             for _ in range(2):
