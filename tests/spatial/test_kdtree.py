@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, leaves_near
+from gppcs.spatial.nearest import neighbours
 from shapes import KINDS
 
 SHAPES = ["solid", "grid, with ties and repeats", "line", "one place"]
@@ -20,7 +21,7 @@ def test_nearest_are_those_of_brute_force(shape, n, k, elsewhere, seed):
     np.testing.assert_array_equal(np.take_along_axis(everything, indices, axis=1), squared)
 
 
-@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 1), (500, 7)])
+@pytest.mark.parametrize(("n", "k"), [(1, 0), (2, 1), (500, 7), (5_000, 24)])
 def test_neighbours_are_the_nearest_others_in_tree_order(n, k):
     points = np.random.default_rng(3).random((n, 3))
     tree = KdTree.build(points)
@@ -29,6 +30,9 @@ def test_neighbours_are_the_nearest_others_in_tree_order(n, k):
     np.testing.assert_array_equal(indices[:, 0], tree.order)
     np.testing.assert_array_equal(tree.order[positions], indices[:, 1:])
     np.testing.assert_array_equal(squared, expected[:, 1:])
+    by_leaves, squared = neighbours(tree, k)
+    np.testing.assert_array_equal(by_leaves, positions)
+    np.testing.assert_allclose(squared, expected[:, 1:])
 
 
 @pytest.mark.parametrize("n", [1, LEAF_SIZE, LEAF_SIZE + 1, 1_000, 4_097])

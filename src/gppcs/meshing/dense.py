@@ -11,6 +11,7 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.kdtree import KdTree, nearest_distances
+from gppcs.spatial.nearest import neighbours
 from gppcs.spatial.samples import even_sample
 from gppcs.surface.noise import THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, normals_of, with_signs
@@ -43,7 +44,7 @@ class DensePoints:
         noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
-        near, squared = tree.neighbours(min(EDGES, len(indices) - 1))
+        near, squared = neighbours(tree, min(EDGES, len(indices) - 1))
         normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0), raw
         if noise:
             for _ in range(2):
@@ -52,7 +53,7 @@ class DensePoints:
             tree = KdTree.build(on_surface)
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
-            near, squared = tree.neighbours(min(RANK, len(indices) - 1))
+            near, squared = neighbours(tree, min(RANK, len(indices) - 1))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, noise, joined_sheets=sheets)
@@ -64,7 +65,7 @@ class DensePoints:
         feet, normals, fitted = projected_across(tree, strides)
         tree = KdTree.build(feet)
         indices, raw, on_surface = indices[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
-        near, squared = tree.neighbours(RANK)
+        near, squared = neighbours(tree, RANK)
         # Signs agree between every few points only: nearer ones lie across what noise is left, not along the surface.
         step, normals = max(1, len(indices) // joined), normals[tree.order]
         sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()

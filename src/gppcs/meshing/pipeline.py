@@ -185,6 +185,7 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     draft = _exchanged(request, draft, assigned)
     with timer("mending"):
         open_holes = mend_draft(draft, counts_faces)
+        draft.compact()
     with timer("distances"):
         assigned = draft.assigned()
         mean_distance = _mean_distance(first, draft, assigned)
@@ -217,9 +218,9 @@ def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -
         if not len(request.fixed) and excess > 0:
             for _ in range(2):
                 refine(draft, round(0.2 * n_vertices), assigned)
+                corners = draft.mesh.corners().copy()
                 collapse(draft, target, counts_faces)
-                draft.compact()
-                assigned = flip(draft)
+                assigned = flip(draft, draft.reassigned(assigned, corners))
     return assigned
 
 
