@@ -37,7 +37,7 @@ from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
-ALIKE = 0.8  # Balls of candidate cells and of planes, of which one is at least so large as the other, are one.
+ALIKE = 0.8  # A ball as wide as a candidate cell that is so large, in radii of those for planes, becomes one of these.
 
 
 class Survey(NamedTuple):
@@ -68,12 +68,12 @@ def survey(
     sharpness, normals = np.zeros(len(points), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            edge, plane = cell_edge(area, candidate_density * n_points), radius_of_plane(area / len(sampled))
-            is_shared = sampled is points and edge > ALIKE * plane  # the placement takes the normals
-            features = features_in_radius(tree.in_own_order(), max(edge, plane) if is_shared else edge)
+            radius = radius_of_sharpness(cell_edge(area, candidate_density * n_points), area / len(sampled))
+            features = features_in_radius(tree.in_own_order(), radius)
             of_tree = tree.order if sampled is points else indices[tree.order]
             sharpness[of_tree] = sharpness_of(features.surface_variation)
-            normals = features.normals if is_shared else None
+            if sampled is points and radius >= radius_of_plane(area / len(points)):
+                normals = features.normals
     detail = None
     if attributes is not None:
         with timer("detail"):
@@ -101,6 +101,12 @@ def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
 def cells_for(wanted: float, n: int, n_points: int) -> float:
     """Return the number of candidate cells for each point to keep: as many as wanted, or fewer where many are kept."""
     return min(wanted, max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
+
+
+def radius_of_sharpness(edge: float, area: float) -> float:
+    """Return the edge length of a cell, or the radius for planes if that is a little larger, by the area of a point."""
+    plane = radius_of_plane(area)
+    return plane if edge < plane < edge / ALIKE else edge
 
 
 def sharpness_of(variation: Floats) -> Floats:
