@@ -55,7 +55,8 @@ class KdTree:
     @classmethod
     def over(cls, points: Floats, order: Ints | None = None, leaf_size: int = LEAF_SIZE) -> KdTree:
         """Build a tree over points, (3, N), that are already sorted: only the boxes are computed, in O(N)."""
-        n, leaves = points.shape[1], 1
+        points, leaves = np.ascontiguousarray(points), 1  # so that kernels are compiled for one layout only
+        n = points.shape[1]
         while n > leaf_size * leaves:
             leaves *= 2
         lower, upper = np.empty((2 * leaves, 3)), np.empty((2 * leaves, 3))
