@@ -177,6 +177,7 @@ def _search(begin, end, points, lower, upper, corners, queries, feet):
         box[0], box[1] = np.inf, -np.inf
         widen(queries[first:last], box[0], box[1])
         count = look_around(points, lower, upper, box[0], box[1], squared_radius, search)
+        is_bounded = 0 < count <= 3 * QUERIES_PER_SEARCH  # each fan is near several queries
         for q in range(first, last):
             x, y, z = queries[q]
             if not sort_nearest(x, y, z, count if count <= MANY_POINTS else 0, squared_radius, search):
@@ -186,17 +187,18 @@ def _search(begin, end, points, lower, upper, corners, queries, feet):
                     limit = limit_beside(search.gaps[-1], u, v, w)
                 nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps, limit)
             total += search.gaps[-1]
-            _find_foot(points, corners, q, x, y, z, search, kept, feet)
+            _find_foot(points, corners, q, x, y, z, search, is_bounded, kept, feet)
         squared_radius = WIDER * total / (last - first)
 
 
 @kernel(allocates=False, forceinline=True)  # so many arguments take longer to pass than to use
-def _find_foot(points, corners, q, x, y, z, search, kept, feet):
+def _find_foot(points, corners, q, x, y, z, search, is_bounded, kept, feet):
     """Fill the foot of query q at (x, y, z) on the fans of its nearest points; the planes of some fans are kept."""
     holders, planes, lower, upper = kept
     near, smallest, k = search.positions, search.gaps[0], len(search.gaps)
     first, second, third, v, w, limit = near[0], near[0], near[0], 0.0, 0.0, smallest
-    for n in range(k):
+    lower[:] = 0.0
+    for n in range(k if is_bounded else 0):
         i, fan = near[n], near[n] % FANS
         if holders[fan] != i:
             holders[fan] = i
