@@ -13,10 +13,15 @@ from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import neighbours
 from gppcs.spatial.samples import even_sample
-from gppcs.surface.noise import THICK, layer_of, projections
-from gppcs.surface.normals import EDGES, normals_of, with_signs
+from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
+from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
+from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
 LEVEL_OF_NOISY = 3  # points of the first mesh for each vertex of the result, of a noisy cloud: more follow the noise
+PER_VERTEX = 32  # dense points for each vertex: more hardly help
+MAX_FOR_SHEETS = 2_000_000  # dense points that are doubled at most, to tell near sheets apart
+MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
+NARROW = 8  # points of the fits of normals where wider ones mix two sheets
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,7 @@ class DensePoints:
     cover: Cover  # what the points cover
     noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
     uneven: bool = False  # whether the noise differs from place to place
+    near_sheets: bool = False  # whether sheets are so near each other that few points would not tell them apart
     joined_sheets: float = 0.0  # distance between two sheets that are taken for noise, as points are farther apart
 
     @classmethod
@@ -41,11 +47,15 @@ class DensePoints:
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices)
+        mixed = not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
+        if mixed and 2 * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
+            finer = cls.from_points(points, 2 * n_vertices, chosen)
+            return finer and replace(finer, near_sheets=True)
         noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
         near, squared = neighbours(tree, min(EDGES, len(indices) - 1))
-        normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0), raw
+        normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0, NARROW if mixed else SHARP), raw
         if noise:
             for _ in range(2):
                 feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(on_surface.T)), fitted)
@@ -56,7 +66,7 @@ class DensePoints:
             near, squared = neighbours(tree, min(RANK, len(indices) - 1))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, noise, joined_sheets=sheets)
+        return cls(indices, raw, on_surface, normals, cover, noise, near_sheets=mixed, joined_sheets=sheets)
 
     @classmethod
     def _across_uneven(cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, joined: int) -> DensePoints:
@@ -91,14 +101,25 @@ def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) ->
 
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
-    """Return indices of points without repeats, ascending: all, or about 32 for each vertex, as more hardly help."""
+    """Return indices of points without repeats, ascending: all, or about `PER_VERTEX` for each vertex."""
     distinct = distinct_in_single(points)
-    step = len(distinct) // (32 * n_vertices)
+    step = len(distinct) // (PER_VERTEX * n_vertices)
     if step <= 1:
         return distinct
     usable = np.zeros(len(points), dtype=np.bool_)
     usable[distinct] = True
     return np.union1d(even_sample(points, usable, step), chosen)
+
+
+def _mixes_sheets(tree: KdTree) -> bool:
+    """Return whether the points of a tree lie so far from each other that fits of their normals mix near sheets.
+
+    Narrow fits then differ from wide ones, and less from the narrowest, as fits of noise do.
+    """
+    sampled = tree.thinned(-(-len(tree.order) // SAMPLES))
+    wide, narrow, narrowest = (fit_quadrics(tree, sampled, k).normals for k in (SHARP, NARROW, COEFFICIENTS))
+    differ, noise = (np.mean(np.abs((a * narrow).sum(axis=0)) < 0.5) for a in (wide, narrowest))
+    return bool(differ > max(MIXED, noise))
 
 
 def _covered(near: Ints, squared: Floats) -> Floats:

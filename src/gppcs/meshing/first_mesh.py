@@ -54,8 +54,8 @@ def excluded(first: Draft) -> float:
 
 
 def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
-    """Return which dense points the first mesh joins, ascending."""
-    count = (LEVEL_OF_NOISY if dense.noise else 8) * n_vertices
+    """Return which dense points the first mesh joins, ascending: more if there are near sheets."""
+    count = (LEVEL_OF_NOISY if dense.noise else 24 if dense.near_sheets else 8) * n_vertices
     if count >= len(dense.indices):
         return np.arange(len(dense.indices))
     forced = np.flatnonzero(np.isin(dense.indices, fixed))

@@ -92,12 +92,12 @@ def estimate_normals(
     return _turned(normals, signed)
 
 
-def normals_of(tree: KdTree, near: Ints, noisy: bool) -> Floats:
-    """Estimate normals, (N, 3), as `estimate_normals` does, at the points of a tree, by their neighbours, (N, k)."""
+def normals_of(tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP) -> Floats:
+    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise."""
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
-        return _oriented(tree, None, near, SHARP)
+        return _oriented(tree, None, near, sharp)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
         return _turned(normals, _oriented(tree, None, near))
