@@ -33,6 +33,7 @@ simplify other -o out.ply --ratio 0.1 | other
 SIMPLIFY | expected one of --ratio, --points, --tolerance, --spacing and --max-gap, found none
 SIMPLIFY --ratio 3 | ratio
 compare scan.ply -o both | expected one of --ratio and --points, found none
+compare scan.ply -o both --ratio 0.1 --points 5 | found both
 SIMPLIFY --tolerance 1% --points 5 | found --points and --tolerance
 SIMPLIFY --tolerance 0 | tolerance
 SIMPLIFY --tolerance 1% --dry-run | --dry-run

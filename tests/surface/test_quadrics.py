@@ -118,7 +118,7 @@ def test_queries_near_a_fit_take_its_quadric():
     points = np.column_stack([x, y, 0.2 * np.sin(2 * x) * np.cos(y)]) @ rotation(0)
     tree = KdTree.build(points)
     queries = KdTree.build(points[::2] + 0.01 * rng.standard_normal((2_000, 3)))
-    single, shared = (fit_quadrics(tree, queries, 30, share) for share in (0.0, 0.5))
+    single, shared = (fit_quadrics(tree, queries, 30, within) for within in (0.0, 0.5))
     assert len(np.unique(single.radii)) == 2_000
     assert len(np.unique(shared.radii)) < 1_200
     np.testing.assert_allclose(np.abs(shared.heights), np.abs(single.heights), atol=1e-4)

@@ -113,12 +113,12 @@ class LocalGP(Method):
         )
 
     def memory(self, n: int, n_points: int) -> int:
-        from gppcs.gp.local.candidates import cells_for, sample_size
+        from gppcs.gp.local.candidates import sample_size
         from gppcs.gp.local.settings import CELL_POINTS
 
         # A little more than measured, for each point of the sample, candidate, point of the cells, and point.
         sampled = (100 + 120 if self.denoise else 100) * min(n, sample_size(n_points))
-        ranked = 300 * min(n, round(1.5 * cells_for(self.candidates, n, n_points) * n_points))  # 1.5 cells on slopes
+        ranked = 300 * min(n, round(1.5 * self.candidates * n_points))  # 1.5 cells for each on slopes
         placed = 130 * min(n, CELL_POINTS * n_points)
         return 16 * n + max(sampled + ranked, placed)
 

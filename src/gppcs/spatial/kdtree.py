@@ -188,9 +188,8 @@ def measure_boxes(points, lower, upper):
                 lower[node, axis] = min(lower[2 * node, axis], lower[2 * node + 1, axis])
                 upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
                 continue
-            begin, end = leaf_range(points.shape[1], leaves, node)
-            lower[node, axis] = upper[node, axis] = points[axis, begin]
-            for i in range(begin + 1, end):
+            lower[node, axis], upper[node, axis] = np.inf, -np.inf
+            for i in range(*leaf_range(points.shape[1], leaves, node)):
                 lower[node, axis] = min(lower[node, axis], points[axis, i])
                 upper[node, axis] = max(upper[node, axis], points[axis, i])
 

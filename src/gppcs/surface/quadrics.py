@@ -24,7 +24,7 @@ class Quadrics(NamedTuple):
 
     heights: Floats  # (m,), signed distance from the query to the quadric, along its normal, to first order
     normals: Floats  # (3, m), unit normal of the quadric at the query; its sign has no meaning
-    radii: Floats  # (m,), distance from the query to the farthest of the fitted points; 1 where that is zero
+    radii: Floats  # (m,), distance from the middle of the fit to the farthest of its points; 1 where that is zero
 
     def take(self, positions: Ints) -> Quadrics:
         """Return those around some of the queries."""
@@ -91,7 +91,7 @@ def _fit(queries, centre, end, squared, shared, search, moments, terms, equation
             (queries[0, i] - queries[0, centre]) / radius, (queries[1, i] - queries[1, centre]) / radius,
             (queries[2, i] - queries[2, centre]) / radius,
         )  # fmt: skip
-        if i > centre and (fitted.radii[i] > 0.0 or x * x + y * y + z * z > shared * shared):
+        if i > centre and (squared == 0.0 or fitted.radii[i] > 0.0 or x * x + y * y + z * z > shared * shared):
             continue
         height = 0.0
         fitted.normals[0, i], fitted.normals[1, i], fitted.normals[2, i] = normal[0], normal[1], normal[2]

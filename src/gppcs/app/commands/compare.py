@@ -82,8 +82,8 @@ def compare(
 
     timer, weights, chosen = started(quiet, threads), options.weights_of(detail), names_of(methods)
     if (ratio is None) == (points is None):
-        actual = "none" if ratio is None else "both"
-        raise ParameterError(f"expected one of --ratio and --points, found {actual}; a ratio of 0.1 keeps a tenth")
+        actual = "none; a ratio of 0.1 keeps a tenth" if ratio is None else "both; leave one out"
+        raise ParameterError(f"expected one of --ratio and --points, found {actual}")
     if meshes and (seed is not None or weights):
         raise ParameterError("expected --meshes without --seed and --detail, which pipelines do not use")
     if not picture and (colour or ((view or up) and not report)):

@@ -72,7 +72,7 @@ def survey(
             features = features_in_radius(tree.in_own_order(), radius)
             of_tree = tree.order if sampled is points else indices[tree.order]
             sharpness[of_tree] = sharpness_of(features.surface_variation)
-            if sampled is points and radius >= radius_of_plane(area / len(points)):
+            if sampled is points and 1.0 <= radius / radius_of_plane(area / len(points)) <= 1.0 / ALIKE:
                 normals = features.normals
     detail = None
     if attributes is not None:

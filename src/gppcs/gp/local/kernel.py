@@ -13,8 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
-# Points that are computed side by side at most, and of which loops in vector registers take multiples.
-LANES, STEP = 32, 16
+LANES, STEP = 32, 16  # Points that are computed side by side at most; their number is rounded up to whole steps.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 
 

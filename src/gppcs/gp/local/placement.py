@@ -117,7 +117,7 @@ def replacements(
     for later in range(passes):
         if later:
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
-        members, starts = cells_of(owners, len(order))
+        members, starts = _cells_of(owners, len(order))
         on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new, minimum=64)
         stay = new[:, np.newaxis] < 0
         chosen = chosen._replace(
@@ -229,7 +229,7 @@ def _hand_over(begin, end, observed, chosen, owners):
         owners[q] = owner
 
 
-def cells_of(owners: NDArray[np.int32], m: int) -> tuple[NDArray[np.int32], Ints]:
+def _cells_of(owners: NDArray[np.int32], m: int) -> tuple[NDArray[np.int32], Ints]:
     """Return the points of each of m owners, (n,), and where those of each start, (m + 1,)."""
     members, starts = np.empty_like(owners), np.zeros(m + 1, dtype=np.int64)
     _gather(owners, members, starts)
@@ -451,7 +451,7 @@ def farther(
 
     The trees of both surfaces have the same order. Shapes: owners (n,), moved (m,), feet (3, n), rounding (m,).
     """
-    members, starts = cells_of(owners, len(moved))
+    members, starts = _cells_of(owners, len(moved))
     is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
     cells = feet, members, starts, moved, rounding
@@ -490,9 +490,9 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
 
     Feet are relative to an origin; `squared`, (n,), and `triangles`, (3, t), are scratch memory.
     """
-    vertices, corners = fans
-    _measure_from(local, squared, minus(row(vertices, i), origin))
-    radius, limit, count = np.sqrt(squared.max()), np.inf, 0
+    (vertices, corners), step = fans, minus(row(fans[0], i), origin)
+    _measure_from(local, squared, step)
+    radius, limit, count = np.sqrt(squared.max()) + np.sqrt(dot(step, step)), np.inf, 0  # of the feet about the origin
     for centre in near:  # the first is the point itself
         a = minus(row(vertices, centre), origin)
         for j, k in corners[centre]:

@@ -41,13 +41,12 @@ def posterior_of_all(
 def _posterior_everywhere(begin, end, field, nearest, error_weight, means, variances, scores):
     """Fill the entries `begin` to `end` of the results, (n,) each, by nearest, (n, K)."""
     work = work_for(nearest.shape[1], len(field.detail))
-    indices = np.empty(end - begin, dtype=np.int64)
-    for i in range(len(indices)):
-        indices[i] = begin + i
+    indices = np.empty(LANES * -(-(end - begin) // LANES), dtype=np.int64)
+    for i in range(len(indices)):  # the last is repeated, so that all lanes are computed whatever the range
+        indices[i] = min(begin + i, end - 1)
     for first in range(0, len(indices), LANES):
-        count = min(LANES, len(indices) - first)
-        compute_posteriors(field, nearest, indices, first, first + count, error_weight, work)
-        for p in range(count):
+        compute_posteriors(field, nearest, indices, first, first + LANES, error_weight, work)
+        for p in range(min(LANES, end - begin - first)):
             i = begin + first + p
             means[i], variances[i], scores[i] = work.mean[p], work.variance[p], work.score[p]
 
