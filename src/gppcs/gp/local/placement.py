@@ -492,7 +492,7 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
     """
     (vertices, corners), step = fans, minus(row(fans[0], i), origin)
     _measure_from(local, squared, step)
-    radius, limit, count = np.sqrt(squared.max()) + np.sqrt(dot(step, step)), np.inf, 0  # of the feet about the origin
+    radius, limit, count = np.sqrt(_greatest(squared)) + np.sqrt(dot(step, step)), np.inf, 0  # of feet about the origin
     for centre in near:  # the first is the point itself
         a = minus(row(vertices, centre), origin)
         for j, k in corners[centre]:
@@ -505,8 +505,17 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
             triangles[0, count], triangles[1, count], triangles[2, count] = triangle
             count += 1
             approach(local, squared, a, b, c)
-        limit = radius + np.sqrt(squared.max())
+        limit = radius + np.sqrt(_greatest(squared))
     return _sum_of_roots(squared[:judged])
+
+
+@kernel(allocates=False)
+def _greatest(values):
+    """Return the greatest of values, (n,), that are not negative; the method of arrays takes long to compile."""
+    greatest = 0.0
+    for number in values:
+        greatest = max(greatest, number)
+    return greatest
 
 
 @kernel(allocates=False)

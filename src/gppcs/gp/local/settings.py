@@ -36,7 +36,7 @@ THIN_FRACTION, SHEET_VARIATION = 0.05, 0.02
 # Survey and candidates, steps 1 and 2.
 SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.
 SAMPLED_PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
-# Points of the first stage at most. With 64, prefixes of 64 points are 2.6 % farther from the surface, of 32 2.3 % nearer.
+# Points of the first stage at most. With 64, prefixes of 64 points are 2.6 % worse, of 32 points 2.3 % better.
 FIRST_STAGE = 128
 MIN_CANDIDATES = 3  # For each point to keep. With fewer, all points stay candidates.
 # Cells of the candidates' grid for each point to keep at least, and points for each from which on there are as many

@@ -93,7 +93,8 @@ def _fill_leaves(
                 if flattest_of(moments[:, 0], normal) > max_variation:
                     continue
                 turn = height * (normal[0] * upward[0] + normal[1] * upward[1] + normal[2] * upward[2])
-                normals[order[i]] = normal if turn > 0.0 else -normal
+                for axis in range(3):  # assigning the array would compile a second of code
+                    normals[order[i], axis] = normal[axis] if turn > 0.0 else -normal[axis]
 
 
 @kernel(allocates=False)
