@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.arrays import Flags, Floats
+from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.detail import attribute_errors
@@ -36,6 +37,7 @@ from gppcs.spatial.triangles import qualities
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
+DIRECTIONS_AT_ONCE = 4096  # that a thread compares at once, at least
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 
@@ -288,27 +290,41 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
     spacing = np.sqrt(surface_area(tree) / len(after))
     distances, areas = np.sqrt(to_kept), areas_of_points(tree)
     errors = to_surface * np.radians(_angles(normals, surface.normals_at(feet)))
+    slow = _at_once(  # those that take longest come first
+        surface_p95_by_area=lambda: _weighted_quantile(to_surface, areas, 0.95),
+        normal_deviation=lambda: float(_angles(normals, surface.normals[feet.nearest]).mean()),
+        feature_recall=lambda: float((distances[_rough(variation)] <= spacing).mean()),
+        covering_p999=lambda: float(np.quantile(distances, 0.999)),
+        surface_p95=lambda: float(np.quantile(to_surface, 0.95)),
+        mean_surface_variation=lambda: _mean_surface_variation(surface.tree, spacing),
+    )
     return Report(
         points_in=counts[0],
         points_out=counts[1],
         diagonal=_diagonal(before),
         covering_radius=float(distances.max()),
-        covering_p999=float(np.quantile(distances, 0.999)),
         mean_distance=float(distances.mean()),
         mean_distance_by_area=float(np.average(distances, weights=areas)),
         chamfer=float(to_kept.mean() + to_original.mean()),
         surface_mean=float(to_surface.mean()),
         surface_mean_by_area=float(np.average(to_surface, weights=areas)),
         surface_rms=float(np.sqrt((to_surface**2).mean())),
-        surface_p95=float(np.quantile(to_surface, 0.95)),
-        surface_p95_by_area=_weighted_quantile(to_surface, areas, 0.95),
         surface_max=float(to_surface.max()),
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
-        feature_recall=float((distances[_rough(variation)] <= spacing).mean()),
-        normal_deviation=float(_angles(normals, surface.normals[feet.nearest]).mean()),
-        mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
+        **slow,
     )
+
+
+def _at_once(**functions: Callable[[], float]) -> dict[str, Any]:
+    """Return what functions return, by their names, computed on several threads: NumPy lets them run at once."""
+    names, values = list(functions), dict[str, Any]()
+
+    def compute(begin: int, end: int) -> None:
+        values.update({name: functions[name]() for name in names[begin:end]})
+
+    on_ranges(compute, len(names))
+    return values
 
 
 def _diagonal(points: Floats) -> float:
@@ -333,9 +349,16 @@ def _rough(variation: Floats) -> Flags:
 
 def _angles(first: Floats, second: Floats) -> Floats:
     """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
-    a, b = np.ascontiguousarray(first.T), np.ascontiguousarray(second.T)
+    angles = np.empty(len(first))
+    on_ranges(_fill_angles, len(first), first, second, angles, minimum=DIRECTIONS_AT_ONCE)
+    return angles
+
+
+def _fill_angles(begin: int, end: int, first: Floats, second: Floats, angles: Floats) -> None:
+    """Fill `angles`, (N,), in a range."""
+    a, b = (np.ascontiguousarray(directions[begin:end].T) for directions in (first, second))
     squared = sum((a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2]) ** 2 for i in range(3))
-    return np.degrees(np.arctan2(np.sqrt(squared), np.abs((a * b).sum(axis=0))))
+    angles[begin:end] = np.degrees(np.arctan2(np.sqrt(squared), np.abs((a * b).sum(axis=0))))
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
@@ -375,8 +398,8 @@ def _require_near(distances: Floats, name: str, points: Floats, original: Floats
     limit = 0.1 * diagonal  # clouds farther from each other show different objects
     if diagonal == 0.0:  # rounding to float32 may move a point
         limit = math.ldexp(np.finfo(np.float32).eps * np.abs(frame.corner * frame.factors).max(), -frame.exponent)
-    elif len(points) >= 10 and _spread(points) < 0.5 * _spread(original):  # probably in another unit
-        limit = min(limit, 0.05 * _spread(points))
+    elif len(points) >= 10 and middle > 0.05 * _spread(points) and _spread(points) < 0.5 * _spread(original):
+        limit = min(limit, 0.05 * _spread(points))  # probably in another unit
     if middle <= limit:
         return
     distance, size, expected = (math.ldexp(value, frame.exponent) for value in (middle, _diagonal(points), diagonal))
