@@ -35,9 +35,7 @@ def test_a_virtual_point_cloud_becomes_one_file(printed, refused, two_systems):
     expected = np.concatenate([gppcs.read(path).points for path in two_systems])
     assert gppcs.read("one.las").points.tobytes() == expected.tobytes()
     assert gppcs.info(gppcs.read("one.las")).crs == "UTM 32N"
-    refused(("simplify", "all.vpc", "-o", "half.las", "--ratio", "0.5"), *told)
-    printed("simplify", "all.vpc", "-o", "half.las", "--ratio", "0.5", "--assume-same-crs", "-q")
-    assert len(gppcs.read("half.las")) == round(0.5 * len(expected))
+    refused(("simplify", "all.vpc", "-o", "half.las", "--ratio", "0.5"), "gppcs convert --assume-same-crs")
 
 
 @pytest.mark.parametrize("target", ["none.csv", "none.ply"])

@@ -111,7 +111,7 @@ def test_the_files_of_a_list_are_read_as_one_cloud(tmp_path):
 
 def test_coordinate_systems_of_a_list(tmp_path, two_systems):
     vpc = write_vpc(tmp_path / "a.vpc", *(feature(**data(str(path))) for path in two_systems))
-    with pytest.raises(FileFormatError, match=r"b\.las: expected one coordinate system .* with `assume_same_crs=True`"):
+    with pytest.raises(FileFormatError, match=r"b\.las: expected one coordinate system .* --assume-same-crs"):
         gppcs.read(vpc)
     cloud = gppcs.read(vpc, assume_same_crs=True)
     assert (len(cloud), cloud.header.crs) == (1_000, "UTM 32N")

@@ -19,7 +19,7 @@ from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
 LEVEL_OF_NOISY = 3  # points of the first mesh for each vertex of the result, of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
-MAX_FOR_SHEETS = 2_000_000  # dense points that are doubled at most, to tell near sheets apart
+MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
 NARROW = 8  # points of the fits of normals where wider ones mix two sheets
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from gppcs.amounts.options import Options
 from gppcs.app import options
-from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, INPUT, LARGE, METHOD, SIZE, from_field, option
+from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, from_field, option
 from gppcs.app.printing import emit, for_each, print_error, say, started
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
@@ -73,7 +73,6 @@ def simplify(
     output_format: options.To = None,
     inside: options.Inside = None,
     only: options.Only = None,
-    assume_same_crs: Annotated[bool, from_field("assume_same_crs", INPUT, None, "--assume-same-crs")] = False,
     normals: Annotated[bool, from_field("normals", ATTRIBUTES, None, "--normals")] = False,
     scores: Annotated[bool, from_field("scores", ATTRIBUTES, None, "--scores")] = False,
     index: Annotated[

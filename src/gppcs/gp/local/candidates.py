@@ -37,7 +37,7 @@ from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
-ALIKE = 0.8  # A ball as wide as a candidate cell that is so large, in radii of those for planes, becomes one of these.
+ALIKE = 0.8  # A ball whose radius is at least this fraction of that for planes is enlarged to that radius.
 
 
 class Survey(NamedTuple):
@@ -104,7 +104,7 @@ def cells_for(wanted: float, n: int, n_points: int) -> float:
 
 
 def radius_of_sharpness(edge: float, area: float) -> float:
-    """Return the edge length of a cell, or the radius for planes if that is a little larger, by the area of a point."""
+    """Return the radius for planes if it is a little larger than the edge of a cell, else that; `area` is a point's."""
     plane = radius_of_plane(area)
     return plane if edge < plane < edge / ALIKE else edge
 

@@ -58,9 +58,8 @@ def place(
 ) -> Ints:
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
-    The tree over all points is built if it is not there. Quadrics fitted around them if noise matters, or their
-    normals, in tree order, are computed if they are not there. Shapes: points and normals (N, 3), chosen (m,), detail
-    (N, k); returns (m,).
+    If they are not given, this builds the tree over all points, and computes quadrics around them (if noise matters) or
+    normals, in tree order. Shapes: points and normals (N, 3), chosen (m,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
