@@ -69,11 +69,11 @@ def test_the_foot_is_the_nearest_on_the_fans_of_the_five_nearest_points(spread):
     points = np.concatenate([rng.random((50, 3)) * [1, 1, 0.1], wheel, [[5, 0, 0.2]], sliver])
     surface = LocalSurface.from_points(points)
     queries = np.repeat(points, 2, axis=0) + rng.normal(0, spread, (2 * len(points), 3))
-    feet, own = surface.find(queries), surface.tree.points.T
-    near = np.argsort(cdist(queries, own), axis=1)[:, :5]
+    feet, vertices = surface.find(queries), surface.tree.points.T
+    near = np.argsort(cdist(queries, vertices), axis=1)[:, :5]
     for q, query in enumerate(queries):
         faces = [(i, *pair) for i in near[q] for pair in surface.corners[i] if pair[0] >= 0]
-        expected = distances_to_triangles(query[np.newaxis], own[np.array(faces)])
+        expected = distances_to_triangles(query[np.newaxis], vertices[np.array(faces)])
         assert feet.distances[q] == pytest.approx(min(expected, default=np.inf), rel=1e-9, abs=1e-12)
 
 

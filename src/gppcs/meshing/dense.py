@@ -58,7 +58,7 @@ class DensePoints:
         normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0, NARROW if mixed else SHARP), raw
         if noise:
             for _ in range(2):
-                feet, _ = projections(tree, KdTree.over(np.ascontiguousarray(on_surface.T)), fitted)
+                feet, _ = projections(tree, KdTree.over(on_surface.T), fitted)
                 on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]

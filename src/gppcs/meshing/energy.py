@@ -52,7 +52,7 @@ class FittedMesh(NamedTuple):
         """List the points of each triangle; with a limit of squared distances, the radii bound vertices, too."""
         bounded = assigned.face >= 0 if squared_radii is not None else np.zeros(len(points), dtype=np.bool_)
         radii = np.empty(0) if squared_radii is None else squared_radii[bounded]
-        tree = KdTree.over(np.ascontiguousarray(points[bounded].T))
+        tree = KdTree.over(points[bounded].T)
         boundaries = np.zeros((len(vertices), NUMBERS))
         add_boundaries(mesh, vertices, len(points) / np.count_nonzero(mesh.leaving >= 0), boundaries)
         first, after = np.full(len(mesh.corners()), -1), np.full(len(points), -1)

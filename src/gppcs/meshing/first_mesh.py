@@ -59,7 +59,7 @@ def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
     if count >= len(dense.indices):
         return np.arange(len(dense.indices))
     forced = np.flatnonzero(np.isin(dense.indices, fixed))
-    tree = KdTree.over(np.ascontiguousarray(dense.positions.T))
+    tree = KdTree.over(dense.positions.T)
     before = dense.positions[forced] if len(forced) else None
     even, _ = farthest_points(dense.positions, max(1, count - len(forced)), tree, before=before)
     return np.union1d(even, forced)
@@ -68,7 +68,7 @@ def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
 def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool | None) -> tuple[Draft, float]:
     """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
     n, positions, cover_radii = len(joined), dense.positions[joined], dense.cover.radii[joined]
-    tree = KdTree.over(np.ascontiguousarray(positions.T))
+    tree = KdTree.over(positions.T)
     near, _ = neighbours(tree, min(24, n - 1))
     for on_circle in ON_CIRCLE:
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)

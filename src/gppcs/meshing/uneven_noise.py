@@ -62,6 +62,6 @@ def projected_across(tree: KdTree, strides: Ints) -> tuple[Floats, Floats, Float
     for stride in np.unique(strides):
         at, thinned = np.flatnonzero(strides == stride), tree.thinned(stride)
         for _ in range(2):
-            moved, fitted = projections(thinned, KdTree.over(np.ascontiguousarray(feet[at].T)), FITTED)
+            moved, fitted = projections(thinned, KdTree.over(feet[at].T), FITTED)
             feet[at], normals[at], radii[at] = moved.T, fitted.normals.T, fitted.radii
     return feet, normals, radii

@@ -74,7 +74,7 @@ class KdTree:
 
     def thinned(self, step: int) -> KdTree:
         """Return a tree over every `step`-th point in tree order, in this order; itself if that is all."""
-        return self if step == 1 else KdTree.over(np.ascontiguousarray(self.points[:, ::step]))
+        return self if step == 1 else KdTree.over(self.points[:, ::step])
 
     def positions(self) -> Ints:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""

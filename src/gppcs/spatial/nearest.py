@@ -202,7 +202,7 @@ def _largest_within(squared, limit):
 
 
 def neighbours(tree: KdTree, k: int) -> tuple[Ints, Floats]:
-    """Find what `KdTree.neighbours` does, faster; points at the same distance may be in another order."""
+    """Find what `KdTree.neighbours` does, faster, where no point repeats; the order of ties may differ."""
     n, tasks = len(tree.order), number_of_runs(tree.leaves)
     positions, squared = np.empty((n, k), dtype=np.int64), np.empty((n, k))
     on_ranges(_find_neighbours, tasks, tasks, *tree.arrays, positions, squared)

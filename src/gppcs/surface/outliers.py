@@ -86,7 +86,7 @@ def outliers_among(points: Floats) -> Flags:
             break
         gone.append(distinct[outside])
         distinct, means, squared = distinct[~outside], means[~outside], squared[~outside]
-        tree = KdTree.over(np.ascontiguousarray(distinct.T))
+        tree = KdTree.over(distinct.T)
         changed = has_others(KdTree.build(gone[-1]), distinct, squared)
         checked = changed | has_others(KdTree.build(distinct[changed]), distinct, squared) if changed.any() else changed
     if len(gone) == 1:

@@ -82,7 +82,7 @@ def test_the_surface_comes_nearer_and_gaps_hardly_grow(seed):
 
 def surface_in_order(points):
     """The local surface of points, (m, 3), in this order."""
-    return LocalSurface.over(KdTree.over(np.ascontiguousarray(points.T)))
+    return LocalSurface.over(KdTree.over(points.T))
 
 
 def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():

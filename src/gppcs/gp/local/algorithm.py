@@ -245,7 +245,7 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     """Return the features of candidates, all in the order of their tree, in units of the target spacing (Eq. (2))."""
     on_surface = tree.in_own_order()
     if candidates.feet is not None:
-        on_surface = KdTree.over(np.ascontiguousarray(candidates.feet.T) / spacing)
+        on_surface = KdTree.over(candidates.feet.T / spacing)
     # Where candidates are not thinned, a ball could hold any number of them.
     features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
     if candidates.sheets is not None:

@@ -204,7 +204,7 @@ def _distances(stage: StoredStage, fits: list[int], maximum: int, part: Part) ->
         return np.zeros((len(fits), 2, 0))
     tree = KdTree.build(near.points)
     inside = np.flatnonzero(near.inside[tree.order])
-    points = KdTree.over(np.ascontiguousarray(tree.points[:, inside[:: max(1, len(inside) // maximum)]]))
+    points = KdTree.over(tree.points[:, inside[:: max(1, len(inside) // maximum)]])
     distances = []
     for count in fits:
         feet, fitted = projections(tree, points, count)
@@ -440,7 +440,7 @@ def _scaled(stage: StoredStage, variation: Floats, parts: list[Part], map_parts:
 def _field(stage: StoredStage, part: Part) -> tuple[Neighbourhood, LocalField]:
     """Return the candidates of a part and its halo in the order of a tree, and the field over them."""
     records = np.fromfile(stage.file(part), stage.measured)
-    tree = KdTree.over(np.ascontiguousarray(records["place"].T) / stage.spacing)
+    tree = KdTree.over(records["place"].T / stage.spacing)
     variation, normals = (np.ascontiguousarray(records[name]) for name in ("variation", "normal"))
     features = Features(variation, normals, np.zeros(0, dtype=np.int64))
     candidates = _candidates(stage, records["row"], records)
@@ -460,7 +460,7 @@ def _choose(stage: StoredStage, threshold: float, settled: Flags, task: tuple[Pa
     near, field = _field(stage, task[0])
     chosen = np.isin(near.indices, task[1]["row"])
     kept = np.flatnonzero(chosen | ~settled[stage.stored.boxes.box_of(near.points)])
-    tree = KdTree.over(np.ascontiguousarray(field.positions[:, kept]))
+    tree = KdTree.over(field.positions[:, kept])
     field = LocalField(
         tree.points, np.ascontiguousarray(field.normals[:, kept]), field.spacings[kept], field.y[kept],
         field.noise[kept], np.ascontiguousarray(field.detail[:, kept]), field.lengthscale, field.normal_weight,

@@ -124,7 +124,7 @@ def replacements(
             attributes=np.where(stay, chosen.attributes, observed.attributes[new]),
         )
     if detail is None and not noise.thick:
-        placed = LocalSurface.over(KdTree.over(np.ascontiguousarray(chosen.positions.T)))
+        placed = LocalSurface.over(KdTree.over(chosen.positions.T))
         new[farther(replace(surface, tree=tree), placed, first, new >= 0, feet, ROUNDING * gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
