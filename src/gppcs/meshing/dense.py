@@ -39,15 +39,17 @@ class DensePoints:
     joined_sheets: float = 0.0  # distance between two sheets that are taken for noise, as points are farther apart
 
     @classmethod
-    def from_points(cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False) -> DensePoints | None:
-        """Take enough points of a cloud for a mesh, evenly."""
+    def from_points(
+        cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False, near_sheets: bool = True
+    ) -> DensePoints | None:
+        """Take enough points of a cloud for a mesh, evenly; noise may be thick, or there may be near sheets."""
         indices = _sample(points, n_vertices, chosen)
         tree = KdTree.build(points[indices])
         indices, raw = indices[tree.order], np.ascontiguousarray(tree.points.T)
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices)
-        mixed = not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
+        mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
         if mixed and 2 * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             finer = cls.from_points(points, 2 * n_vertices, chosen)
             return finer and replace(finer, near_sheets=True)

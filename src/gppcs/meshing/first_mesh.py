@@ -26,14 +26,19 @@ def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool | None,
 
     Unless it is said whether vertices may leave the points, they do if these are noisy.
     """
-    best, best_agreed = None, 0.0
+    best, best_agreed, near_sheets = None, 0.0, False
     errors: list[NoSurfaceError] = []
-    for thick in (False, True):
+    for attempt in ("near sheets", "no near sheets", "thick noise"):
+        if attempt == "no near sheets" and not near_sheets:  # as in the first attempt
+            continue
         try:
             with timer("normals"):
-                dense = DensePoints.from_points(points, n_vertices, fixed, thick)
+                dense = DensePoints.from_points(
+                    points, n_vertices, fixed, attempt == "thick noise", attempt == "near sheets"
+                )
             if dense is None:  # there is no thick noise
                 continue
+            near_sheets = dense.near_sheets
             with timer("first mesh"):
                 draft, agreed = _joined(dense, _spread(dense, n_vertices, fixed), fixed, moved)
         except NoSurfaceError as error:

@@ -51,7 +51,7 @@ def choose(
     Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
-    candidate_density = cells_for(candidate_density, len(points), n_points)
+    candidate_density = cells_for(candidate_density, len(points), n_points, criterion.density_power)
     surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     noise, detail = surveyed.noise, surveyed.detail
     with timer("candidates"):

@@ -140,7 +140,7 @@ def choose_stored(
     Shapes: fixed (m,), fixed_points (m, 3) without repeats.
     """
     candidate_density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
-    candidate_density = cells_for(candidate_density, stored.n_places, n_points)
+    candidate_density = cells_for(candidate_density, stored.n_places, n_points, criterion.density_power)
     parts = stored.parts(2 * PART)
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points

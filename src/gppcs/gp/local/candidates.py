@@ -98,9 +98,12 @@ def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
     return indices[first_occurrences(points[indices])]
 
 
-def cells_for(wanted: float, n: int, n_points: int) -> float:
-    """Return the number of candidate cells for each point to keep: as many as wanted, or fewer where many are kept."""
-    return min(wanted, max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
+def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> float:
+    """Return the number of candidate cells for each point to keep: as many as wanted, or fewer where many are kept.
+
+    The larger the power of the density, the more points are wanted on features.
+    """
+    return min(wanted, max(1.0, density_power) * max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
 
 
 def radius_of_sharpness(edge: float, area: float) -> float:
