@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs_learned import APES, APESGlobal, Potamias, latent, layers
 from gppcs_learned.weights import NEIGHBOURS, part
 
@@ -126,7 +127,7 @@ def test_potamias_moves_points_within_their_neighbourhood():
     snapped, moved = (gppcs.simplify(CLOUD, n_points=300, method=Potamias(snap=snap)).cloud for snap in (True, False))
     assert np.isin(snapped.points, CLOUD).all()
     away = np.linalg.norm(moved.points - snapped.points, axis=1)
-    assert 0 < np.median(away) < np.sqrt(KdTree.build(CLOUD).neighbours(NEIGHBOURS)[1][:, -1]).mean()
+    assert 0 < np.median(away) < np.sqrt(nearest_others(KdTree.build(CLOUD), NEIGHBOURS)[1][:, -1]).mean()
 
 
 @pytest.mark.parametrize("method", LEARNED, ids=str)

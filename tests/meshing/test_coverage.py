@@ -5,11 +5,12 @@ import pytest
 
 from gppcs.meshing.coverage import RANK, SPAN, Cover, are_covered
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 
 
 def cover_of(points, normals):
     tree = KdTree.build(points)
-    reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
+    reaches = np.sqrt(nearest_others(tree, RANK)[1][:, -1])
     return Cover(tree.points, tree.lower, tree.upper, np.ascontiguousarray(normals[tree.order]), reaches), tree
 
 

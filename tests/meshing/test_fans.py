@@ -6,13 +6,14 @@ from scipy.spatial import Delaunay
 
 from gppcs.meshing.fans import fans_of, turned_patches
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from shapes import sheet
 
 
 def neighbours(points, k):
     tree = KdTree.build(points)
     near = np.empty((len(points), k), dtype=np.int64)
-    near[tree.order] = tree.order[tree.neighbours(k)[0]]
+    near[tree.order] = tree.order[nearest_others(tree, k)[0]]
     return near
 
 

@@ -9,6 +9,7 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.handles import without_small_handles
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from shapes import drilled_plate, torus
 
 
@@ -35,7 +36,7 @@ def bridged(places, n=20):
 def cut(faces, vertices, normals):
     """The triangles of the mesh without its small handles, where the vertices are all points."""
     tree = KdTree.build(vertices)
-    reaches = np.sqrt(tree.neighbours(RANK)[1][:, -1])
+    reaches = np.sqrt(nearest_others(tree, RANK)[1][:, -1])
     cover = Cover(tree.points, tree.lower, tree.upper, normals[tree.order], reaches)
     mesh = HalfEdges.from_faces(faces, len(vertices))
     return without_small_handles(mesh, vertices, normals, reaches[np.argsort(tree.order)], cover).faces()

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from gppcs.methods.qem.contraction import contraction_order
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.surface_variation import features_of_nearest
 from shapes import KINDS
 
@@ -12,7 +13,7 @@ from shapes import KINDS
 def nearest(points, members, k):
     """For each member the k nearest others, as the tree finds them where several are as near."""
     tree = KdTree.build(points[members])
-    found, _ = tree.neighbours(min(k, len(members) - 1))
+    found, _ = nearest_others(tree, min(k, len(members) - 1))
     return {members[i]: list(members[tree.order[row]]) for i, row in zip(tree.order, found, strict=True)}
 
 

@@ -11,6 +11,7 @@ from gppcs.engine.blas import one_blas_thread
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs_learned.layers import Features, Index, embedding, in_unit_ball
 from gppcs_learned.weights import NEIGHBOURS, Weights, part, weights_of
 
@@ -35,6 +36,6 @@ class Embedded(NamedTuple):
         weights = weights_of(method)
         with timer("embedding"), one_blas_thread():
             tree = KdTree.build(points)
-            near, _ = tree.neighbours(NEIGHBOURS)
+            near, _ = nearest_others(tree, NEIGHBOURS)
             places = in_unit_ball(points)[tree.order]
             return cls(weights, tree, near, places, embedding(part(weights, "embedding"), places, near))

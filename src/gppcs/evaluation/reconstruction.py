@@ -17,6 +17,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_pymeshlab
 from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.triangles import nearest_triangles
 
 OCTREE_DEPTH = 8  # depth of the octree
@@ -59,7 +60,7 @@ def reconstruct(points: Floats, normals: Floats) -> Mesh:
 def without_membranes(mesh: Mesh, points: Floats) -> Mesh:
     """Return a mesh without what is far from all points, (M, 3), such as what a reconstruction adds over gaps."""
     tree = KdTree.build(np.unique(points, axis=0))
-    spacing = np.sqrt(np.median(tree.neighbours(min(6, len(tree.order) - 1))[1][:, -1]))
+    spacing = np.sqrt(np.median(nearest_others(tree, min(6, len(tree.order) - 1))[1][:, -1]))
     limit = MEMBRANE * max(spacing, np.ptp(points, axis=0).max() / 2**OCTREE_DEPTH)
     near = tree.nearest_of(mesh.vertices, 1)[1][:, 0] <= limit**2
     faces = mesh.faces[near[mesh.faces].all(axis=1)]

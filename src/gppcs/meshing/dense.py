@@ -11,7 +11,7 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.kdtree import KdTree, nearest_distances
-from gppcs.spatial.nearest import neighbours
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
 from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
@@ -56,7 +56,7 @@ class DensePoints:
         noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
-        near, squared = neighbours(tree, min(EDGES, len(indices) - 1))
+        near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0, NARROW if mixed else SHARP), raw
         if noise:
             for _ in range(2):
@@ -65,7 +65,7 @@ class DensePoints:
             tree = KdTree.build(on_surface)
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
-            near, squared = neighbours(tree, min(RANK, len(indices) - 1))
+            near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, noise, near_sheets=mixed, joined_sheets=sheets)
@@ -77,11 +77,12 @@ class DensePoints:
         feet, normals, fitted = projected_across(tree, strides)
         tree = KdTree.build(feet)
         indices, raw, on_surface = indices[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
-        near, squared = neighbours(tree, RANK)
+        near, squared = nearest_others(tree, RANK)
         # Signs agree between every few points only: nearer ones lie across what noise is left, not along the surface.
         step, normals = max(1, len(indices) // joined), normals[tree.order]
         sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()
-        normals = _following(sparse, with_signs(sparse, sparse.neighbours(EDGES)[0], signed), tree.points.T, normals)
+        signed = with_signs(sparse, nearest_others(sparse, EDGES)[0], signed)
+        normals = _following(sparse, signed, tree.points.T, normals)
         # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot
         # tell a gap that is no wider than they are apart.
         radii = _covered(near, squared) * max(1.0, len(indices) / joined) ** 0.5

@@ -14,7 +14,7 @@ from gppcs.meshing.fans import fans_of, turned_patches
 from gppcs.meshing.mending import without_cuts
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest import neighbours
+from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.fans import ON_CIRCLE
 from gppcs.surface.normals import EDGES
 
@@ -74,7 +74,7 @@ def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool | None) -
     """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
     n, positions, cover_radii = len(joined), dense.positions[joined], dense.cover.radii[joined]
     tree = KdTree.over(positions.T)
-    near, _ = neighbours(tree, min(24, n - 1))
+    near, _ = nearest_others(tree, min(24, n - 1))
     for on_circle in ON_CIRCLE:
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
         if (agreed := _agreed(votes)) >= 0.38:

@@ -11,6 +11,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.noise import MEDIAN, SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
@@ -26,7 +27,7 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     steps = round(np.log(widest) / np.log(finer))
     strides = np.array([round(widest ** (step / steps)) for step in range(steps + 1)])
     sampled = tree.thinned(-(-n // SAMPLES))
-    near, _ = sampled.neighbours(16)  # the noise at a sample is the median of these
+    near, _ = nearest_others(sampled, 16)  # the noise at a sample is the median of these
     fits = [fit_quadrics(tree.thinned(int(stride)), sampled, FITTED) for stride in strides]
     sigmas = np.array([np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN for fitted in fits])
     radii = np.array([np.median(fitted.radii[near], axis=1) for fitted in fits])

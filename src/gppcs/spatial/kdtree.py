@@ -89,11 +89,6 @@ class KdTree:
         on_ranges(_nearest_of_all, len(queries), *self.arrays, queries, positions, squared, minimum=QUERIES_AT_ONCE)
         return self.order[positions], squared
 
-    def neighbours(self, k: int) -> tuple[Ints, Floats]:
-        """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
-        positions, squared = self.in_own_order().nearest_of(self.points.T, k + 1)
-        return positions[:, 1:], squared[:, 1:]  # the first is the point itself
-
 
 def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
     """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""

@@ -201,16 +201,16 @@ def _largest_within(squared, limit):
     return np.int64(largest).view(np.float64)
 
 
-def neighbours(tree: KdTree, k: int) -> tuple[Ints, Floats]:
-    """Find what `KdTree.neighbours` does, faster, where no point repeats; the order of ties may differ."""
+def nearest_others(tree: KdTree, k: int) -> tuple[Ints, Floats]:
+    """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
     n, tasks = len(tree.order), number_of_runs(tree.leaves)
     positions, squared = np.empty((n, k), dtype=np.int64), np.empty((n, k))
-    on_ranges(_find_neighbours, tasks, tasks, *tree.arrays, positions, squared)
+    on_ranges(_find_others, tasks, tasks, *tree.arrays, positions, squared)
     return positions, squared
 
 
 @kernel
-def _find_neighbours(first, last, tasks, points, lower, upper, positions, squared):
+def _find_others(first, last, tasks, points, lower, upper, positions, squared):
     """Fill `positions` and `squared`, (N, k), in a range of tasks."""
     n, leaves, k = points.shape[1], first_leaf(lower), positions.shape[1] + 1
     search = search_for(k, leaves)
@@ -219,32 +219,13 @@ def _find_neighbours(first, last, tasks, points, lower, upper, positions, square
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count, total = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search), 0.0
-            within = search.buffer.positions[:count].copy()
             for i in range(begin, end):
                 x, y, z = points[0, i], points[1, i], points[2, i]
-                limit = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
-                if limit >= 0.0:
-                    _sort_within(search.squared, within, limit, search)
-                else:
+                if not sort_nearest(x, y, z, count, squared_radius, search):
                     nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
                 positions[i], squared[i] = search.positions[1:], search.gaps[1:]  # the first is the point itself
                 total += search.gaps[-1]
             squared_radius = WIDER * total / (end - begin)
-
-
-@kernel
-def _sort_within(squared, positions, limit, search):
-    """List the k points, of (m,), within a limit to their squared distance, the nearest first."""
-    count, compacted = 0, search.buffer.positions
-    for j in range(len(positions)):
-        compacted[count] = j  # always written and then counted or not: a branch would be mispredicted often
-        count += 1 if squared[j] <= limit else 0
-    for slot in range(count):
-        j, rank = compacted[slot], slot
-        while rank > 0 and search.gaps[rank - 1] > squared[j]:
-            search.gaps[rank], search.positions[rank] = search.gaps[rank - 1], search.positions[rank - 1]
-            rank -= 1
-        search.gaps[rank], search.positions[rank] = squared[j], positions[j]
 
 
 def squared_radii(tree: KdTree) -> Floats:

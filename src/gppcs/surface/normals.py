@@ -14,6 +14,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.errors import InputError, whole_number
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.scaling import Frame, normalised
 from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of
 from gppcs.surface.quadrics import fit_quadrics
@@ -162,7 +163,7 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     normals = np.ascontiguousarray(normals.T)
     if near is None:
-        near, _ = tree.neighbours(min(EDGES, len(points) - 1))
+        near, _ = nearest_others(tree, min(EDGES, len(points) - 1))
     areas = radii**2
     votes = np.empty(near.shape)
     on_ranges(_vote, len(points), points, normals, near, votes, minimum=1024)

@@ -10,6 +10,7 @@ import scipy.sparse
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 
 
 class NeighbourGraph(NamedTuple):
@@ -26,7 +27,7 @@ class NeighbourGraph(NamedTuple):
     @classmethod
     def build(cls, tree: KdTree, neighbours: int) -> NeighbourGraph:
         """Connect each point with its nearest neighbours."""
-        indices, squared = tree.neighbours(neighbours)
+        indices, squared = nearest_others(tree, neighbours)
         starts = np.arange(len(indices) + 1) * neighbours
 
         def symmetric(values: Floats) -> scipy.sparse.csr_array:

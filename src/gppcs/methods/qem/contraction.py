@@ -11,6 +11,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.triangles import dot, minus, row
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 from gppcs.surface.surface_variation import features_of_nearest
@@ -27,7 +28,7 @@ def contraction_order(points: Floats, neighbours: int = 8, on_progress: Callable
     """
     tree = KdTree.build(points)
     n = len(points)
-    members, nearest = np.arange(n), tree.neighbours(min(neighbours, n - 1))[0]
+    members, nearest = np.arange(n), nearest_others(tree, min(neighbours, n - 1))[0]
     cloud = _Cloud(np.ascontiguousarray(tree.points.T), tree.order, np.zeros((n, NUMBERS)))
     normals = features_of_nearest(tree, nearest.shape[1] + 1).normals[tree.order]
     _add_planes(cloud.points, nearest, normals, cloud.quadrics)
@@ -48,7 +49,7 @@ def contraction_order(points: Floats, neighbours: int = 8, on_progress: Callable
         members = np.flatnonzero(alive)
         rest = KdTree.build(cloud.points[members])
         nearest = np.empty((len(members), min(neighbours, len(members) - 1)), dtype=np.int64)
-        nearest[rest.order] = members[rest.order[rest.neighbours(nearest.shape[1])[0]]]
+        nearest[rest.order] = members[rest.order[nearest_others(rest, nearest.shape[1])[0]]]
     removed[n - 1] = members[0]
     return tree.order[removed[::-1]]
 

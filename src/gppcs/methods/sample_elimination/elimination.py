@@ -21,6 +21,7 @@ from gppcs.spatial.kdtree import (
     squared_distance_to_box,
     squared_span_of_boxes,
 )
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.spacing import surface_area
 
 BETA, GAMMA = 0.65, 1.5  # Yuksel's constants of weight limiting
@@ -46,7 +47,7 @@ def first_at_spacing(points: Floats, spacing: float) -> int:
     enough, many = 1, len(points) + 1
     while many > enough + 1:
         middle = (enough + many) // 2
-        squared = KdTree.build(points[:middle]).neighbours(1)[1]
+        squared = nearest_others(KdTree.build(points[:middle]), 1)[1]
         if squared.min() >= spacing * spacing:
             enough = middle
         else:
