@@ -281,11 +281,11 @@ def test_the_smallest_pieces_are_left_out_if_there_are_too_few_vertices_for_all(
     assert result.diagnostics.excluded == pytest.approx(25 / 110)
 
 
-@pytest.mark.parametrize("n_points", [200, 1000])
+@pytest.mark.parametrize(("size", "n_points"), [(8_000, 100), (8_000, 1000), (20_000, 200), (20_000, 1000)])
 @pytest.mark.parametrize("thickness", [2.0, 3.0])
-def test_a_plate_keeps_both_sheets(thickness, n_points):
+def test_a_plate_keeps_both_sheets(thickness, size, n_points):
     """Below 2.5 spacings, both sheets were taken for a layer of noise, or normals were wrong, and slits stayed."""
-    points, _, area = plate(20_000, thickness)
+    points, _, area = plate(size, thickness)
     result = gppcs.mesh(points, n_points=n_points)
     assert result.mesh.face_areas().sum() == pytest.approx(area, rel=0.025)
     assert result.diagnostics.joined_sheets == 0.0
