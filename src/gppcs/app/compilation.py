@@ -31,7 +31,7 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     before = sum(map(_compilations, _loaded()))
     original = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
     for method in METHODS:
-        kept = simplify(original, ratio=0.15, method=method).cloud
+        kept = simplify(original, ratio=0.1, method=method).cloud
         on_progress(1)
     gppcs.evaluate(original, kept)
     gppcs.estimate_normals(original, kept)

@@ -22,7 +22,7 @@ from gppcs.methods import METHODS, Feature, Method
 from gppcs.simplification import Result, simplify
 from gppcs.spatial.scaling import normalised
 
-PREPARATION_POINTS = 20_000  # points of the run that compiles kernels: enough for several parts that choose at once
+PREPARATION_POINTS = 30_000  # points of the run that compiles kernels: enough for several parts that choose at once
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def compare(
     entries = []
     for method in chosen:
         # A run on a part of the cloud compiles the kernels before the method is timed.
-        simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.15, method=method)
+        simplify(original.points[:: max(1, len(original) // PREPARATION_POINTS)], ratio=0.1, method=method)
         start = perf_counter()
         run = Timer(timer.on_progress)
         of_method = weights if Feature.DETAIL in method.supports else None

@@ -44,7 +44,7 @@ class JointColumns:
         if None not in crs and crs[0] != crs[1]:
             raise FileFormatError(
                 f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; bring them to "
-                "one first, or join them with gppcs convert --assume-same-crs"
+                "one first, or join them with gppcs convert --assume-same-crs (in Python, assume_same_crs)"
             )
         first, kinds = _kinds(self._first), _kinds(cloud)
         for name in sorted(first.keys() | kinds.keys()):

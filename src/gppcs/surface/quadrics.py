@@ -53,9 +53,10 @@ def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower
     """Fill `fitted` at the queries, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
     leaves = first_leaf(queries_lower)
     search = search_for(k, first_leaf(lower))
-    moments = np.empty((MOMENTS, 1), dtype=np.float64)
-    terms = np.empty((TERMS, search.local.shape[1]), dtype=np.float64)
-    equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
+    scratch = (
+        np.empty((MOMENTS, 1), dtype=np.float64), np.empty((TERMS, search.local.shape[1]), dtype=np.float64),
+        np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64), np.empty(3, dtype=np.float64),
+    )  # fmt: skip
     for task in range(first, last):
         squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
@@ -68,16 +69,16 @@ def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower
                     continue
                 x, y, z = queries[0, i], queries[1, i], queries[2, i]
                 squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
-                total += squared * _fit(queries, i, end, squared, shared, search, moments, terms, equations, fitted)
+                total += squared * _fit(queries, i, end if shared else i + 1, squared, shared, search, scratch, fitted)
             squared_radius = WIDER * total / (end - begin)
 
 
 @kernel(fastmath=False)
-def _fit(queries, centre, end, squared, shared, search, moments, terms, equations, fitted):
-    """Fit a quadric to the nearest points of a query, of (3, m); return for how many queries it is taken."""
+def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
+    """Fit a quadric to the nearest points of a query, of (3, m); return for how many up to `end` it is taken."""
     k, full = len(search.gaps), search.local.shape[1]
+    moments, terms, equations, normal = scratch
     radius = np.sqrt(squared) if squared > 0.0 else 1.0
-    normal = np.empty(3, dtype=np.float64)
     moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, 0)
     flattest_of(moments[:, 0], normal)
     u, v = tangents(normal[0], normal[1], normal[2])

@@ -36,6 +36,7 @@ from gppcs.gp.local.candidates import (
     gaps_of_isolated,
     largest_gap,
     nested_candidates,
+    radius_of_plane,
     radius_of_sharpness,
     sample_size,
     sharpness_of,
@@ -315,7 +316,8 @@ def _sharpness(
     tree = KdTree.build(points[drawn]) if len(drawn) else None
     sharpness, rough = np.zeros((2, len(points)), dtype=np.float32)
     if stage.noise.is_below_threshold and tree:  # otherwise noisy points would look sharp
-        radius = radius_of_sharpness(stage.edge, stage.area / (stage.sampled * stage.stored.n_places))
+        plane = radius_of_plane(stage.area / (stage.sampled * stage.stored.n_places))
+        radius = radius_of_sharpness(stage.edge, plane)
         sharpness[drawn] = sharpness_of(features_in_radius(tree, radius).surface_variation)
     if stage.detail and tree:
         drawn = drawn[tree.order]

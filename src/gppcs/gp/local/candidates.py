@@ -68,11 +68,12 @@ def survey(
     sharpness, normals = np.zeros(len(points), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            radius = radius_of_sharpness(cell_edge(area, candidate_density * n_points), area / len(sampled))
+            plane = radius_of_plane(area / len(sampled))
+            radius = radius_of_sharpness(cell_edge(area, candidate_density * n_points), plane)
             features = features_in_radius(tree.in_own_order(), radius)
             of_tree = tree.order if sampled is points else indices[tree.order]
             sharpness[of_tree] = sharpness_of(features.surface_variation)
-            if sampled is points and 1.0 <= radius / radius_of_plane(area / len(points)) <= 1.0 / ALIKE:
+            if sampled is points and plane <= radius <= plane / ALIKE:
                 normals = features.normals
     detail = None
     if attributes is not None:
@@ -106,9 +107,8 @@ def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> flo
     return min(wanted, max(1.0, density_power) * max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
 
 
-def radius_of_sharpness(edge: float, area: float) -> float:
-    """Return the radius for planes if it is a little larger than the edge of a cell, else that; `area` is a point's."""
-    plane = radius_of_plane(area)
+def radius_of_sharpness(edge: float, plane: float) -> float:
+    """Return the radius for planes if it is a little larger than the edge of a cell, else the edge."""
     return plane if edge < plane < edge / ALIKE else edge
 
 
