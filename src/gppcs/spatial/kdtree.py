@@ -346,18 +346,23 @@ def squared_span_of_boxes(lower, upper, other_lower, other_upper):
     return dx * dx + dy * dy + dz * dz
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(fastmath=False)
 def points_near(points, lower, upper, leaves, box_lower, box_upper, squared_radius, positions):
     """Fill `positions` with the points of some leaves, (m,), within a radius of a box; return their number."""
     n, first = points.shape[1], first_leaf(lower)
-    count = 0
+    lowest, highest = (box_lower[0], box_lower[1], box_lower[2]), (box_upper[0], box_upper[1], box_upper[2])
+    count, squared = 0, np.empty(LEAF_SIZE, dtype=np.float64)
     for leaf in leaves:
         if squared_distance_of_boxes(lower[leaf], upper[leaf], box_lower, box_upper) > squared_radius:
             continue
-        for j in range(*leaf_range(n, first, leaf)):
-            positions[count] = j  # always written and then counted or not: a branch would be mispredicted often
-            near = squared_distance_to_box(box_lower, box_upper, points[0, j], points[1, j], points[2, j])
-            count += 1 if near <= squared_radius else 0
+        begin, end = leaf_range(n, first, leaf)
+        along_x, along_y, along_z = points[0, begin:end], points[1, begin:end], points[2, begin:end]
+        for j in range(len(along_x)):  # this loop is vectorised only by itself
+            x, y, z = along_x[j], along_y[j], along_z[j]
+            squared[j] = squared_distance_to_box(lowest, highest, x, y, z)
+        for j in range(len(along_x)):
+            positions[count] = begin + j  # always written and then counted or not: a branch would be mispredicted often
+            count += 1 if squared[j] <= squared_radius else 0
     return count
 
 

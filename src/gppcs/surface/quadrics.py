@@ -106,22 +106,21 @@ def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _fill_terms(local, k, radius, s, t, normal, terms):
     """Fill `terms`, (TERMS, full), from steps to the k nearest, in units of the radius; weights are exp(-u^2 - v^2)."""
-    ones, us, vs, uus, uvs, vvs, heights, weights = terms
-    steps_x, steps_y, steps_z = local
-    for j in range(len(weights)):
+    a, b, c = normal[0], normal[1], normal[2]  # with views of the rows or of the normal, the loop is not vectorised
+    for j in range(terms.shape[1]):
         inside = j < k
         x, y, z = (
-            steps_x[j] / radius if inside else 0.0, steps_y[j] / radius if inside else 0.0,
-            steps_z[j] / radius if inside else 0.0,
+            local[0, j] / radius if inside else 0.0, local[1, j] / radius if inside else 0.0,
+            local[2, j] / radius if inside else 0.0,
         )  # fmt: skip
         u, v = s[0] * x + s[1] * y + s[2] * z, t[0] * x + t[1] * y + t[2] * z
-        ones[j], us[j], vs[j], uus[j], uvs[j], vvs[j] = 1.0, u, v, u * u, u * v, v * v
-        heights[j] = normal[0] * x + normal[1] * y + normal[2] * z
+        terms[0, j], terms[1, j], terms[2, j], terms[3, j], terms[4, j], terms[5, j] = 1.0, u, v, u * u, u * v, v * v
+        terms[6, j] = a * x + b * y + c * z
         squared = u * u + v * v
         weight = 1.0
         for power in range(17, 0, -1):
             weight = 1.0 - squared * weight * (1.0 / power)
-        weights[j] = weight if inside else 0.0
+        terms[7, j] = weight if inside else 0.0
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
