@@ -15,7 +15,10 @@ def fitted(points, place, k=None):
     points, place = np.asarray(points, dtype=np.float64), np.asarray(place, dtype=np.float64)
     k = k or len(points)
     (height,), ((x,), (y,), (z,)), (reach,) = fit_quadrics(KdTree.build(points), KdTree.build(place[None]), k)
-    assert reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], abs=1e-300) or reach == 1
+    assert (
+        reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], rel=1e-14, abs=1e-300)
+        or reach == 1
+    )
     return height, np.array([x, y, z])
 
 

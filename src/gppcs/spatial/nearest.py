@@ -84,6 +84,13 @@ def search_for(k, leaves):
 
 
 @kernel
+def first_radius(points, lower, upper, x, y, z, search):
+    """Return the squared radius with which a run of leaves starts, by the k points nearest to one of its queries."""
+    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+    return WIDER * search.gaps[-1]
+
+
+@kernel
 def look_around(points, lower, upper, box_lower, box_upper, squared_radius, search):
     """Find and pack all points within a radius of a box. Shapes: box_low, box_high (3,)."""
     count = leaves_near(lower, upper, box_lower, box_upper, squared_radius, search.near)
@@ -215,7 +222,8 @@ def _find_others(first, last, tasks, points, lower, upper, positions, squared):
     n, leaves, k = points.shape[1], first_leaf(lower), positions.shape[1] + 1
     search = search_for(k, leaves)
     for task in range(first, last):
-        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
+        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count, total = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search), 0.0
@@ -244,7 +252,8 @@ def _squared_radii(first, last, tasks, points, lower, upper, order, k, squared):
     n, leaves = points.shape[1], first_leaf(lower)
     search = search_for(k, leaves)
     for task in range(first, last):
-        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
+        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)

@@ -12,7 +12,15 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, limit_beside, nearest_in_tree
-from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for, sort_nearest
+from gppcs.spatial.nearest import (
+    WIDER,
+    first_radius,
+    look_around,
+    number_of_runs,
+    radius_of_nearest,
+    search_for,
+    sort_nearest,
+)
 from gppcs.spatial.scaling import widen
 from gppcs.spatial.triangles import (
     area_vector,
@@ -112,7 +120,8 @@ def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
     near, squared = np.empty(largest + 1, dtype=np.int64), np.empty(largest, dtype=np.float64)
     inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)
     for task in range(first, last):
-        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
+        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)

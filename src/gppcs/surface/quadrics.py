@@ -11,7 +11,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for, steps_to_nearest
+from gppcs.spatial.nearest import WIDER, first_radius, look_around, number_of_runs, search_for, steps_to_nearest
 from gppcs.spatial.triangles import dot
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
@@ -58,7 +58,8 @@ def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower
         np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64), np.empty(3, dtype=np.float64),
     )  # fmt: skip
     for task in range(first, last):
-        squared_radius = 0.0  # the first leaf has no radius to start from; each other starts from the leaf before
+        i = leaf_range(queries.shape[1], leaves, leaves + leaves * task // tasks)[0]
+        squared_radius = first_radius(points, lower, upper, queries[0, i], queries[1, i], queries[2, i], search)
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
             begin, end = leaf_range(queries.shape[1], leaves, leaf)

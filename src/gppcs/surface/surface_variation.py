@@ -25,6 +25,7 @@ from gppcs.spatial.kdtree import (
 )
 from gppcs.spatial.nearest import (
     WIDER,
+    first_radius,
     look_around,
     number_of_runs,
     pack,
@@ -235,7 +236,8 @@ def _features_of_nearest(first, last, tasks, points, lower, upper, order, k, var
     n, leaves = points.shape[1], first_leaf(lower)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
     for task in range(first, last):
-        squared_radius = 0.0  # in the first leaf, each point searches by itself; later leaves use the last one's radius
+        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
+        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
