@@ -39,6 +39,7 @@ from gppcs.surface.surface_variation import features_of_nearest
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
 # Neighbours that are searched for corners; twice as many, again and again up to the second number, if necessary.
 NEIGHBOURS, MAX_NEIGHBOURS = 18, 288
+AROUND = 4.0  # squared radius of a search for twice as many: this times the squared distance to the last neighbour
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 BOUNDED = 8  # triangles of a fan, at its start, whose distances are bounded before they are computed
 MARGIN = 1e-9  # of these bounds, in squared lengths
@@ -116,8 +117,8 @@ def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
     """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
     n, leaves = points.shape[1], first_leaf(lower)
     k, largest = min(NEIGHBOURS + 1, n), min(MAX_NEIGHBOURS + 1, n)
-    search = search_for(k, leaves)
-    near, squared = np.empty(largest + 1, dtype=np.int64), np.empty(largest, dtype=np.float64)
+    search, wide, here = search_for(k, leaves), search_for(largest, leaves), np.empty(3, dtype=np.float64)
+    near = np.empty(largest + 1, dtype=np.int64)
     inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)
     for task in range(first, last):
         i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
@@ -127,21 +128,27 @@ def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
             total = 0.0
             for i in range(begin, end):
-                x, y, z, used, farthest = points[0, i], points[1, i], points[2, i], k, 0.0
-                radius = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
-                if radius >= 0.0:
-                    farthest = _select(search.buffer.positions, search.squared[:count], radius, near)
-                else:
-                    nearest_in_tree(points, lower, upper, x, y, z, near[:k], squared[:k])
-                    farthest = squared[k - 1]
+                here[0], here[1], here[2], used = points[0, i], points[1, i], points[2, i], k
+                farthest = _find_nearest(points, lower, upper, here, k, count, squared_radius, search, near)
                 total += farthest
                 while not _is_fan(points, normals, i, near[:used], farthest, inverse, index, corners[i]):
                     if used == largest:
                         break
-                    used = min(2 * used - 1, largest)  # twice as many, and the point itself
-                    nearest_in_tree(points, lower, upper, x, y, z, near[:used], squared[:used])
-                    farthest = squared[used - 1]
+                    used, radius = min(2 * used - 1, largest), AROUND * farthest  # twice as many, and the point itself
+                    around = look_around(points, lower, upper, here, here, radius, wide)
+                    farthest = _find_nearest(points, lower, upper, here, used, around, radius, wide, near)
             squared_radius = WIDER * total / (end - begin)
+
+
+@kernel(allocates=False)
+def _find_nearest(points, lower, upper, here, k, count, squared_radius, search, near):
+    """Fill `near` with the k nearest points, of a shared search if that is wide enough; return the largest distance."""
+    x, y, z = here
+    radius = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
+    if radius >= 0.0:
+        return _select(search.buffer.positions, search.squared[:count], radius, near)
+    nearest_in_tree(points, lower, upper, x, y, z, near[:k], search.gaps[:k])
+    return search.gaps[k - 1]
 
 
 @kernel(allocates=False)
