@@ -39,6 +39,7 @@ LARGEST = 2.0
 SHARED = 0.5
 MEDIAN = 0.6745  # Of the absolute value of standard normal numbers.
 SAMPLES = 4096  # Points on which the noise is measured: its error is then about one per cent.
+SAMPLES_IN_LEAF = 8  # which share a search: few, as they are far from each other
 FEW_SAMPLES = 256  # Of a small cloud, where the fits would take most of the time: the error is four per cent.
 
 
@@ -80,7 +81,8 @@ class NoiseLayer(NamedTuple):
 def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     """Measure the layer of noise on an eighth of the points, `FEW_SAMPLES` to `SAMPLES`, evenly spread."""
     n = len(tree.order)
-    sampled = tree.thinned(-(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES)))
+    step = -(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES))
+    sampled = KdTree.over(tree.points[:, ::step], leaf_size=SAMPLES_IN_LEAF)
     feet, fitted = projections(tree, sampled, neighbours)
     return NoiseLayer.between(sampled.points, feet, fitted)
 
