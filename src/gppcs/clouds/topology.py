@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from gppcs.engine.kernels import kernel
 
 
 class Topology(NamedTuple):
@@ -46,9 +46,34 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     return Topology(bad, non_manifold, boundary_loops, pieces, genus)
 
 
-def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tuple[int, NDArray[np.int32]]:
-    """Return the number of connected components of n nodes with some edges, (E,), and the component of each."""
-    count, labels = connected_components(
-        coo_array((np.ones(len(begins)), (begins, ends)), shape=(n, n)), directed=False
-    )
-    return int(count), labels
+def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tuple[int, NDArray[np.int64]]:
+    """Return the number of connected components of n nodes with some edges, (E,), and the component of each.
+
+    Components are numbered in the order of their first nodes.
+    """
+    labels = np.arange(n)
+    return int(_join_all(np.ascontiguousarray(begins), np.ascontiguousarray(ends), labels)), labels
+
+
+@kernel(allocates=False)
+def _join_all(begins, ends, labels):
+    """Join the nodes of each edge; fill the component of each node, (n,), at first its number; return how many."""
+    for e in range(len(begins)):
+        a, b = _root(labels, begins[e]), _root(labels, ends[e])
+        labels[max(a, b)] = min(a, b)  # so that the root is the first node
+    count = 0
+    for node in range(len(labels)):
+        if labels[node] == node:
+            labels[node], count = count, count + 1
+        else:
+            labels[node] = labels[labels[node]]
+    return count
+
+
+@kernel(allocates=False)
+def _root(labels, node):
+    """Return the root of a node, and halve the way to it."""
+    while labels[node] != node:
+        labels[node] = labels[labels[node]]
+        node = labels[node]
+    return node

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
@@ -71,7 +70,7 @@ def turned_patches(triangles: Ints, points: Floats, normals: Floats, near: Ints)
     return turned[patch]
 
 
-def _agreements(patch: NDArray[np.int32], points: Floats, normals: Floats, near: Ints) -> tuple[Ints, Floats]:
+def _agreements(patch: Ints, points: Floats, normals: Floats, near: Ints) -> tuple[Ints, Floats]:
     """Return pairs of near points of different patches, (2, p), on one sheet, and the cosines between their normals."""
     i, j = np.repeat(np.arange(len(points)), near.shape[1]), near.ravel()
     differ = patch[i] != patch[j]

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.clouds.topology import connected
 from gppcs.engine.arrays import Ints
@@ -260,6 +259,6 @@ def _number_fans(mesh, fan):
         count += 1
 
 
-def pieces_of(faces: Ints, n: int) -> NDArray[np.int32]:
+def pieces_of(faces: Ints, n: int) -> Ints:
     """Return the connected piece of each triangle."""
     return connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), n)[1][faces[:, 0]]
