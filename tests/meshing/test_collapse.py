@@ -67,8 +67,8 @@ def test_flat_parts_go_first():
     upright = np.cross(b - a, c - a)
     upright /= np.linalg.norm(upright, axis=1)[:, None]
     draft = Draft(
-        DensePoints(None, None, np.tile((a + b + c) / 3, (3, 1)), np.tile(upright, (3, 1)), None, 0.0), False, mesh,
-        np.arange(121), np.zeros(121, dtype=bool), points, np.tile([0.0, 0.0, 1.0], (121, 1)), faces.T.ravel(),
+        DensePoints(None, None, np.tile((a + b + c) / 3, (3, 1)), np.tile(upright, (3, 1)), None, None, 0.0), False,
+        mesh, np.arange(121), np.zeros(121, dtype=bool), points, np.tile([0.0, 0.0, 1.0], (121, 1)), faces.T.ravel(),
     )  # fmt: skip
     collapse(draft, 30)
     a, b, c = (points[corner] for corner in mesh.faces().T)

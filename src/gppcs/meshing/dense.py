@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.engine.threads import beside
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
+from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
@@ -17,7 +21,9 @@ from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
-LEVEL_OF_NOISY = 3  # points of the first mesh for each vertex of the result, of a noisy cloud: more follow the noise
+LEVEL = 8  # points of the first mesh for each vertex of the result
+LEVEL_OF_SHEETS = 24  # where sheets are near each other
+LEVEL_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
@@ -33,6 +39,7 @@ class DensePoints:
     positions: Floats  # (n, 3): where they lie on the surface: the same, unless the cloud is noisy
     normals: Floats  # (n, 3): unit normals with signs
     cover: Cover  # what the points cover
+    joined: Ints  # which points the first mesh joins, ascending: they are evenly spread
     noise: float  # root mean square distance of the points from the surface; 0 if it is too small to count
     uneven: bool = False  # whether the noise differs from place to place
     near_sheets: bool = False  # whether sheets are so near each other that few points would not tell them apart
@@ -40,22 +47,35 @@ class DensePoints:
 
     @classmethod
     def from_points(
-        cls, points: Floats, n_vertices: int, chosen: Ints, thick: bool = False, near_sheets: bool = True
+        cls,
+        points: Floats,
+        n_vertices: int,
+        chosen: Ints,
+        thick: bool = False,
+        near_sheets: bool = True,
+        times: int = 1,
     ) -> DensePoints | None:
-        """Take enough points of a cloud for a mesh, evenly; noise may be thick, or there may be near sheets."""
-        indices = _sample(points, n_vertices, chosen)
+        """Take enough points of a cloud for a mesh, evenly; noise may be thick, or there may be near sheets.
+
+        Of these, so many times as many points are taken.
+        """
+        indices = _sample(points, times * n_vertices, chosen)
         tree = KdTree.build(points[indices])
         indices, raw = indices[tree.order], np.ascontiguousarray(tree.points.T)
         uneven = None if thick else uneven_noise(tree)
         if uneven:
-            return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices)
+            return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices, chosen)
         mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
-        if mixed and 2 * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
-            finer = cls.from_points(points, 2 * n_vertices, chosen)
+        if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
+            finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
             return finer and replace(finer, near_sheets=True)
         noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
+        level = LEVEL_OF_NOISY if noise else LEVEL_OF_SHEETS if mixed or times > 1 else LEVEL
+        joined: Callable[[], Ints] = partial(_spread, indices, raw, chosen, level * n_vertices)
+        if not noise:  # meanwhile, as this needs no normals, and cannot use several threads
+            joined = beside(joined)
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0, NARROW if mixed else SHARP), raw
         if noise:
@@ -66,29 +86,33 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
+            joined = partial(_spread, indices, on_surface, chosen, level * n_vertices)
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, noise, near_sheets=mixed, joined_sheets=sheets)
+        return cls(indices, raw, on_surface, normals, cover, joined(), noise, near_sheets=mixed, joined_sheets=sheets)
 
     @classmethod
-    def _across_uneven(cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, joined: int) -> DensePoints:
-        """Project points across noise that differs from place to place, for a first mesh of `joined` points."""
+    def _across_uneven(
+        cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, count: int, chosen: Ints
+    ) -> DensePoints:
+        """Project points across noise that differs from place to place, for a first mesh of so many points."""
         raw = np.ascontiguousarray(tree.points.T)
         feet, normals, fitted = projected_across(tree, strides)
         tree = KdTree.build(feet)
         indices, raw, on_surface = indices[tree.order], raw[tree.order], np.ascontiguousarray(tree.points.T)
         near, squared = nearest_others(tree, RANK)
         # Signs agree between every few points only: nearer ones lie across what noise is left, not along the surface.
-        step, normals = max(1, len(indices) // joined), normals[tree.order]
+        step, normals = max(1, len(indices) // count), normals[tree.order]
         sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()
         signed = with_signs(sparse, nearest_others(sparse, EDGES)[0], signed)
         normals = _following(sparse, signed, tree.points.T, normals)
         # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot
         # tell a gap that is no wider than they are apart.
-        radii = _covered(near, squared) * max(1.0, len(indices) / joined) ** 0.5
+        radii = _covered(near, squared) * max(1.0, len(indices) / count) ** 0.5
         radii = np.maximum(radii, fitted[tree.order] * (RANK / FITTED) ** 0.5)
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, float(np.sqrt((sigma**2).mean())), True)
+        joined = _spread(indices, on_surface, chosen, count)
+        return cls(indices, raw, on_surface, normals, cover, joined, float(np.sqrt((sigma**2).mean())), True)
 
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
         """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
@@ -112,6 +136,16 @@ def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:
     usable = np.zeros(len(points), dtype=np.bool_)
     usable[distinct] = True
     return np.union1d(even_sample(points, usable, step), chosen)
+
+
+def _spread(indices: Ints, positions: Floats, chosen: Ints, count: int) -> Ints:
+    """Return which of the points in tree order the first mesh joins, ascending: so many, with the chosen ones."""
+    if count >= len(indices):
+        return np.arange(len(indices))
+    forced = np.flatnonzero(np.isin(indices, chosen))
+    before = positions[forced] if len(forced) else None
+    even, _ = farthest_points(positions, max(1, count - len(forced)), KdTree.over(positions.T), before=before)
+    return np.union1d(even, forced)
 
 
 def _mixes_sheets(tree: KdTree) -> bool:

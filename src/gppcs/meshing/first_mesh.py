@@ -8,11 +8,10 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.meshing.assembly import assembled, without_scraps
-from gppcs.meshing.dense import LEVEL_OF_NOISY, DensePoints
+from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of, turned_patches
 from gppcs.meshing.mending import without_cuts
-from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.fans import ON_CIRCLE
@@ -40,7 +39,7 @@ def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool | None,
                 continue
             near_sheets = dense.near_sheets
             with timer("first mesh"):
-                draft, agreed = _joined(dense, _spread(dense, n_vertices, fixed), fixed, moved)
+                draft, agreed = _joined(dense, fixed, moved)
         except NoSurfaceError as error:
             errors.append(error)
             continue
@@ -58,20 +57,9 @@ def excluded(first: Draft) -> float:
     return 1.0 - first.n_vertices / len(first.dense_index)
 
 
-def _spread(dense: DensePoints, n_vertices: int, fixed: Ints) -> Ints:
-    """Return which dense points the first mesh joins, ascending: more if there are near sheets."""
-    count = (LEVEL_OF_NOISY if dense.noise else 24 if dense.near_sheets else 8) * n_vertices
-    if count >= len(dense.indices):
-        return np.arange(len(dense.indices))
-    forced = np.flatnonzero(np.isin(dense.indices, fixed))
-    tree = KdTree.over(dense.positions.T)
-    before = dense.positions[forced] if len(forced) else None
-    even, _ = farthest_points(dense.positions, max(1, count - len(forced)), tree, before=before)
-    return np.union1d(even, forced)
-
-
-def _joined(dense: DensePoints, joined: Ints, fixed: Ints, moved: bool | None) -> tuple[Draft, float]:
+def _joined(dense: DensePoints, fixed: Ints, moved: bool | None) -> tuple[Draft, float]:
     """Join dense points or raise an error; return also the fraction of the fans' triangles that another fan has."""
+    joined = dense.joined
     n, positions, cover_radii = len(joined), dense.positions[joined], dense.cover.radii[joined]
     tree = KdTree.over(positions.T)
     near, _ = nearest_others(tree, min(24, n - 1))
