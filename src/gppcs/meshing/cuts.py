@@ -14,7 +14,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, measure_boxes
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
 ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
@@ -32,20 +32,53 @@ class TriangleTree(NamedTuple):
     def from_mesh(cls, mesh: HalfEdges, vertices: Floats) -> Self:
         """Build the tree of the triangles of a mesh."""
         faces = np.flatnonzero(mesh.origin[::3] >= 0)
-        a, b, c = (vertices[corner] for corner in mesh.corners()[faces].T)
-        centroids = KdTree.build((a + b + c) / 3.0)
-        order, leaf, leaves = faces[centroids.order], np.full(len(mesh.corners()), -1), len(centroids.lower) // 2
-        leaf[order] = leaves + np.repeat(np.arange(leaves), np.diff(len(order) * np.arange(leaves + 1) // leaves))
-        a, b, c = a[centroids.order], b[centroids.order], c[centroids.order]
-        lower, upper, unused = np.empty((3, 2 * leaves, 3))
-        measure_boxes(np.ascontiguousarray(np.minimum(np.minimum(a, b), c).T), lower, unused)
-        measure_boxes(np.ascontiguousarray(np.maximum(np.maximum(a, b), c).T), unused, upper)
-        return cls(order, leaf, lower, upper)
+        centroids = np.empty((len(faces), 3))
+        on_ranges(_fill_centroids, len(faces), mesh, vertices, faces, centroids, minimum=1024)
+        built = KdTree.build(centroids)
+        lower, upper = np.full(built.lower.shape, np.inf), np.full(built.lower.shape, -np.inf)
+        tree = cls(faces[built.order], np.full(len(mesh.corners()), -1), lower, upper)
+        on_ranges(_fill_leaves, built.leaves, mesh, vertices, tree, minimum=32)
+        _fill_inner(tree)
+        return tree
 
     @classmethod
     def empty(cls) -> Self:
         """Return a tree without triangles, which nothing cuts."""
         return cls(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)))
+
+
+@kernel(allocates=False)
+def _fill_centroids(begin, end, mesh, vertices, faces, centroids):
+    """Fill the centroids, (f, 3), of a range of triangles."""
+    for i in range(begin, end):
+        h = 3 * faces[i]
+        a, b, c = row(vertices, mesh.origin[h]), row(vertices, mesh.origin[h + 1]), row(vertices, mesh.origin[h + 2])
+        for axis in range(3):
+            centroids[i, axis] = (a[axis] + b[axis] + c[axis]) / 3.0
+
+
+@kernel(allocates=False)
+def _fill_leaves(begin, end, mesh, vertices, tree):
+    """Fill the boxes of a range of leaves, and the leaf of each triangle in them."""
+    leaves = first_leaf(tree.lower)
+    for node in range(leaves + begin, leaves + end):
+        first, last = leaf_range(len(tree.order), leaves, node)
+        for f in tree.order[first:last]:
+            tree.leaf[f] = node
+            for h in range(3 * f, 3 * f + 3):
+                for axis in range(3):
+                    x = vertices[mesh.origin[h], axis]
+                    tree.lower[node, axis] = min(tree.lower[node, axis], x)
+                    tree.upper[node, axis] = max(tree.upper[node, axis], x)
+
+
+@kernel(allocates=False)
+def _fill_inner(tree):
+    """Fill the boxes of the nodes above the leaves."""
+    for node in range(first_leaf(tree.lower) - 1, 0, -1):
+        for axis in range(3):
+            tree.lower[node, axis] = min(tree.lower[2 * node, axis], tree.lower[2 * node + 1, axis])
+            tree.upper[node, axis] = max(tree.upper[2 * node, axis], tree.upper[2 * node + 1, axis])
 
 
 @kernel(allocates=False)
@@ -62,21 +95,77 @@ def follow(mesh, vertices, tree, f):
 
 
 def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, among: Ints | None = None) -> Ints:
-    """Return which triangles cut another one or have no area: of all, or of some."""
-    faces = np.flatnonzero(mesh.origin[::3] >= 0) if among is None else among[mesh.origin[3 * among] >= 0]
-    cut = np.zeros(len(faces), dtype=np.bool_)
-    if len(faces):
+    """Return which triangles cut another one or have no area: of all, which the tree has, or of some."""
+    cut = np.zeros(len(mesh.corners()), dtype=np.bool_)
+    if among is None:
         tree = tree or TriangleTree.from_mesh(mesh, vertices)
-        inside = np.zeros(len(mesh.corners()), dtype=np.bool_)
+        on_ranges(_mark_in_leaves, len(tree.lower) // 2, mesh, vertices, tree, cut, minimum=8)
+        return np.flatnonzero(cut)
+    faces = among[mesh.origin[3 * among] >= 0]
+    if len(faces):
+        inside = np.zeros(len(cut), dtype=np.bool_)
+        tree = tree or TriangleTree.from_mesh(mesh, vertices)
         on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, cut, minimum=256)
-    return faces[cut]
+    return faces[cut[faces]]
+
+
+@kernel
+def _mark_in_leaves(begin, end, mesh, vertices, tree, cut):
+    """Mark in `cut`, (F,), the triangles that cut others or have no area; of two leaves, the first one tests both."""
+    leaves = first_leaf(tree.lower)
+    boxes, others = np.empty((LEAF_SIZE, 2, 3)), np.empty((LEAF_SIZE, 2, 3))
+    for leaf in range(leaves + begin, leaves + end):
+        first, last = leaf_range(len(tree.order), leaves, leaf)
+        faces = tree.order[first:last]
+        _fill_boxes(mesh, vertices, faces, boxes)
+        for f in faces:
+            a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+            if a >= 0 and not has_area(row(vertices, a), row(vertices, b), row(vertices, c)):
+                cut[f] = True
+        lower, upper, node = row(tree.lower, leaf), row(tree.upper, leaf), 1
+        while node:
+            near = _overlap(lower, upper, row(tree.lower, node), row(tree.upper, node))
+            if near and node < leaves:
+                node *= 2
+                continue
+            if near and node >= leaf:
+                first, last = leaf_range(len(tree.order), leaves, node)
+                _fill_boxes(mesh, vertices, tree.order[first:last], others)
+                _mark_between(mesh, vertices, faces, boxes, tree.order[first:last], others, node == leaf, cut)
+            node = after(node, 1)
+
+
+@kernel(allocates=False)
+def _fill_boxes(mesh, vertices, faces, boxes):
+    """Fill the corners of the boxes, (LEAF_SIZE, 2, 3), around triangles, (m,); those of removed ones overlap none."""
+    for i in range(len(faces)):
+        h = 3 * faces[i]
+        lower, upper = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
+        if mesh.origin[h] >= 0:
+            lower, upper = _box(vertices, mesh.origin[h], mesh.origin[h + 1], mesh.origin[h + 2])
+        for axis in range(3):
+            boxes[i, 0, axis], boxes[i, 1, axis] = lower[axis], upper[axis]
+
+
+@kernel(allocates=False)
+def _mark_between(mesh, vertices, faces, boxes, neighbours, others, same, cut):
+    """Mark triangles, (m,), that cut neighbours, (k,), or later ones if these are the same; mark both."""
+    for i in range(len(faces)):
+        lower, upper = row(boxes[i], 0), row(boxes[i], 1)
+        for j in range(i + 1 if same else 0, len(neighbours)):
+            if not _overlap(lower, upper, row(others[j], 0), row(others[j], 1)):
+                continue
+            f, g = 3 * faces[i], 3 * neighbours[j]
+            corners = mesh.origin[f], mesh.origin[f + 1], mesh.origin[f + 2]
+            if are_cut(vertices, corners, (mesh.origin[g], mesh.origin[g + 1], mesh.origin[g + 2])):
+                cut[faces[i]] = cut[neighbours[j]] = True
 
 
 @kernel
 def _mark_cutting(begin, end, mesh, vertices, tree, inside, faces, cut):
-    """Mark in `cut`, (m,), which of the triangles `faces`, (m,), cut others; for a range of these."""
+    """Mark in `cut`, (F,), which of the triangles `faces`, (m,), cut others; for a range of these."""
     for i in range(begin, end):
-        cut[i] = is_cut(mesh, vertices, tree, inside, faces[i])
+        cut[faces[i]] = is_cut(mesh, vertices, tree, inside, faces[i])
 
 
 @kernel

@@ -6,6 +6,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
+from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.draft import Draft
@@ -25,17 +26,22 @@ from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_p
 from gppcs.spatial.triangles import dot, minus, row
 
 
-def mend_draft(draft: Draft, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
-    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes."""
+def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
+    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes.
+
+    New vertices go where the points are farthest from the triangles to which they are assigned, which follow.
+    """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
     for last in (*[False] * (tries - 1), True):
-        if len(_mended(draft, relaxations if draft.moved else 0)):
+        corners = draft.mesh.corners().copy()
+        if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        _add(draft, missing)
+        assigned = draft.assigned() if cuts else draft.reassigned(assigned, corners)
+        _add(draft, assigned, missing)
     return holes
 
 
@@ -54,9 +60,9 @@ def _mended(draft: Draft, relaxations: int) -> Ints:
     return cut
 
 
-def _add(draft: Draft, count: int) -> None:
+def _add(draft: Draft, assigned: Assignment, count: int) -> None:
     """Add vertices where the dense points are farthest off, and where the new triangles cut none."""
-    assigned, n = draft.assigned(), len(draft.dense_index)
+    n = len(draft.dense_index)
     faces, points = farthest_points_of(draft.mesh, assigned, unused_points(draft), 4 * count)
     positions = draft.dense.positions if draft.moved else draft.dense.raw
     trial = split(draft.mesh, faces)

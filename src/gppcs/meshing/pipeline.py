@@ -184,9 +184,9 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
         with timer("fit"):
             for _ in range(3):
                 assigned = flip(draft, fit(draft, assigned))
-    draft = _exchanged(request, draft, assigned)
+    draft, assigned = _exchanged(request, draft, assigned)
     with timer("mending"):
-        open_holes = mend_draft(draft, counts_faces)
+        open_holes = mend_draft(draft, assigned, counts_faces)
         draft.compact()
     with timer("distances"):
         assigned = draft.assigned()
@@ -226,11 +226,11 @@ def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -
     return assigned
 
 
-def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
-    """Return a draft with as many vertices, of which some have gone to where they help more, while that gains 1 %."""
+def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
+    """Let vertices of a draft go to where they help more, while that gains 1 %; return it and the points' triangles."""
     rounds = (0, 2, 8)[request.effort]
     if not rounds:
-        return draft
+        return draft, assigned
     with request.timer("exchange", rounds) as on_progress:
         for _ in range(rounds):
             before = assigned.mean_square()
@@ -240,7 +240,7 @@ def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
                 draft, assigned = changed, after
             if after.mean_square() > 0.99 * before:
                 break
-    return draft
+    return draft, assigned
 
 
 def _mean_distance(first: Draft, draft: Draft, assigned: Assignment) -> float:
