@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
@@ -30,16 +30,19 @@ def assembled(
     triangles, votes, radii = triangles[covered], votes[covered], radii[covered]
     order = np.lexsort((radii, -votes))
     agreed = votes[order] > 1
-    faces = taken(triangles[order[agreed]], n)
-    mesh = without_bow_ties(faces[np.argsort(faces[:, 0], kind="stable")], n)  # near ones side by side
-    faces = gaps_filled(mesh, *surface, 8)
-    mesh = without_bow_ties(taken(np.concatenate([faces, triangles[order[~agreed]]]), n), n)
+    faces = triangles[order[agreed]]
+    faces = faces[are_taken(faces, n)]
+    faces = faces[np.argsort(faces[:, 0], kind="stable")]  # near ones side by side
+    mesh = without_bow_ties(HalfEdges.from_faces(faces, n))
+    n_faces, others = len(mesh.corners()), np.concatenate([gap_fillings(mesh, *surface, 8), triangles[order[~agreed]]])
+    taken = are_taken(np.concatenate([mesh.faces(), others]), n)
+    mesh = without_bow_ties(mesh.changed(taken[:n_faces], others[taken[n_faces:]]))
     if bridges:
         mesh = bridged(mesh, triangles, *surface)
-    mesh = HalfEdges.from_faces(gaps_filled(mesh, *surface, LARGEST_GAP), n)
+    mesh = mesh.changed(new=gap_fillings(mesh, *surface, LARGEST_GAP))
     cut = without_small_handles(mesh, *surface)
     if cut is not mesh:
-        mesh = HalfEdges.from_faces(gaps_filled(cut, *surface, LARGEST_GAP), n)
+        mesh = cut.changed(new=gap_fillings(cut, *surface, LARGEST_GAP))
     corners = points[mesh.faces()]
     if not len(corners):
         return mesh
@@ -47,17 +50,17 @@ def assembled(
     return holes_filled(mesh, points, normals, 4.0 * edge, 6)  # pinholes, which random samples have
 
 
-def gaps_filled(
+def gap_fillings(
     mesh: HalfEdges, points: Floats, normals: Floats, cover_radii: Floats, cover: Cover, max_corners: int
 ) -> Ints:
-    """Return the triangles of a mesh and of its covered gaps of few corners; the back of a small piece is no gap."""
+    """Return triangles that fill covered gaps of few corners in a mesh; the back of a small piece is no gap."""
     loops = [loop for loop in boundary_loops(mesh) if 3 <= len(loop) <= max_corners]
     new, gap = fillings(mesh, points, normals, loops)
     a, b, c = (points[corner] for corner in new.T)
     facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[new].sum(axis=1))
     backward = np.bincount(gap, facing, minlength=len(loops)) < 0.0
     spoilt = np.isin(gap, gap[~are_covered(cover, new, points, cover_radii)])
-    return np.concatenate([mesh.faces(), new[~(spoilt | backward[gap])]])
+    return new[~(spoilt | backward[gap])]
 
 
 def bridged(
@@ -78,7 +81,7 @@ def bridged(
                 piece[piece == b] = a
         if not taken.any():
             return mesh
-        mesh = HalfEdges.from_faces(np.concatenate([faces, new[taken[bridge]]]), len(points))
+        mesh = mesh.changed(new=new[taken[bridge]])
 
 
 def _quadrilaterals(mesh: HalfEdges, piece: Ints, triangles: Ints, points: Floats) -> Ints:
@@ -99,12 +102,15 @@ def _quadrilaterals(mesh: HalfEdges, piece: Ints, triangles: Ints, points: Float
     return sorted_loops
 
 
-def taken(triangles: Ints, n: int) -> Ints:
-    """Take triangles one by one while all stay an oriented manifold, but for bow-ties, which later ones may join."""
+def are_taken(triangles: Ints, n: int) -> Flags:
+    """Take triangles one by one while all stay an oriented manifold, but for bow-ties, which later ones may join.
+
+    Returns which are taken.
+    """
     triangles = np.ascontiguousarray(triangles)
     table, take = EdgeTable.empty(n, 3 * len(triangles)), np.zeros(len(triangles), dtype=np.bool_)
     _take(triangles, table, np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_), take)
-    return triangles[take]
+    return take
 
 
 @kernel(allocates=False)
@@ -145,12 +151,12 @@ def _walk(triangles, table, p, start, end):
 
 
 def without_scraps(mesh: HalfEdges, min_faces: int) -> HalfEdges:
-    """Drop connected pieces of few triangles, unless none is larger."""
+    """Drop connected pieces of few triangles, unless none is larger, from a mesh of which none was removed."""
     faces, n = mesh.faces(), len(mesh.leaving)
     pieces = pieces_of(faces, n)
     sizes = np.bincount(pieces, minlength=1)
     large = sizes[pieces] >= min(min_faces, sizes.max())
-    return mesh if large.all() else HalfEdges.from_faces(faces[large], n)
+    return mesh if large.all() else mesh.changed(large)
 
 
 def largest_pieces(mesh: HalfEdges, count: int, counts_faces: bool) -> HalfEdges:
@@ -174,4 +180,4 @@ def largest_pieces(mesh: HalfEdges, count: int, counts_faces: bool) -> HalfEdges
     kept = np.zeros(len(sizes), dtype=np.bool_)
     kept[order] = np.cumsum(minimum[order]) <= count
     kept[order[0]] = True
-    return mesh if kept.all() else HalfEdges.from_faces(faces[kept[pieces]], n)
+    return mesh if kept.all() else mesh.changed(kept[pieces])

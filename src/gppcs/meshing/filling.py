@@ -41,12 +41,12 @@ def with_fillings(mesh: HalfEdges, vertices: Floats, new: Ints, number: Ints) ->
     """Add fillings of loops without common vertices, but none that cuts; return also the numbers of filled loops."""
     if not len(new):
         return mesh, number
-    faces, n = mesh.faces(), len(vertices)
-    filled = HalfEdges.from_faces(np.concatenate([faces, new]), n)
-    cut = cutting(filled, vertices, among=len(faces) + np.arange(len(new))) - len(faces)
+    filled = mesh.changed(new=new)
+    first = len(filled.corners()) - len(new)
+    cut = cutting(filled, vertices, among=first + np.arange(len(new))) - first
     if len(cut):
         fits = ~np.isin(number, number[cut])
-        filled, number = HalfEdges.from_faces(np.concatenate([faces, new[fits]]), n), number[fits]
+        filled, number = mesh.changed(new=new[fits]), number[fits]
     return filled, np.unique(number)
 
 

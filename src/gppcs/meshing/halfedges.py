@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from gppcs.clouds.topology import connected
-from gppcs.engine.arrays import Ints
+from gppcs.engine.arrays import Flags, Ints
 from gppcs.engine.kernels import kernel
 
 MAX_VALENCE = 64  # triangles around a vertex: buffers have this size, and no operation exceeds it
@@ -31,6 +31,18 @@ class HalfEdges(NamedTuple):
         origin = np.ascontiguousarray(faces, dtype=np.int64).ravel().copy()
         mesh = cls(origin, np.full(len(origin), -1), np.full(n, -1))
         _connect(mesh, EdgeTable.empty(n, len(origin)))
+        return mesh
+
+    def changed(self, kept: Flags | None = None, new: Ints | None = None) -> HalfEdges:
+        """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3)."""
+        kept = self.origin[::3] >= 0 if kept is None else kept
+        n, first = len(self.leaving), 3 * int(np.count_nonzero(kept))
+        size = first + (0 if new is None else new.size)
+        mesh = HalfEdges(np.empty(size, dtype=np.int64), np.full(size, -1), np.full(n, -1))
+        if new is not None:
+            mesh.origin[first:] = new.ravel()
+        _copy_kept(self, kept, np.cumsum(kept) - 1, mesh)
+        _connect(mesh, EdgeTable.empty(n, size))
         return mesh
 
     def corners(self) -> Ints:
@@ -102,12 +114,25 @@ def preceding(h):
 
 
 @kernel(allocates=False)
+def _copy_kept(mesh, kept, number, smaller):
+    """Copy the triangles that are kept, (F,), to those of these numbers, (F,), of a mesh without opposite edges."""
+    for f in range(len(kept)):
+        for k in range(3 if kept[f] else 0):
+            h, o = 3 * number[f] + k, mesh.opposite[3 * f + k]
+            smaller.origin[h] = mesh.origin[3 * f + k]
+            if o >= 0 and kept[o // 3]:
+                smaller.opposite[h] = 3 * number[o // 3] + o % 3
+
+
+@kernel(allocates=False)
 def _connect(mesh, table):
-    """Fill `opposite` and `leaving` of a mesh; its half-edges are added to an empty table."""
+    """Fill what is missing of `opposite`, and `leaving`, of a mesh; half-edges are added to an empty table."""
     for h in range(len(mesh.origin)):
-        add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
+        if mesh.opposite[h] < 0:
+            add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
     for h in range(len(mesh.origin)):
-        mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
+        if mesh.opposite[h] < 0:
+            mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
     for h in range(len(mesh.origin)):
         v = mesh.origin[h]
         if mesh.leaving[v] < 0 or mesh.opposite[h] < 0:
@@ -225,10 +250,9 @@ def add_to_patch(patch, size, f):
     return size + 1
 
 
-def without_bow_ties(faces: Ints, n: int) -> HalfEdges:
+def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
     """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
-        mesh = HalfEdges.from_faces(faces, n)
         fan = np.full(len(mesh.origin), -1)
         _number_fans(mesh, fan)
         sizes = np.bincount(fan)
@@ -240,7 +264,7 @@ def without_bow_ties(faces: Ints, n: int) -> HalfEdges:
         order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+        mesh = mesh.changed(~smaller[fan].reshape(-1, 3).any(axis=1))
 
 
 @kernel(allocates=False)

@@ -40,7 +40,7 @@ def without_small_handles(
         dropped = _beside_loops(mesh, vertices, normals, cover_radii, cover, codes)
         if not dropped.any():
             break
-        mesh = without_bow_ties(mesh.corners()[~dropped], len(vertices))
+        mesh = without_bow_ties(mesh.changed(~dropped))
     return mesh
 
 

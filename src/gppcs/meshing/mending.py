@@ -210,7 +210,7 @@ def without_cuts(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flag
     """Mend triangles that cut others once, then drop those that still do: a first mesh has others beside them."""
     tree = TriangleTree.from_mesh(mesh, vertices)
     _, cut = mend(mesh, vertices, normals, fixed, tree, rounds=1)
-    return _without(mesh, vertices, tree, cut) if len(cut) else HalfEdges.from_faces(mesh.faces(), len(vertices))
+    return _without(mesh, vertices, tree, cut) if len(cut) else mesh.changed()
 
 
 def _without(mesh: HalfEdges, vertices: Floats, tree: TriangleTree, cut: Ints) -> HalfEdges:
@@ -219,7 +219,7 @@ def _without(mesh: HalfEdges, vertices: Floats, tree: TriangleTree, cut: Ints) -
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     dropped = mesh.origin[::3] < 0
     _drop(mesh, vertices, tree, cut[np.argsort(-areas, kind="stable")], dropped)
-    return without_bow_ties(mesh.corners()[~dropped], len(vertices))
+    return without_bow_ties(mesh.changed(~dropped))
 
 
 @kernel
