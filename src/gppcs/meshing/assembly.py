@@ -28,7 +28,8 @@ def assembled(
     n, surface = len(points), (points, normals, cover_radii, cover)
     covered = are_covered(cover, triangles, points, cover_radii)
     triangles, votes, radii = triangles[covered], votes[covered], radii[covered]
-    order = np.lexsort((radii, -votes))
+    order = np.argsort(radii, kind="stable")
+    order = np.concatenate([order[votes[order] == count] for count in (3, 2, 1)])
     agreed = votes[order] > 1
     faces = triangles[order[agreed]]
     faces = faces[are_taken(faces, n)]

@@ -56,12 +56,13 @@ class Assignment(NamedTuple):
 
 def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_normals: Floats, members: Ints) -> Ints:
     """Return for each dense point the nearest of some vertices on its sheet, among the nearest four."""
-    tree, nearest, left = KdTree.build(vertices[members]), np.full(len(points), -1), np.arange(len(points))
-    for count in (1, min(4, len(members))):  # the first is on the sheet of nearly all points
-        for rank in members[tree.nearest_of(points[left], count)[0]].T:
-            agrees = (nearest[left] < 0) & (np.einsum("ij,ij->i", normals[left], vertex_normals[rank]) > 0.0)
-            nearest[left[agrees]] = rank[agrees]
-        left = np.flatnonzero(nearest < 0)
+    tree = KdTree.build(vertices[members])
+    nearest = members[tree.nearest_of(points, 1)[0][:, 0]]  # which is on the sheet of nearly all points
+    left = np.flatnonzero(np.einsum("ij,ij->i", normals, vertex_normals[nearest]) <= 0.0)
+    nearest[left] = -1
+    for rank in members[tree.nearest_of(points[left], min(4, len(members)))[0]].T:
+        agrees = (nearest[left] < 0) & (np.einsum("ij,ij->i", normals[left], vertex_normals[rank]) > 0.0)
+        nearest[left[agrees]] = rank[agrees]
     return nearest
 
 

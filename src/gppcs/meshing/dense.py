@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -73,11 +72,10 @@ class DensePoints:
         if thick and not noise:
             return None
         level = LEVEL_OF_NOISY if noise else LEVEL_OF_SHEETS if mixed or times > 1 else LEVEL
-        joined: Callable[[], Ints] = partial(_spread, indices, raw, chosen, level * n_vertices)
-        if not noise:  # meanwhile, as this needs no normals, and cannot use several threads
-            joined = beside(joined)
+        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, level * n_vertices)))
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
-        normals, on_surface = normals_of(tree.in_own_order(), near, noise > 0.0, NARROW if mixed else SHARP), raw
+        sharp, on_surface = NARROW if mixed else SHARP, raw
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
         if noise:
             for _ in range(2):
                 feet, _ = projections(tree, KdTree.over(on_surface.T), fitted)
@@ -86,10 +84,10 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
-            joined = partial(_spread, indices, on_surface, chosen, level * n_vertices)
+            spread = cache(partial(beside, partial(_spread, indices, on_surface, chosen, level * n_vertices)))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, joined(), noise, near_sheets=mixed, joined_sheets=sheets)
+        return cls(indices, raw, on_surface, normals, cover, spread()(), noise, near_sheets=mixed, joined_sheets=sheets)
 
     @classmethod
     def _across_uneven(

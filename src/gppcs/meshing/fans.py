@@ -24,9 +24,9 @@ def fans_of(points: Floats, normals: Floats, near: Ints, on_circle: float = ON_C
     votes = np.zeros((n, MAX_FAN), dtype=np.int8)
     radii = np.zeros((n, MAX_FAN))
     on_ranges(_count_votes, n, points, corners, votes, radii, minimum=POINTS_AT_ONCE)
-    counted = votes > 0
-    triangles = np.column_stack([np.nonzero(counted)[0], corners[counted]])
-    return triangles, votes[counted].astype(np.int64), radii[counted]
+    counted = np.flatnonzero(votes)
+    triangles = np.column_stack([counted // MAX_FAN, corners.reshape(-1, 2)[counted]])
+    return triangles, votes.ravel()[counted].astype(np.int64), radii.ravel()[counted]
 
 
 @kernel(allocates=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -93,12 +94,17 @@ def estimate_normals(
     return _turned(normals, signed)
 
 
-def normals_of(tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP) -> Floats:
-    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise."""
+def normals_of(
+    tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP, when_fitted: Callable[[], object] | None = None
+) -> Floats:
+    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise.
+
+    If there is none, a function is called before the signs are found, which takes one thread.
+    """
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
-        return _oriented(tree, None, near, sharp)
+        return _oriented(tree, None, near, sharp, when_fitted)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
         return _turned(normals, _oriented(tree, None, near))
@@ -155,7 +161,13 @@ def _near(queries: Floats, frame: Frame) -> Floats:
     return near
 
 
-def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None = None, close: int = CLOSE) -> Floats:
+def _oriented(
+    tree: KdTree,
+    fits: tuple[KdTree, int] | None,
+    near: Ints | None = None,
+    close: int = CLOSE,
+    when_fitted: Callable[[], object] | None = None,
+) -> Floats:
     """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
     _, normals, radii = fit_quadrics(tree, tree, close)
@@ -167,8 +179,11 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
     areas = radii**2
     votes = np.empty(near.shape)
     on_ranges(_vote, len(points), points, normals, near, votes, minimum=1024)
-    i, slot = np.nonzero(votes)
-    pieces, signs = signs_by_votes(len(points), np.array([i, near[i, slot]]), votes[i, slot])
+    if when_fitted:
+        when_fitted()
+    cast = np.flatnonzero(votes)
+    pairs = np.array([cast // near.shape[1], near.ravel()[cast]])
+    pieces, signs = signs_by_votes(len(points), pairs, votes.ravel()[cast])
     normals *= signs[:, None]
     normals *= _outward(points, normals, areas, pieces)[pieces, None]
     oriented = np.empty_like(normals)
