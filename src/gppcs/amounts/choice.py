@@ -49,17 +49,16 @@ def choose_by_options(
     def in_cloud(selection: Selection) -> Selection:
         return replace(selection, indices=indices[selection.indices])
 
-    usable = constraints.usable(len(points))
     if count is not None:
         if not options.quotas and options.group is None:
-            check_count(count, len(constraints.keep), len(usable))
+            check_count(count, len(constraints.keep), constraints.n_usable(len(points)))
         selection = choose_number(
             count,
             options,
             constraints,
             repeats,
             lambda n: in_cloud(rank(n)),
-            lambda chosen, n: np.setdiff1d(usable, chosen)[:n],
+            lambda chosen, n: np.setdiff1d(constraints.usable(len(points)), chosen)[:n],
         )
     else:
         if options.max_error is not None:
@@ -74,7 +73,7 @@ def choose_by_options(
         selection = _with_repeats(in_cloud(selection), repeats, task.fixed)
     if max_gap is None:
         return selection
-    return _without_gaps(points, usable, selection, max_gap, scale, timer)
+    return _without_gaps(points, constraints.usable(len(points)), selection, max_gap, scale, timer)
 
 
 def choose_number(

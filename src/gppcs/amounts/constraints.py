@@ -57,6 +57,10 @@ class Constraints:
         mask[self.keep] = True
         return np.flatnonzero(mask)
 
+    def n_usable(self, n: int) -> int:
+        """Return how many of the n points may be kept."""
+        return n if self.weights is None else len(self.usable(n))
+
 
 class WeightRange(NamedTuple):
     """The range and the mean of positive weights, which can be merged over chunks."""

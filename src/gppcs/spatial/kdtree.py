@@ -43,7 +43,7 @@ class KdTree:
             depth += 1
         records = np.empty((n, 4), dtype=np.float64)
         numbers = records.view(np.int64)
-        records[:, :3], numbers[:, 3] = points, np.arange(n)
+        on_ranges(_record, n, np.ascontiguousarray(points, np.float64), records, numbers, minimum=1 << 14)
         lower, upper = np.empty((2 << depth, 3)), np.empty((2 << depth, 3))
         tree = cls(np.empty(n, dtype=np.int64), np.empty((3, n)), lower, upper, 1 << depth)
         top = 5 if depth > 10 else 0  # all threads split so many depths together; then each splits its own subtrees
@@ -117,6 +117,14 @@ def after(node, root):
     while node > root and node & 1:
         node >>= 1
     return node + 1 if node > root else 0
+
+
+@kernel(allocates=False)
+def _record(begin, end, points, records, numbers):
+    """Fill a range of records, (N, 4), with points, (N, 3), and their indices, as which `numbers` sees the records."""
+    for i in range(begin, end):
+        records[i, 0], records[i, 1], records[i, 2] = points[i, 0], points[i, 1], points[i, 2]
+        numbers[i, 3] = i
 
 
 @kernel

@@ -79,7 +79,7 @@ class LocalSurface:
     def over(cls, tree: KdTree) -> LocalSurface:
         """Build the surface of the points of a tree."""
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
-        corners = np.full((len(normals), MAX_TRIANGLES, 2), -1, dtype=np.int32)
+        corners = np.empty((len(normals), MAX_TRIANGLES, 2), dtype=np.int32)
         tasks = number_of_runs(tree.leaves)
         on_ranges(_build_fans, tasks, tasks, *tree.arrays, normals, corners)
         return cls(tree, normals, corners)

@@ -7,7 +7,7 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local.placement import farther, nearest_of_each, replacements
+from gppcs.gp.local.placement import cells_of, farther, nearest_of_each, replacements
 from gppcs.gp.local.settings import GAP_GROWTH, MAX_STEP, PULL, TRIALS
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
@@ -98,7 +98,7 @@ def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
     after = surface_in_order(np.where(moved[:, None], points[partner], vertices))
     sums = [np.bincount(owners, surface.nearest_to(points)[0], 300) for surface in (before, after)]
     found = np.zeros(300, dtype=bool)
-    found[farther(before, after, owners, moved, np.ascontiguousarray(points.T), np.zeros(300))] = True
+    found[farther(before, after, cells_of(owners, 300), moved, np.ascontiguousarray(points.T), np.zeros(300))] = True
     assert not found[~moved].any()
     assert 0.2 < found[moved].mean() < 1.0
     assert (found == (sums[1] > sums[0]))[moved].mean() > 0.97  # the nearest fans are searched near the vertex only
@@ -113,13 +113,15 @@ def test_fewer_points_go_back_beside_a_parallel_sheet():
     after = surface_in_order(before.tree.points.T + 0.004 * rng.standard_normal((200, 3)))
     owners, moved = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32), np.ones(200, dtype=bool)
     assert (
-        len(farther(before, after, owners, moved, np.ascontiguousarray(points.T), np.zeros(200))) < 100
+        len(farther(before, after, cells_of(owners, 200), moved, np.ascontiguousarray(points.T), np.zeros(200))) < 100
     )  # planes of some reach across
     single = LocalSurface.from_points(one[::20])
     single = replace(single, tree=single.tree.in_own_order())
     after = surface_in_order(single.tree.points.T + 0.004 * rng.standard_normal((100, 3)))
     owners = single.tree.nearest_of(one, 1)[0][:, 0].astype(np.int32)
-    assert len(farther(single, after, owners, moved[:100], np.ascontiguousarray(one.T), np.zeros(100))) > 90
+    assert (
+        len(farther(single, after, cells_of(owners, 100), moved[:100], np.ascontiguousarray(one.T), np.zeros(100))) > 90
+    )
 
 
 def test_points_to_keep_stay():

@@ -113,19 +113,18 @@ def replacements(
     exchanged = squared[~chosen.stays[first]] if stays.any() else squared
     widest = GAP_GROWTH**2 * float(exchanged.max(initial=0.0))
     owners = first.copy()
+    nearest = members = cells_of(owners, len(order))
     for later in range(passes):
         if later:
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
-        members, starts = _cells_of(owners, len(order))
-        on_ranges(_exchange, len(order), observed, chosen, first, members, starts, widest, new, minimum=64)
-        stay = new[:, np.newaxis] < 0
-        chosen = chosen._replace(
-            positions=np.where(stay, chosen.positions, observed.points.T[new]),
-            attributes=np.where(stay, chosen.attributes, observed.attributes[new]),
-        )
+            members = cells_of(owners, len(order))
+        on_ranges(_exchange, len(order), observed, chosen, first, *members, widest, new, minimum=64)
+        moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
+        positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
+        chosen = chosen._replace(positions=positions, attributes=attributes)
     if detail is None and not noise.thick:
         placed = LocalSurface.over(KdTree.over(chosen.positions.T))
-        new[farther(replace(surface, tree=tree), placed, first, new >= 0, feet, ROUNDING * gaps)] = -1
+        new[farther(replace(surface, tree=tree), placed, nearest, new >= 0, feet, ROUNDING * gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -138,6 +137,13 @@ class _Observed(NamedTuple):
     feet: Floats  # (3, n), on their planes
     normals: Floats  # (n, 3), of these
     attributes: NDArray[np.float32]  # (n, k), none without detail
+
+
+class Cells(NamedTuple):
+    """The points of each of m owners."""
+
+    members: NDArray[np.int32]  # (n,), owner by owner
+    starts: Ints  # (m + 1,), where those of each start
 
 
 class _Vertices(NamedTuple):
@@ -228,11 +234,11 @@ def _hand_over(begin, end, observed, chosen, owners):
         owners[q] = owner
 
 
-def _cells_of(owners: NDArray[np.int32], m: int) -> tuple[NDArray[np.int32], Ints]:
-    """Return the points of each of m owners, (n,), and where those of each start, (m + 1,)."""
+def cells_of(owners: NDArray[np.int32], m: int) -> Cells:
+    """Return the cells of m owners, by the owner of each point, (n,)."""
     members, starts = np.empty_like(owners), np.zeros(m + 1, dtype=np.int64)
     _gather(owners, members, starts)
-    return members, starts
+    return Cells(members, starts)
 
 
 @kernel(allocates=False)
@@ -444,17 +450,16 @@ def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
 
 
 def farther(
-    chosen: LocalSurface, placed: LocalSurface, owners: NDArray[np.int32], moved: Flags, feet: Floats, rounding: Floats
+    chosen: LocalSurface, placed: LocalSurface, cells: Cells, moved: Flags, feet: Floats, rounding: Floats
 ) -> NDArray[np.intp]:
     """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
 
-    The trees of both surfaces have the same order. Shapes: owners (n,), moved (m,), feet (3, n), rounding (m,).
+    The trees of both surfaces have the same order. Shapes: moved (m,), feet (3, n), rounding (m,).
     """
-    members, starts = _cells_of(owners, len(moved))
     is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
-    cells = feet, members, starts, moved, rounding
-    on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *cells, is_farther, minimum=64)
+    judged = feet, *cells, moved, rounding
+    on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *judged, is_farther, minimum=64)
     return np.flatnonzero(is_farther)
 
 
