@@ -96,38 +96,45 @@ def replacements(
     (n, k); returns (m,).
     """
     of_point, cells = cells.order, cells.in_own_order()
-    feet, normals = _planes(cells, area, noise, fitted, normals)
     surface = LocalSurface.from_points(vertices)
-    tree, order = surface.tree.in_own_order(), surface.tree.order
+    order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
+    chosen = _Vertices.of(surface, stays[order], farthest, None if old is None else old[order])
     of_points = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
-    of_vertices = np.zeros((len(order), 0), dtype=np.float32) if old is None else old[order]
-    observed = _Observed(cells.points, feet, normals, of_points)
-    positions, k = np.ascontiguousarray(tree.points.T), min(4, len(order))
-    gaps = np.sqrt(tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
-    chosen = _Vertices(
-        positions, of_vertices, surface.corners, surface.normals, gaps, np.minimum(MAX_STEP * gaps, farthest),
-        stays[order],
-    )  # fmt: skip
-    new = np.full(len(order), -1)
-    first, squared = nearest_of_each(tree, cells)
-    exchanged = squared[~chosen.stays[first]] if stays.any() else squared
-    widest = GAP_GROWTH**2 * float(exchanged.max(initial=0.0))
-    owners = first.copy()
-    nearest = members = cells_of(owners, len(order))
-    for later in range(passes):
-        if later:
-            on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
-            members = cells_of(owners, len(order))
-        on_ranges(_exchange, len(order), observed, chosen, first, *members, widest, new, minimum=64)
-        moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
-        positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
-        chosen = chosen._replace(positions=positions, attributes=attributes)
+    observed = _Observed(cells.points, *_planes(cells, area, noise, fitted, normals), of_points)
+    first, widest = _owners(surface.tree, cells, chosen.stays)
+    nearest, feet = cells_of(first, len(order)), observed.feet
+    new, positions = _exchanged(observed, chosen, first, nearest, widest, passes)
+    del observed, of_points  # as large as the surface of the new points
     if detail is None and not noise.thick:
-        placed = LocalSurface.over(KdTree.over(chosen.positions.T))
-        new[farther(replace(surface, tree=tree), placed, nearest, new >= 0, feet, ROUNDING * gaps)] = -1
+        placed = LocalSurface.over(KdTree.over(positions.T))
+        new[farther(surface, placed, nearest, new >= 0, feet, ROUNDING * chosen.gaps)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
+
+
+def _owners(tree: KdTree, cells: KdTree, stays: Flags) -> tuple[NDArray[np.int32], float]:
+    """Return the vertex nearest to each point, (n,), and how far, squared, a point may be from that of its cell."""
+    owners, squared = nearest_of_each(tree, cells)
+    exchanged = squared[~stays[owners]] if stays.any() else squared
+    return owners, GAP_GROWTH**2 * float(exchanged.max(initial=0.0))
+
+
+def _exchanged(
+    observed: _Observed, chosen: _Vertices, first: NDArray[np.int32], nearest: Cells, widest: float, passes: int
+) -> tuple[Ints, Floats]:
+    """Return for which point each vertex is exchanged, -1 where it stays, (m,), and all positions then, (m, 3)."""
+    new, owners, cells = np.full(len(chosen.positions), -1), first, nearest
+    for later in range(passes):
+        if later:
+            owners = owners.copy()
+            on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
+            cells = cells_of(owners, len(new))
+        on_ranges(_exchange, len(new), observed, chosen, first, *cells, widest, new, minimum=64)
+        moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
+        positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
+        chosen = chosen._replace(positions=positions, attributes=attributes)
+    return new, chosen.positions
 
 
 class _Observed(NamedTuple):
@@ -156,6 +163,19 @@ class _Vertices(NamedTuple):
     gaps: Floats  # (m,), mean distance from the nearest others
     steps: Floats  # (m,), how far each may go
     stays: Flags  # (m,)
+
+    @classmethod
+    def of(
+        cls, surface: LocalSurface, stays: Flags, farthest: float, attributes: NDArray[np.float32] | None
+    ) -> _Vertices:
+        """Return the points of a surface."""
+        positions = np.ascontiguousarray(surface.tree.points.T)
+        n, k = len(positions), min(4, len(positions))
+        gaps = np.sqrt(surface.tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
+        if attributes is None:
+            attributes = np.zeros((n, 0), dtype=np.float32)
+        steps = np.minimum(MAX_STEP * gaps, farthest)
+        return cls(positions, attributes, surface.corners, surface.normals, gaps, steps, stays)
 
 
 def _planes(
