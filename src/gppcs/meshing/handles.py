@@ -113,7 +113,7 @@ def _codes(mesh: HalfEdges) -> Ints:
 
 def _forest(begins: Ints, ends: Ints, n: int) -> tuple[Ints, Ints]:
     """Return the nodes of trees that span a graph, from the roots on, and the node above each; n is above the roots."""
-    roots = np.unique(connected(begins, ends, n)[1], return_index=True)[1]
+    roots = np.flatnonzero(np.diff(np.maximum.accumulate(connected(begins, ends, n)[1]), prepend=-1))
     sources, targets = np.append(begins, np.full(len(roots), n)), np.append(ends, roots)
     graph = coo_array((np.ones(len(sources)), (sources, targets)), shape=(n + 1, n + 1))
     return breadth_first_order(graph.tocsr(), n, directed=False)

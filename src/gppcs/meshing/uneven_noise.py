@@ -16,6 +16,8 @@ from gppcs.surface.noise import MEDIAN, SAMPLES, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 FITTED = 80  # points of each fit
+THIN = 0.1  # thinner layers, in radii of the narrowest fits, do not count
+FRACTION = 0.25  # of the samples that must have a layer that counts
 
 
 def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
@@ -28,9 +30,13 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     strides = np.array([round(widest ** (step / steps)) for step in range(steps + 1)])
     sampled = tree.thinned(-(-n // SAMPLES))
     near, _ = nearest_others(sampled, 16)  # the noise at a sample is the median of these
-    fits = [fit_quadrics(tree.thinned(int(stride)), sampled, FITTED) for stride in strides]
-    sigmas = np.array([np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN for fitted in fits])
-    radii = np.array([np.median(fitted.radii[near], axis=1) for fitted in fits])
+    sigmas, radii = np.empty((2, len(strides), len(near)))
+    for number, stride in enumerate(strides):
+        if number == len(strides) - 1 and (sigmas[:-1] > THIN * radii[0]).mean(axis=1).max() < FRACTION:
+            return None  # whatever the widest fits see
+        fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED)
+        sigmas[number] = np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN
+        radii[number] = np.median(fitted.radii[near], axis=1)
     decided = _decided(sigmas, radii)
     if decided is None:
         return None
@@ -43,8 +49,8 @@ def _decided(sigmas: Floats, radii: Floats) -> tuple[Ints, Floats, Ints] | None:
     """Return the points with noise, its sigma and their narrowest fit, by measures (strides, points); or None."""
     # Noise grows by at most the square root of the radius, detail about as the radius.
     steady = (sigmas[1:] <= sigmas[:-1] * (radii[1:] / radii[:-1]) ** 0.5) & (sigmas[:-1] > 0.0)
-    counted = steady & (sigmas[:-1] > 0.1 * radii[0])
-    if counted.mean(axis=1).max() < 0.25:
+    counted = steady & (sigmas[:-1] > THIN * radii[0])
+    if counted.mean(axis=1).max() < FRACTION:
         return None
     at = np.flatnonzero(steady.any(axis=0))
     seen = steady.argmax(axis=0)[at]  # the narrowest fit that sees all of the layer
