@@ -45,6 +45,11 @@ def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
+def rays_of(scene, count):
+    grid = scene.grid(count)
+    return scene.rays(grid, np.arange(np.prod(grid)))
+
+
 def random_rays(count, seed=0):
     rng = np.random.default_rng(seed)
     return Rays(rng.uniform(-3, 3, (count, 3)), unit(rng.standard_normal((count, 3))))
@@ -108,7 +113,7 @@ def test_a_box_is_closed():
 def test_each_ray_ends_at_the_first_of_all_surfaces(name):
     scene = SCENES[name]
     solid = replace(scene, surfaces=tuple(s for s in scene.surfaces if s.normals(np.ones((1, 3))).any()))  # no leaves
-    all_rays = solid.rays(6_000)
+    all_rays = rays_of(solid, 6_000)
     some = np.random.default_rng(4).permutation(len(all_rays.origins))[:2000]
     rays = Rays(all_rays.origins[some], all_rays.directions[some])
     expected = np.min([surface.meet(*rays, np.random.default_rng(0)) for surface in solid.surfaces], axis=0)
@@ -147,6 +152,17 @@ def test_a_scene_has_what_a_scan_has(name):
     assert len(gppcs.sample(name, 1)) == 1
 
 
+def test_a_scene_of_several_blocks_is_the_same_for_any_number_of_threads(monkeypatch):
+    monkeypatch.setattr("gppcs.scans.scenes.scene.BLOCK", 500)
+    clouds = []
+    for threads in (1, 3):
+        gppcs.set_threads(threads)
+        clouds.append(gppcs.sample("forest", 2_001))
+    gppcs.set_threads(None)
+    assert len(clouds[0]) == 2_001
+    assert clouds[0].points.tobytes() == clouds[1].points.tobytes()
+
+
 def test_depths_of_the_room_are_multiples_of_a_step_and_their_noise_grows_with_distance():
     cloud = gppcs.sample("room", 20_000)
     axis = unit(room.LOOKS_AT - room.CAMERA)
@@ -160,7 +176,7 @@ def test_depths_of_the_room_are_multiples_of_a_step_and_their_noise_grows_with_d
 
 
 def test_every_laser_of_the_street_turns():
-    rays = street.STREET.rays(50_000)
+    rays = rays_of(street.STREET, 50_000)
     elevations, counts = np.unique(np.round(np.degrees(np.arcsin(rays.directions[:, 2])), 6), return_counts=True)
     np.testing.assert_allclose(elevations, np.degrees(street.LASERS), atol=1e-5)
     assert len(set(counts)) == 1

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats
-from gppcs.scans.scenes.scene import Rays, Scene
+from gppcs.engine.arrays import Floats, Ints
+from gppcs.scans.scenes.scene import Rays, Scene, midpoints
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, joined, polygon, sphere
 
 CAMERA = np.array([3.7, 0.35, 1.55])
 LOOKS_AT = np.array([1.2, 2.6, 0.75])
+TANGENTS = np.tan(np.radians([34.0, 27.0]))  # of half the field of view, horizontal and vertical
 
 PLASTER = Look((226, 220, 206), 6)
 WOOD = Look((186, 142, 92), 64)
@@ -92,20 +93,21 @@ def _rest() -> list[Surface]:
     ]
 
 
-def _rays(count: int) -> Rays:
+def _grid(count: int) -> tuple[int, ...]:
+    lines = max(1, round(np.sqrt(count * TANGENTS[1] / TANGENTS[0])))
+    return lines, -(-count // lines)
+
+
+def _rays(grid: tuple[int, ...], numbers: Ints) -> Rays:
     """Return one ray for each pixel, row by row."""
-    tangents = np.tan(np.radians([34.0, 27.0]))  # of half the field of view, horizontal and vertical
-    lines = max(1, round(np.sqrt(count * tangents[1] / tangents[0])))
-    columns = -(-count // lines)
     forward = (LOOKS_AT - CAMERA) / np.linalg.norm(LOOKS_AT - CAMERA)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    v, u = np.meshgrid(*(1.0 - (2.0 * np.arange(n) + 1.0) / n for n in (lines, columns)), indexing="ij")
-    directions = (
-        forward - tangents[0] * u.reshape(-1, 1) * right + tangents[1] * v.reshape(-1, 1) * np.cross(right, forward)
-    )
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return Rays(np.broadcast_to(CAMERA, directions.shape), directions)
+    down, across = (midpoints(at, size) for at, size in zip(np.unravel_index(numbers, grid), grid, strict=True))
+    axes = np.array([TANGENTS[0] * right, TANGENTS[1] * np.cross(forward, right), forward])
+    directions = np.einsum("ji,jn->in", axes, [across, down, np.ones(len(numbers))])
+    directions /= np.sqrt(np.einsum("in,in->n", directions, directions))
+    return Rays(np.broadcast_to(CAMERA, (len(numbers), 3)), directions.T)
 
 
 def _measured(rays: Rays, distances: Floats, rng: np.random.Generator) -> Floats:
@@ -119,4 +121,4 @@ def _measured(rays: Rays, distances: Floats, rng: np.random.Generator) -> Floats
     return measured
 
 
-ROOM = Scene((*_walls(), *_desk(), *_chair(), *_shelf(), *_rest()), _rays, _measured)
+ROOM = Scene((*_walls(), *_desk(), *_chair(), *_shelf(), *_rest()), _grid, _rays, _measured)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,16 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.engine.threads import on_ranges
 from gppcs.scans.scenes.surfaces import Surface
 
 NO_SURFACE = -1
+BLOCK = 1 << 16  # rays that are followed at once: their arrays stay in the processor's cache
 
 
 class Rays(NamedTuple):
-    """Rays of a sensor, in the order in which it measures: origins and unit directions, (N, 3) each."""
+    """Rays of a sensor: origins and unit directions, (N, 3) each, whose columns are contiguous."""
 
     origins: Floats
     directions: Floats
+
+    def at(self, indices: Ints) -> Rays:
+        """Return the rays of these indices."""
+        return Rays(*(vectors.T.take(indices, axis=1).T for vectors in self))
 
 
 Measured = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
@@ -27,23 +34,47 @@ Measured = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], ND
 
 @dataclass(frozen=True)
 class Scene:
-    """Surfaces, and the sensor that measures them: about as many rays as asked for, and distances along its rays."""
+    """Surfaces, and the sensor that measures them: a grid of rays, in the order of time, and distances along them."""
 
     surfaces: tuple[Surface, ...]
-    rays: Callable[[int], Rays]
+    grid: Callable[[int], tuple[int, ...]]  # the shape of a grid of at least so many rays
+    rays: Callable[[tuple[int, ...], Ints], Rays]  # of these numbers in the grid
     measured: Callable[[Rays, Floats, np.random.Generator], Floats]
 
     def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
         """Return points, true normals towards the sensor (0 for leaves), colours and classes, in its order."""
-        fraction = np.mean(self.follow(self.rays(4096), rng)[1] != NO_SURFACE)
-        count, hits = n_points / fraction, 0
+        grid = self.grid(4096)
+        _, met = self.follow(self.rays(grid, np.arange(math.prod(grid))), rng)
+        count, hits = n_points / np.mean(met != NO_SURFACE), 0
         while hits < n_points:
             count = 1.02 * count + 1.0  # a few rays to spare
-            rays = self.rays(int(count))
-            distances, met = self.follow(rays, rng)
-            hits = int(np.count_nonzero(met != NO_SURFACE))
-        kept = np.sort(rng.permutation(np.flatnonzero(met != NO_SURFACE))[:n_points])
-        return self._seen(Rays(rays.origins[kept], rays.directions[kept]), distances[kept], met[kept], rng)
+            blocks = self._blocks(self.grid(int(count)), rng)
+            ends = np.cumsum([len(points) for points, *_ in blocks])
+            hits = int(ends[-1])
+        kept = np.ones(hits, bool)
+        kept[rng.choice(hits, hits - n_points, replace=False, shuffle=False)] = False
+        parts = np.split(kept, ends[:-1])
+        points, normals, colours, classes = (
+            np.concatenate([values[part] for values, part in zip(column, parts, strict=True)])
+            for column in zip(*blocks, strict=True)
+        )
+        return points, normals, colours, classes
+
+    def _blocks(self, grid: tuple[int, ...], rng: np.random.Generator) -> list[Measured]:
+        """Return what the sensor measures with a grid of rays, block by block, each with random numbers of its own."""
+        n_rays = math.prod(grid)
+        generators = rng.spawn(-(-n_rays // BLOCK))
+        blocks: dict[int, Measured] = {}
+
+        def measure(first: int, last: int) -> None:
+            for i in range(first, last):
+                rays = self.rays(grid, np.arange(i * BLOCK, min((i + 1) * BLOCK, n_rays)))
+                distances, met = self.follow(rays, generators[i])
+                hits = np.flatnonzero(met != NO_SURFACE)
+                blocks[i] = self._seen(rays.at(hits), distances[hits], met[hits], generators[i])
+
+        on_ranges(measure, len(generators))
+        return [blocks[i] for i in range(len(generators))]
 
     def follow(self, rays: Rays, rng: np.random.Generator) -> tuple[Floats, Ints]:
         """Return the distance to what each ray meets first, (N,), and the number of that surface, (N,)."""
@@ -51,37 +82,42 @@ class Scene:
         met = np.full(len(rays.origins), NO_SURFACE)
         centres = np.array([surface.centre for surface in self.surfaces])
         radii = np.array([surface.radius for surface in self.surfaces])
-        waiting = [(rays, np.arange(len(distances)), np.arange(len(radii)))]
+        waiting = [(np.arange(len(distances)), np.arange(len(radii)))]
         while waiting:
-            bundle, indices, numbers = waiting.pop()
+            indices, numbers = waiting.pop()
+            bundle = rays.at(indices)
             middle = bundle.origins.mean(axis=0)
             numbers = numbers[_may_meet(bundle, middle, centres[numbers], radii[numbers])]
-            if len(indices) > 1024 and len(numbers):
-                for half in _halves(bundle, middle, centres[numbers]):
-                    waiting.append((Rays(bundle.origins[half], bundle.directions[half]), indices[half], numbers))
+            # Halves meet fewer surfaces, but NumPy's calls cost time, too.
+            if len(numbers) and len(indices) > max(1024, 16384 // len(numbers)):
+                waiting += [(indices[half], numbers) for half in _halves(bundle, middle, centres[numbers])]
                 continue
+            nearest = np.full(len(indices), np.inf)
+            first = np.full(len(indices), NO_SURFACE)
             for number in numbers:
                 to_surface = self.surfaces[number].meet(*bundle, rng)
-                nearer = to_surface < distances[indices]
-                distances[indices[nearer]], met[indices[nearer]] = to_surface[nearer], number
+                np.copyto(first, number, where=to_surface < nearest)
+                np.minimum(nearest, to_surface, out=nearest)
+            distances[indices], met[indices] = nearest, first
         return distances, met
 
     def _seen(self, rays: Rays, distances: Floats, met: Ints, rng: np.random.Generator) -> Measured:
         """Return what the sensor measures of the points that its rays meet."""
         true = rays.origins + distances[:, None] * rays.directions
         normals = np.empty_like(true)
-        by_surface = np.argsort(met.astype(np.uint16), kind="stable")
-        for part in np.split(by_surface, np.flatnonzero(np.diff(met[by_surface])) + 1):
-            normals[part] = self.surfaces[met[part[0]]].normals(true[part])
+        for number in np.flatnonzero(np.bincount(met)):
+            part = np.flatnonzero(met == number)
+            normals[part] = self.surfaces[number].normals(true.T.take(part, axis=1).T)
         normals *= np.where(np.einsum("ni,ni->n", normals, rays.directions) > 0.0, -1.0, 1.0)[:, None]
         looks = [surface.look for surface in self.surfaces]
-        colours = np.array([look.colour for look in looks], np.uint8)[met]
+        colours = np.array([look.colour for look in looks], np.float64)[met]
         to_sun = np.array([0.36, 0.48, 0.8])
-        lightness = 0.45 + 0.55 * (1.0 + normals @ to_sun) / 2.0  # faces that look away are darker
-        measured = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
+        # Faces that look away are darker.
+        lightness = 0.45 + 0.55 * (1.0 + np.einsum("ni,i->n", normals, to_sun)) / 2.0
+        points = rays.origins + self.measured(rays, distances, rng)[:, None] * rays.directions
         classification = np.array([look.classification for look in looks], np.uint8)[met]
         colours = (colours * lightness[:, None]).astype(np.uint8)
-        return measured.astype(np.float32), normals.astype(np.float32), colours, classification
+        return points.astype(np.float32, "C"), normals.astype(np.float32, "C"), colours, classification
 
 
 def _may_meet(bundle: Rays, apex: Floats, centres: Floats, radii: Floats) -> Flags:
@@ -90,7 +126,7 @@ def _may_meet(bundle: Rays, apex: Floats, centres: Floats, radii: Floats) -> Fla
     axis /= max(float(np.linalg.norm(axis)), 1e-9)
     offset = bundle.origins - apex
     widths = radii + np.sqrt(np.einsum("ni,ni->n", offset, offset).max())
-    half_angle = np.arccos(np.clip((bundle.directions @ axis).min(), -1.0, 1.0))
+    half_angle = np.arccos(np.clip(np.einsum("ni,i->n", bundle.directions, axis).min(), -1.0, 1.0))
     far = np.linalg.norm(centres - apex, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         angles = np.arccos(np.clip((centres - apex) @ axis / far, -1.0, 1.0))
@@ -99,11 +135,12 @@ def _may_meet(bundle: Rays, apex: Floats, centres: Floats, radii: Floats) -> Fla
 
 
 def _halves(bundle: Rays, middle: Floats, centres: Floats) -> tuple[Ints, Ints]:
-    """Return the indices of two halves of a bundle of rays, whose origins and directions are as like as possible."""
+    """Return the indices of two parts of a bundle of rays, each half as wide in origin or direction."""
     radius = float(np.median(np.linalg.norm(centres - middle, axis=1)))
     coordinates = [*bundle.directions.T, *(bundle.origins.T / max(radius, 1e-9))]
-    order = np.argsort(max(coordinates, key=np.ptp), kind="stable")
-    return order[: len(order) // 2], order[len(order) // 2 :]
+    widest = max(coordinates, key=np.ptp)
+    in_first = widest < (widest.min() + widest.max()) / 2.0
+    return np.flatnonzero(in_first), np.flatnonzero(~in_first)
 
 
 def with_noise(sigma: float) -> Callable[[Rays, Floats, np.random.Generator], Floats]:
@@ -111,31 +148,34 @@ def with_noise(sigma: float) -> Callable[[Rays, Floats, np.random.Generator], Fl
     return lambda rays, distances, rng: distances + sigma * rng.standard_normal(len(distances))
 
 
-def from_the_air(flights: Sequence[float], swath: float, half: float, altitude: float) -> Callable[[int], Rays]:
-    """Return rays in parallel scan lines, strip by strip, in the order of time.
+def from_the_air(
+    flights: Sequence[float], swath: float, half: float, altitude: float
+) -> tuple[Callable[[int], tuple[int, ...]], Callable[[tuple[int, ...], Ints], Rays]]:
+    """Return a grid of rays in parallel scan lines, strip by strip, in the order of time.
 
     Each strip is seen from a line of flight along y, at its x and the altitude: `swath` to both sides, and in y from
     -half to half.
     """
 
-    def rays(count: int) -> Rays:
+    def grid(count: int) -> tuple[int, ...]:
         per_strip = count / len(flights)
         # Scan lines are 1.6 times as far from each other as points on a line.
         on_line = max(1, round(np.sqrt(per_strip * 1.6 * swath / half)))
-        lines = max(1, int(np.ceil(per_strip / on_line)))
-        y, x = np.meshgrid(half * _midpoints(lines), swath * _midpoints(on_line), indexing="ij")
-        strips = [np.stack([at + x.ravel(), y.ravel(), np.zeros(y.size)], axis=1) for at in flights]
-        aims = np.concatenate(strips)
-        origins = np.stack([np.repeat(flights, y.size), aims[:, 1], np.full(len(aims), altitude)], axis=1)
+        return len(flights), max(1, math.ceil(per_strip / on_line)), on_line
+
+    def rays(grid: tuple[int, ...], numbers: Ints) -> Rays:
+        strip, line, column = np.unravel_index(numbers, grid)
+        y = half * midpoints(line, grid[1])
         # Half the rays look a little ahead, half back: so walls and trunks are seen, as by a plane that nods.
-        aims[:, 1] += np.where(np.arange(len(aims)) % 2, 1.0, -1.0) * 0.08 * altitude
-        directions = aims - origins
-        return Rays(origins, directions / np.linalg.norm(directions, axis=1, keepdims=True))
+        ahead = np.where(numbers % 2, 0.08, -0.08) * altitude
+        directions = np.array([swath * midpoints(column, grid[2]), ahead, np.full(len(numbers), -altitude)])
+        directions /= np.sqrt(np.einsum("in,in->n", directions, directions))
+        return Rays(np.array([np.take(flights, strip), y, np.full(len(numbers), altitude)]).T, directions.T)
 
-    return rays
+    return grid, rays
 
 
-def _midpoints(count: int) -> Floats:
-    """Return the midpoints of equal parts of the range from -1 to 1."""
-    midpoints: Floats = 2.0 * (np.arange(count) + 0.5) / count - 1.0
-    return midpoints
+def midpoints(parts: Ints, count: int) -> Floats:
+    """Return the midpoints of parts of the range from -1 to 1, of `count` equal ones."""
+    middle: Floats = (2.0 * parts + 1.0) / count - 1.0
+    return middle

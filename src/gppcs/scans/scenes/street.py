@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gppcs.engine.arrays import Ints
 from gppcs.scans.scenes.scene import Rays, Scene, with_noise
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, foliage, joined, polygon, sphere
 
@@ -136,15 +137,18 @@ def _trees() -> list[Surface]:
     return [part for tree in trees for part in _tree(*tree)]
 
 
-def _rays(count: int) -> Rays:
+def _grid(count: int) -> tuple[int, ...]:
+    return -(-count // len(LASERS)), len(LASERS)
+
+
+def _rays(grid: tuple[int, ...], numbers: Ints) -> Rays:
     """Return the rays of all lasers while the car drives, in the order of time."""
-    steps = -(-count // len(LASERS))
-    fraction = np.repeat((np.arange(steps) + 0.5) / steps, len(LASERS))
-    azimuth, elevation = 2.0 * np.pi * 16 * fraction, np.tile(LASERS, steps)
-    x = DRIVE[0] + (DRIVE[1] - DRIVE[0]) * fraction
-    origins = np.stack([x, np.full_like(x, -1.6), np.full_like(x, 1.9)], axis=1)
-    around = np.stack([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
-    return Rays(origins, np.stack([*around, np.sin(elevation)], axis=1))
+    step, laser = np.unravel_index(numbers, grid)
+    fraction, elevation = (step + 0.5) / grid[0], LASERS[laser]
+    azimuth, x = 2.0 * np.pi * 16 * fraction, DRIVE[0] + (DRIVE[1] - DRIVE[0]) * fraction
+    around = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
+    origins = np.array([x, np.full_like(x, -1.6), np.full_like(x, 1.9)])
+    return Rays(origins.T, np.array([*around, np.sin(elevation)]).T)
 
 
-STREET = Scene((*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()), _rays, with_noise(0.02))
+STREET = Scene((*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()), _grid, _rays, with_noise(0.02))

@@ -38,7 +38,7 @@ def polygon(corners: Sequence[Place], look: Look, holes: Sequence[Sequence[Place
 
     def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
-            distances = ((ring[0] - origins) @ normal) / (directions @ normal)
+            distances = _dot(ring[0] - origins, normal) / _dot(directions, normal)
             ends = origins + distances[:, None] * directions
             inside = _inside(outline, ends)
             for gap in gaps:
@@ -67,7 +67,7 @@ def cylinder(start: Place, end: Place, radius: float, look: Look) -> Surface:
         offset = origins - start
         across, beside = _across(directions, axis), _across(offset, axis)
         roots = _roots(_dot(across, across), _dot(across, beside), _dot(beside, beside) - radius**2)
-        heights = [(offset @ axis) + root * (directions @ axis) for root in roots]
+        heights = [_dot(offset + root[:, None] * directions, axis) for root in roots]
         within = [(height >= 0.0) & (height <= length) for height in heights]
         return _first_ahead(*(np.where(ok, root, np.nan) for ok, root in zip(within, roots, strict=True)))
 
@@ -111,14 +111,14 @@ def relief(
 
     def meet(origins: Floats, directions: Floats, rng: np.random.Generator) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
-            distances = (np.mean(heights) - origins[:, 2]) / directions[:, 2]
-            for _ in range(12):  # Newton steps, until they change no coordinate as float32
+            dx, dy, dz = directions.T
+            distances = (np.mean(heights) - origins[:, 2]) / dz
+            for _ in range(12):  # Newton steps: after one of a micrometre, the error is less than 1e-10
                 x, y, z = (origins + distances[:, None] * directions).T
                 ground, along_x, along_y = height(x, y)
-                fall = directions[:, 2] - along_x * directions[:, 0] - along_y * directions[:, 1]
-                step = (z - ground) / fall
-                distances = distances - step
-                if not (np.abs(step) > 1e-10).any():
+                step = (z - ground) / (dz - along_x * dx - along_y * dy)
+                distances -= step
+                if not (np.abs(step) > 1e-6).any():
                     break
             x, y, _ = (origins + distances[:, None] * directions).T
         within = np.maximum(np.abs(x), np.abs(y)) <= half
@@ -126,7 +126,7 @@ def relief(
 
     def normals(points: Floats) -> Floats:
         _, along_x, along_y = height(points[:, 0], points[:, 1])
-        return _unit(np.stack([-along_x, -along_y, np.ones(len(points))], axis=1))
+        return _unit(np.array([-along_x, -along_y, np.ones(len(points))]).T)
 
     lower, upper = heights
     radius = float(np.linalg.norm((half, half, (upper - lower) / 2.0)))
@@ -167,12 +167,12 @@ def _unit(vectors: Floats) -> Floats:
 
 def _across(vectors: Floats, axis: Floats) -> Floats:
     """Return the parts of vectors, (N, 3), across a unit axis."""
-    return vectors - (vectors @ axis)[:, None] * axis
+    return vectors - _dot(vectors, axis)[:, None] * axis
 
 
 def _inside(half_spaces: tuple[Floats, Floats], points: Floats) -> Flags:
     """Return which points of a plane, (N, 3), are in all half spaces."""
-    return np.logical_and.reduce([points @ inward >= offset for inward, offset in zip(*half_spaces, strict=True)])
+    return np.logical_and.reduce([_dot(points, inward) >= offset for inward, offset in zip(*half_spaces, strict=True)])
 
 
 def _first_ahead(*distances: Floats) -> Floats:

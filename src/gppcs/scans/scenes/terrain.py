@@ -19,12 +19,16 @@ def ground(x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     for centre, width, tall in (((-30.0, 25.0), 22.0, 7.0), ((35.0, -30.0), 18.0, 5.0), ((10.0, 50.0), 12.0, -2.5)):
         dx, dy = (x - centre[0]) / width, (y - centre[1]) / width
         hill = tall * np.exp(-(dx * dx + dy * dy))
-        height, along_x, along_y = height + hill, along_x - 2.0 * dx / width * hill, along_y - 2.0 * dy / width * hill
+        height += hill
+        hill *= -2.0 / width
+        along_x += hill * dx
+        along_y += hill * dy
     bend = 8.0 * np.sin(x / 18.0)
     across = (y + 12.0 - bend) / 2.5  # of the stream, which winds along x
     bed = -1.6 * np.exp(-across * across)
-    along_x = along_x + 2.0 * across / 2.5 * bed * (8.0 / 18.0) * np.cos(x / 18.0)
-    return height + bed, along_x, along_y - 2.0 * across / 2.5 * bed
+    height += bed
+    bed *= across * (-2.0 / 2.5)
+    return height, along_x - (8.0 / 18.0) * np.cos(x / 18.0) * bed, along_y + bed
 
 
 def _height(x: float, y: float) -> float:
@@ -103,6 +107,6 @@ def _power_line() -> list[Surface]:
 
 TERRAIN = Scene(
     (relief(ground, HALF, (-5.0, 9.0), Look((120, 140, 80), 2)), *_houses(), *_trees(), *_power_line()),
-    from_the_air((-36.0, 0.0, 36.0), 40.0, HALF, 500.0),
+    *from_the_air((-36.0, 0.0, 36.0), 40.0, HALF, 500.0),
     with_noise(0.03),
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.scans.scenes.scene import Rays, Scene, from_the_air, with_noise
 from gppcs.scans.scenes.surfaces import Look, Place, Surface, cylinder, foliage, polygon, sphere
 
@@ -52,16 +52,19 @@ def _surfaces() -> tuple[Surface, ...]:
     return tuple(parts)
 
 
-def _from_tripods(count: int) -> Rays:
-    """Return the rays of a turning scanner, one upright line after the other, from each tripod."""
+def _grid(count: int) -> tuple[int, ...]:
     on_line = max(1, round(np.sqrt(count / len(TRIPODS) * np.ptp(SEEN) / (2.0 * np.pi))))
-    lines = -(-count // (len(TRIPODS) * on_line))
-    azimuth = np.repeat(2.0 * np.pi * np.arange(lines) / lines, on_line)
-    elevation = np.tile(np.linspace(SEEN[0], SEEN[1], on_line), lines)
-    around = np.stack([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
-    directions = np.tile(np.stack([*around, np.sin(elevation)], axis=1), (len(TRIPODS), 1))
-    return Rays(np.repeat([_above(tripod, 1.7) for tripod in TRIPODS], len(azimuth), axis=0), directions)
+    return len(TRIPODS), -(-count // (len(TRIPODS) * on_line)), on_line
 
 
-FOREST = Scene(_surfaces(), from_the_air((-12.0, 12.0), 14.0, HALF, 120.0), with_noise(0.03))
-PLOT = Scene(FOREST.surfaces, _from_tripods, with_noise(0.005))
+def _from_tripods(grid: tuple[int, ...], numbers: Ints) -> Rays:
+    """Return the rays of a turning scanner, one upright line after the other, from each tripod."""
+    tripod, line, on_line = np.unravel_index(numbers, grid)
+    azimuth, elevation = 2.0 * np.pi * line / grid[1], np.linspace(SEEN[0], SEEN[1], grid[2])[on_line]
+    around = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.cos(elevation)
+    origins = np.transpose([_above(place, 1.7) for place in TRIPODS])
+    return Rays(origins.take(tripod, axis=1).T, np.array([*around, np.sin(elevation)]).T)
+
+
+FOREST = Scene(_surfaces(), *from_the_air((-12.0, 12.0), 14.0, HALF, 120.0), with_noise(0.03))
+PLOT = Scene(FOREST.surfaces, _grid, _from_tripods, with_noise(0.005))
