@@ -581,8 +581,8 @@ def _is_beyond(a, b, c, limit):
 @kernel(allocates=False)
 def _is_among(triangle, triangles, count):
     """Return whether three numbers are among the first others, of (3, t), without branches."""
-    first, second, third = triangles
+    first, second, third = triangle
     repeats = 0
     for t in range(count):
-        repeats += (first[t] == triangle[0]) & (second[t] == triangle[1]) & (third[t] == triangle[2])
+        repeats += (triangles[0, t] == first) & (triangles[1, t] == second) & (triangles[2, t] == third)
     return repeats > 0
