@@ -231,7 +231,8 @@ def _find_others(first, last, tasks, points, lower, upper, positions, squared):
                 x, y, z = points[0, i], points[1, i], points[2, i]
                 if not sort_nearest(x, y, z, count, squared_radius, search):
                     nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-                positions[i], squared[i] = search.positions[1:], search.gaps[1:]  # the first is the point itself
+                for rank in range(1, k):  # the first is the point itself; slices compile twice as long
+                    positions[i, rank - 1], squared[i, rank - 1] = search.positions[rank], search.gaps[rank]
                 total += search.gaps[-1]
             squared_radius = WIDER * total / (end - begin)
 
