@@ -36,3 +36,12 @@ def test_neighbours_are_those_of_the_triangles_in_order(seed):
             corners = [v, found[slot], found[(slot + 1) % count]]
             assert any(np.array_equal(np.roll(corners, k), face) for k in range(3) for face in at)
         assert around(mesh, v, halves) == (edges, closed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_dropped_and_added_triangles_are_connected_as_from_the_start(seed):
+    points, _, faces = ball(80, seed)
+    first, kept = faces[:100], np.random.default_rng(seed).random(100) < 0.8
+    changed = HalfEdges.from_faces(first, len(points)).changed(kept, faces[100:])
+    expected = HalfEdges.from_faces(np.concatenate([first[kept], faces[100:]]), len(points))
+    assert all(np.array_equal(part, other) for part, other in zip(changed, expected, strict=True))
