@@ -68,7 +68,7 @@ from gppcs.spatial.stored import RECORD, Neighbourhood, Run, StoredPoints, write
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, SAMPLES, Noise, NoiseLayer, projections
 from gppcs.surface.surface_variation import Features, features_in_radius
 
-PART = 1 << 17  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
+PART = 1 << 18  # Candidates of a part at most. With fewer, halos cost more than the parts themselves.
 HALO = 6.0  # In target spacings. 3 give the same points as 24, but for one in a hundred (research/experiments.md).
 FIXED = -1.0  # Stands for the gap of a point that is chosen from the start, and so is a candidate of every stage.
 CHOSEN = np.dtype([*RECORD.descr, ("score", np.float64), ("deviation", np.float64)])
