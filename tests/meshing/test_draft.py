@@ -78,9 +78,12 @@ def test_exchanges_leave_a_draft_as_it_was_and_return_one_that_is_nearer(draft):
     draft.moved = True
     assigned = flip(draft)
     vertices, faces, before = draft.vertices.copy(), draft.mesh.faces().copy(), assigned.mean_square()
+    triangles = assigned.face.copy()
     changed, after = exchanged(draft, assigned)
     assert np.array_equal(draft.vertices, vertices)
     assert np.array_equal(draft.mesh.faces(), faces)
+    assert np.array_equal(assigned.face, triangles)
+    assert assigned.mean_square() == before
     assert changed.n_vertices == 300
     assert after.mean_square() < 0.5 * before
     assert changed.assigned().mean_square() <= after.mean_square() * (1 + 1e-9)

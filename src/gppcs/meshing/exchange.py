@@ -34,8 +34,9 @@ WORTH = 0.6  # minimum gain of a split, in costs of a collapse: fits and flips t
 
 
 def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
-    """Return a draft whose vertices went to where they help more, and the triangles of points; `assigned` changes."""
+    """Return a draft whose vertices went to where they help more, and the triangles of points; both are new."""
     changed = draft.copy()
+    assigned = Assignment(assigned.face.copy(), assigned.squared.copy(), assigned.weights.copy())
     mesh = changed.mesh
     fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.positions, assigned)
     exchange(fitted, changed.dense_index, draft.thin_cost)
