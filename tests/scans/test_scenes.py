@@ -122,6 +122,13 @@ def test_each_ray_ends_at_the_first_of_all_surfaces(name):
     assert ((met == NO_SURFACE) == np.isinf(distances)).all()
 
 
+def test_equal_rays_end_at_the_same_place():
+    down = Rays(np.tile([1.0, 1.0, 2.0], (20_000, 1)), np.tile([0.0, 0.0, -1.0], (20_000, 1)))
+    distances, met = SCENES["room"].follow(down, np.random.default_rng(0))
+    assert len(np.unique(distances)) == len(np.unique(met)) == 1
+    assert met[0] != NO_SURFACE
+
+
 @EVERY
 def test_without_noise_the_points_are_where_the_rays_end_and_normals_look_back(name):
     scene = replace(SCENES[name], measured=lambda rays, distances, rng: distances)

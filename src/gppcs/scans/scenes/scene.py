@@ -140,6 +140,8 @@ def _halves(bundle: Rays, middle: Floats, centres: Floats) -> tuple[Ints, Ints]:
     coordinates = [*bundle.directions.T, *(bundle.origins.T / max(radius, 1e-9))]
     widest = max(coordinates, key=np.ptp)
     in_first = widest < (widest.min() + widest.max()) / 2.0
+    if not in_first.any():  # all are equal
+        in_first[::2] = True
     return np.flatnonzero(in_first), np.flatnonzero(~in_first)
 
 
