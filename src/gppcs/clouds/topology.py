@@ -51,8 +51,9 @@ def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tup
 
     Components are numbered in the order of their first nodes.
     """
+    begins, ends = (np.ascontiguousarray(nodes, dtype=np.int64) for nodes in (begins, ends))  # compiled for one type
     labels = np.arange(n)
-    return int(_join_all(np.ascontiguousarray(begins), np.ascontiguousarray(ends), labels)), labels
+    return int(_join_all(begins, ends, labels)), labels
 
 
 @kernel(allocates=False)
@@ -72,7 +73,7 @@ def _join_all(begins, ends, labels):
 
 @kernel(allocates=False)
 def _root(labels, node):
-    """Return the root of a node, and halve the way to it."""
+    """Return the root of a node, and halve the path to it."""
     while labels[node] != node:
         labels[node] = labels[labels[node]]
         node = labels[node]
