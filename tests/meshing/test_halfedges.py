@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gppcs.meshing.halfedges import HalfEdges, around, neighbours, room_for_ring
+from gppcs.meshing.halfedges import HalfEdges, around, neighbours, replace_triangles, room_for_ring
 from shapes import ball, faults, random_mesh
 
 
@@ -45,3 +45,12 @@ def test_dropped_and_added_triangles_are_connected_as_from_the_start(seed):
     changed = HalfEdges.from_faces(first, len(points)).changed(kept, faces[100:])
     expected = HalfEdges.from_faces(np.concatenate([first[kept], faces[100:]]), len(points))
     assert all(np.array_equal(part, other) for part, other in zip(changed, expected, strict=True))
+
+
+def test_removed_triangles_are_dropped_when_others_are_added():
+    points, _, faces = ball(80)
+    mesh, removed = HalfEdges.from_faces(faces[:100], len(points)), np.arange(0, 100, 7)
+    for f in removed:
+        replace_triangles(mesh, np.array([f]), np.empty((0, 3), dtype=np.int64))
+    expected = HalfEdges.from_faces(np.concatenate([np.delete(faces[:100], removed, axis=0), faces[100:]]), len(points))
+    assert all(np.array_equal(*parts) for parts in zip(mesh.changed(new=faces[100:]), expected, strict=True))

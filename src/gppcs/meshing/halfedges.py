@@ -34,7 +34,10 @@ class HalfEdges(NamedTuple):
         return mesh
 
     def changed(self, kept: Flags | None = None, new: Ints | None = None) -> HalfEdges:
-        """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3)."""
+        """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3).
+
+        Triangles that were removed cannot be kept.
+        """
         kept = self.origin[::3] >= 0 if kept is None else kept
         n, first = len(self.leaving), 3 * int(np.count_nonzero(kept))
         size = first + (0 if new is None else new.size)

@@ -24,7 +24,7 @@ FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square doe
 MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
 WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
 NEIGHBOURS = 8  # whose distance tells the area of a point
-RUN_LEAVES = 8  # leaves of a run at least, the first of which has no radius to start from
+RUN_LEAVES = 8  # leaves of a run at least, as the radius of the first one takes a search of its own
 MAX_RUNS = 256
 
 

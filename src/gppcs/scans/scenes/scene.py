@@ -19,13 +19,13 @@ BLOCK = 1 << 16  # rays that are followed at once: their arrays stay in the proc
 
 
 class Rays(NamedTuple):
-    """Rays of a sensor: origins and unit directions, (N, 3) each, whose columns are contiguous."""
+    """Rays of a sensor: origins and unit directions, (N, 3) each."""
 
     origins: Floats
     directions: Floats
 
     def at(self, indices: Ints) -> Rays:
-        """Return the rays of these indices."""
+        """Return the rays of these indices, as arrays whose columns are contiguous."""
         return Rays(*(vectors.T.take(indices, axis=1).T for vectors in self))
 
 
