@@ -35,9 +35,9 @@ def assembled(
     faces = faces[are_taken(faces, n)]
     faces = faces[np.argsort(faces[:, 0], kind="stable")]  # near ones side by side
     mesh = without_bow_ties(HalfEdges.from_faces(faces, n))
-    n_faces, others = len(mesh.corners()), np.concatenate([gap_fillings(mesh, *surface, 8), triangles[order[~agreed]]])
-    taken = are_taken(np.concatenate([mesh.faces(), others]), n)
-    mesh = without_bow_ties(mesh.changed(taken[:n_faces], others[taken[n_faces:]]))
+    n_faces, more = len(mesh.corners()), np.concatenate([gap_fillings(mesh, *surface, 8), triangles[order[~agreed]]])
+    taken = are_taken(np.concatenate([mesh.faces(), more]), n)
+    mesh = without_bow_ties(mesh.changed(taken[:n_faces], more[taken[n_faces:]]))
     if bridges:
         mesh = bridged(mesh, triangles, *surface)
     mesh = mesh.changed(new=gap_fillings(mesh, *surface, LARGEST_GAP))

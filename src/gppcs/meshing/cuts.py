@@ -113,7 +113,7 @@ def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None,
 def _mark_in_leaves(begin, end, mesh, vertices, tree, cut):
     """Mark in `cut`, (F,), the triangles that cut others or have no area; of two leaves, the first one tests both."""
     leaves = first_leaf(tree.lower)
-    boxes, others = np.empty((LEAF_SIZE, 2, 3)), np.empty((LEAF_SIZE, 2, 3))
+    boxes, near_boxes = np.empty((LEAF_SIZE, 2, 3)), np.empty((LEAF_SIZE, 2, 3))
     for leaf in range(leaves + begin, leaves + end):
         first, last = leaf_range(len(tree.order), leaves, leaf)
         faces = tree.order[first:last]
@@ -130,8 +130,9 @@ def _mark_in_leaves(begin, end, mesh, vertices, tree, cut):
                 continue
             if near and node >= leaf:
                 first, last = leaf_range(len(tree.order), leaves, node)
-                _fill_boxes(mesh, vertices, tree.order[first:last], others)
-                _mark_between(mesh, vertices, faces, boxes, tree.order[first:last], others, node == leaf, cut)
+                near_faces = tree.order[first:last]
+                _fill_boxes(mesh, vertices, near_faces, near_boxes)
+                _mark_between(mesh, vertices, faces, boxes, near_faces, near_boxes, node == leaf, cut)
             node = after(node, 1)
 
 
@@ -148,17 +149,17 @@ def _fill_boxes(mesh, vertices, faces, boxes):
 
 
 @kernel(allocates=False)
-def _mark_between(mesh, vertices, faces, boxes, neighbours, others, same, cut):
-    """Mark triangles, (m,), that cut neighbours, (k,), or later ones if these are the same; mark both."""
+def _mark_between(mesh, vertices, faces, boxes, near_faces, near_boxes, is_same, cut):
+    """Mark triangles, (m,), that cut near ones, (k,), or later ones if these are the same; mark both."""
     for i in range(len(faces)):
         lower, upper = row(boxes[i], 0), row(boxes[i], 1)
-        for j in range(i + 1 if same else 0, len(neighbours)):
-            if not _overlap(lower, upper, row(others[j], 0), row(others[j], 1)):
+        for j in range(i + 1 if is_same else 0, len(near_faces)):
+            if not _overlap(lower, upper, row(near_boxes[j], 0), row(near_boxes[j], 1)):
                 continue
-            f, g = 3 * faces[i], 3 * neighbours[j]
+            f, g = 3 * faces[i], 3 * near_faces[j]
             corners = mesh.origin[f], mesh.origin[f + 1], mesh.origin[f + 2]
             if are_cut(vertices, corners, (mesh.origin[g], mesh.origin[g + 1], mesh.origin[g + 2])):
-                cut[faces[i]] = cut[neighbours[j]] = True
+                cut[faces[i]] = cut[near_faces[j]] = True
 
 
 @kernel

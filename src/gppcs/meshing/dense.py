@@ -20,9 +20,9 @@ from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
 from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
-LEVEL = 8  # points of the first mesh for each vertex of the result
-LEVEL_OF_SHEETS = 24  # where sheets are near each other
-LEVEL_OF_NOISY = 3  # of a noisy cloud: more follow the noise
+JOINED = 8  # points of the first mesh for each vertex of the result
+JOINED_OF_SHEETS = 24  # where sheets are near each other
+JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
@@ -63,7 +63,7 @@ class DensePoints:
         indices, raw = indices[tree.order], np.ascontiguousarray(tree.points.T)
         uneven = None if thick else uneven_noise(tree)
         if uneven:
-            return cls._across_uneven(indices, tree, *uneven, LEVEL_OF_NOISY * n_vertices, chosen)
+            return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
         mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
         if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
@@ -71,8 +71,8 @@ class DensePoints:
         noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
-        level = LEVEL_OF_NOISY if noise else LEVEL_OF_SHEETS if mixed or times > 1 else LEVEL
-        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, level * n_vertices)))
+        count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
+        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         sharp, on_surface = NARROW if mixed else SHARP, raw
         normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
@@ -84,7 +84,7 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
-            spread = cache(partial(beside, partial(_spread, indices, on_surface, chosen, level * n_vertices)))
+            spread = cache(partial(beside, partial(_spread, indices, on_surface, chosen, count)))
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, spread()(), noise, near_sheets=mixed, joined_sheets=sheets)

@@ -98,7 +98,7 @@ def replacements(
     of_point, cells = cells.order, cells.in_own_order()
     surface = LocalSurface.from_points(vertices)
     order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
-    chosen = _Vertices.of(surface, stays[order], farthest, None if old is None else old[order])
+    chosen = _Vertices.from_surface(surface, stays[order], farthest, None if old is None else old[order])
     of_points = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
     observed = _Observed(cells.points, *_planes(cells, area, noise, fitted, normals), of_points)
     first, widest = _owners(surface.tree, cells, chosen.stays)
@@ -165,7 +165,7 @@ class _Vertices(NamedTuple):
     stays: Flags  # (m,)
 
     @classmethod
-    def of(
+    def from_surface(
         cls, surface: LocalSurface, stays: Flags, farthest: float, attributes: NDArray[np.float32] | None
     ) -> _Vertices:
         """Return the points of a surface."""
