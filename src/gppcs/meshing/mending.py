@@ -33,14 +33,15 @@ def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: in
     """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
     for last in (*[False] * (tries - 1), True):
-        corners = draft.mesh.corners().copy()
+        corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
         if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        assigned = draft.assigned() if cuts else draft.reassigned(assigned, corners)
+        is_stale = cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
+        assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
         _add(draft, assigned, missing)
     return holes
 
