@@ -58,7 +58,7 @@ def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_n
     """Return for each dense point the nearest of some vertices on its sheet, among the nearest four."""
     tree = KdTree.build(vertices[members])
     nearest = members[tree.nearest_of(points, 1)[0][:, 0]]  # which is on the sheet of nearly all points
-    left = np.flatnonzero(np.einsum("ij,ij->i", normals, vertex_normals[nearest]) <= 0.0)
+    left = np.flatnonzero(~(np.einsum("ij,ij->i", normals, vertex_normals[nearest]) > 0.0))
     nearest[left] = -1
     for rank in members[tree.nearest_of(points[left], min(4, len(members)))[0]].T:
         agrees = (nearest[left] < 0) & (np.einsum("ij,ij->i", normals[left], vertex_normals[rank]) > 0.0)
