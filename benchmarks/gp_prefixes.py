@@ -19,7 +19,7 @@ CONDITIONS = (
     Condition("nefertiti", "nefertiti", 0.05),
 )
 STARTS = range(3)  # turns of the cloud
-SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # stages mostly double the points: 0.7 M lies within one
+SHARES = {"M/2": 0.5, "M/4": 0.25, "0.7 M": 0.7}  # each stage doubles the points: 0.7 M lies within a stage
 SHOWN = (H_MEAN, H_MAX, ESTIMATED_H_MEAN, SURFACE, COVER)
 
 

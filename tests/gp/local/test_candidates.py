@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from gppcs.gp.local.candidates import coarser, gaps_of_isolated, largest_gap, nested_candidates
-from gppcs.gp.local.settings import CELLS_AT_START, FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
+from gppcs.gp.local.candidates import gaps_of_isolated, largest_gap, nested_candidates
+from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from shapes import square
@@ -85,16 +83,6 @@ def plain_stages(points, sharpness, n_points, area, density):
             if target <= FIRST_STAGE:
                 return stages[::-1]
             target, grown = -(-target // 2), False
-
-
-@given(st.integers(129, 10**9), st.floats(1.0, 64.0), st.integers(0, 10**6))
-def test_stages_at_least_double_and_start_with_few_cells_for_each_point(target, density, fixed):
-    first = max(FIRST_STAGE, 2 * fixed)
-    assume(target > first)
-    start = coarser(target, density, first)
-    assert fixed <= start <= -(-target // 2)
-    assert start == -(-target // 2) or start >= first
-    assert start == -(-target // 2) or density * target / start <= CELLS_AT_START * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("dot", [0, 9_500, 9_995])

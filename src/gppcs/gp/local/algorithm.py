@@ -88,7 +88,7 @@ def choose(
 def choose_in_stages(
     points: Floats, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
 ) -> Ranking:
-    """Choose among points, (N, 3), in all stages, each of which ends with at least twice as many as the one before."""
+    """Choose among points, (N, 3), in all stages, each of which ends with about twice as many as the one before."""
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:
         with timer("features"):

@@ -32,7 +32,6 @@ from gppcs.gp.local.algorithm import (
 from gppcs.gp.local.candidates import (
     cell_edge,
     cells_for,
-    coarser,
     count_isolated,
     gaps_of_isolated,
     largest_gap,
@@ -152,7 +151,7 @@ def choose_stored(
         stage = _with_candidates(stage, parts, map_parts, on_progress, chosen)  # step 2
         nested = [stage]
         while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * candidate_density)):  # 1.5 cells on slopes
-            nested.append(_before(nested[-1], map_parts))
+            nested.append(_coarser(nested[-1], map_parts))
     chosen = _in_memory(nested.pop(), map_parts, timer, fixed)  # Eqs. (2) to (9)
     while nested:
         chosen = _in_parts(nested.pop(), map_parts, timer, chosen)
@@ -334,14 +333,14 @@ def _near(stage: StoredStage, width: float, part: Part) -> Neighbourhood:
     return near.take(np.flatnonzero(near.records["gap"] <= stage.largest_gap))
 
 
-def _before(stage: StoredStage, map_parts: MapParts) -> StoredStage:
-    """Return the stage before. Its candidates are among those of the finer stage, or all of these."""
-    before = replace(stage, target=coarser(stage.target, stage.candidate_density, FIRST_STAGE))
-    runs, counts = zip(*map_parts(partial(_thin, before), stage.stored.parts(PART)), strict=True)
+def _coarser(stage: StoredStage, map_parts: MapParts) -> StoredStage:
+    """Return the stage with half as many points. Its candidates are among those of the finer stage, or all of these."""
+    coarser = replace(stage, target=-(-stage.target // 2))
+    runs, counts = zip(*map_parts(partial(_thin, coarser), stage.stored.parts(PART)), strict=True)
     thin = replace(stage.stored, runs=runs, counts=np.sum(counts, axis=0))
-    if len(thin) < MIN_CANDIDATES * before.target:
-        return replace(before, thinned=False)
-    return replace(before, stored=thin, thinned=True)
+    if len(thin) < MIN_CANDIDATES * coarser.target:
+        return replace(coarser, thinned=False)
+    return replace(coarser, stored=thin, thinned=True)
 
 
 def _thin(stage: StoredStage, part: Part) -> tuple[Run, Ints]:

@@ -20,7 +20,6 @@ from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.settings import (
-    CELLS_AT_START,
     FEWEST_CELLS,
     FIRST_STAGE,
     ISOLATION,
@@ -152,9 +151,8 @@ def nested_candidates(
     else:
         indices = np.arange(len(points))
         stages = [Stage(n_points, indices, False, area)]
-    first = max(FIRST_STAGE, 2 * fixed)
-    while stages[-1].target > first:
-        target = coarser(stages[-1].target, candidate_density, first)
+    while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
+        target = -(-stages[-1].target // 2)
         area, kept = thinned(points[indices], sharpness[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
             indices = indices[kept]
@@ -162,11 +160,6 @@ def nested_candidates(
     if fixed:
         stages = [stage._replace(indices=np.union1d(stage.indices, np.arange(fixed)), tree=None) for stage in stages]
     return stages[::-1]
-
-
-def coarser(target: int, candidate_density: float, first: int) -> int:
-    """Return with how many points a stage starts: half of its target, or fewer where there are few cells for each."""
-    return math.ceil(min(0.5 * target, max(target * candidate_density / CELLS_AT_START, first)))
 
 
 def gaps_of_isolated(tree: KdTree, spacing: float) -> Floats:

@@ -38,9 +38,6 @@ SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions
 SAMPLED_PER_POINT = 26  # Sampled points for each point to keep: about as many as measuring the noise needs.
 # Points of the first stage at most. With 64, prefixes of 64 points are 2.6 % worse, of 32 points 2.3 % better.
 FIRST_STAGE = 128
-# Candidate cells for each chosen point with which a stage starts at most; stages at least double. With 16, each new
-# point changes so many posteriors that the choice takes a third longer; stages that double take 7 % longer.
-CELLS_AT_START = 13.5
 MIN_CANDIDATES = 3  # For each point to keep. With fewer, all points stay candidates.
 # Cells of the candidates' grid for each point to keep at least, and points for each from which on there are as many
 # as wanted. Where more points are kept, candidates are nearly all points, and the placement makes up for fewer.
