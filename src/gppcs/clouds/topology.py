@@ -36,8 +36,10 @@ def topology_of(faces: NDArray[np.int64]) -> Topology:
     pairs = order[:-1][edge[order[1:]] == edge[order[:-1]]], order[1:][edge[order[1:]] == edge[order[:-1]]]
     alike = begin[pairs[0]] == begin[pairs[1]]
     first = np.where(alike, pairs[1], next_corner[pairs[1]]), np.where(alike, next_corner[pairs[1]], pairs[1])
-    _, fan = connected(np.concatenate([pairs[0], next_corner[pairs[0]]]), np.concatenate(first), len(corners))
-    several = np.bincount(np.unique(np.stack([begin, fan]), axis=1)[0])
+    n_fans, fan = connected(np.concatenate([pairs[0], next_corner[pairs[0]]]), np.concatenate(first), len(corners))
+    middle = np.empty(n_fans, dtype=np.int64)
+    middle[fan] = begin  # the same vertex at all corners of a fan
+    several = np.bincount(middle)
     on_boundary = counts[edge] == 1
     boundary_loops = len(np.unique(connected(begin[on_boundary], end[on_boundary], n)[1][begin[on_boundary]]))
     pieces, _ = connected(begin, end, n)

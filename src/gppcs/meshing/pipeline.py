@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import Scale, units_of
-from gppcs.clouds.topology import connected
+from gppcs.clouds.topology import topology_of
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import ParameterError, flag, one_of
@@ -24,11 +24,10 @@ from gppcs.meshing.bounding import bound, thinned_by_quadrics
 from gppcs.meshing.collapse import collapse
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.exchange import exchanged
-from gppcs.meshing.filling import boundary_loops, holes_filled
+from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.first_mesh import excluded, first_mesh
 from gppcs.meshing.fit import fit, fit_observed
 from gppcs.meshing.flips import flip
-from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.mending import mend_draft
 from gppcs.meshing.refinement import refine
 from gppcs.meshing.result import MeshDiagnostics, MeshResult
@@ -260,25 +259,18 @@ def _finished(
         with request.timer("holes"):
             draft.mesh = holes_filled(draft.mesh, draft.vertices, draft.normals, request.hole_size)
     draft.compact()
-    n_loops, n_pieces, genus = _topology(draft.mesh)
+    topology = topology_of(draft.mesh.faces())
     return draft, MeshDiagnostics(
         dense_points=len(draft.dense.indices),
         noise=request.unit * draft.dense.noise,
         joined_sheets=request.unit * draft.dense.joined_sheets,
         mean_distance=request.unit * mean_distance,
         excluded=fraction,
-        boundary_loops=n_loops,
-        pieces=n_pieces,
-        genus=genus,
+        boundary_loops=topology.boundary_loops,
+        pieces=topology.pieces,
+        genus=topology.genus or 0,
         **measured,
     )
-
-
-def _topology(mesh: HalfEdges) -> tuple[int, int, int]:
-    """Return the numbers of boundary loops, pieces and handles of a mesh all of whose vertices are used."""
-    faces, n = mesh.faces(), len(mesh.leaving)
-    n_loops, n_pieces = len(boundary_loops(mesh)), connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), n)[0]
-    return n_loops, n_pieces, (2 * n_pieces - n_loops - (n - len(mesh.edges()) + len(faces))) // 2
 
 
 def _of_size(request: _Request, count: int, counts_faces: bool) -> tuple[Draft, MeshDiagnostics]:
