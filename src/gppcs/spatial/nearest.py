@@ -84,9 +84,10 @@ def search_for(k, leaves):
 
 
 @kernel
-def first_radius(points, lower, upper, x, y, z, search):
-    """Return the squared radius with which a run of leaves starts, by the k points nearest to one of its queries."""
-    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+def first_radius(points, lower, upper, queries, leaf, leaves, search):
+    """Return the squared radius with which a run from a leaf on starts, by the k points nearest to its first query."""
+    i = leaf_range(queries.shape[1], leaves, leaf)[0]
+    nearest_in_tree(points, lower, upper, queries[0, i], queries[1, i], queries[2, i], search.positions, search.gaps)
     return WIDER * search.gaps[-1]
 
 
@@ -222,9 +223,9 @@ def _find_others(first, last, tasks, points, lower, upper, positions, squared):
     n, leaves, k = points.shape[1], first_leaf(lower), positions.shape[1] + 1
     search = search_for(k, leaves)
     for task in range(first, last):
-        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
-        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
+        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
+        for leaf in range(start, stop):
             begin, end = leaf_range(n, leaves, leaf)
             count, total = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search), 0.0
             for i in range(begin, end):
@@ -253,9 +254,9 @@ def _squared_radii(first, last, tasks, points, lower, upper, order, k, squared):
     n, leaves = points.shape[1], first_leaf(lower)
     search = search_for(k, leaves)
     for task in range(first, last):
-        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
-        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
+        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
+        for leaf in range(start, stop):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
             total = 0.0

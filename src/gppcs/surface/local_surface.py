@@ -121,9 +121,9 @@ def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
     near = np.empty(largest + 1, dtype=np.int64)
     inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)
     for task in range(first, last):
-        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
-        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
+        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
+        for leaf in range(start, stop):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
             total = 0.0

@@ -58,9 +58,9 @@ def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower
         np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64), np.empty(3, dtype=np.float64),
     )  # fmt: skip
     for task in range(first, last):
-        i = leaf_range(queries.shape[1], leaves, leaves + leaves * task // tasks)[0]
-        squared_radius = first_radius(points, lower, upper, queries[0, i], queries[1, i], queries[2, i], search)
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
+        squared_radius = first_radius(points, lower, upper, queries, start, leaves, search)
+        for leaf in range(start, stop):
             count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
             begin, end = leaf_range(queries.shape[1], leaves, leaf)
             fitted.radii[begin:end] = 0.0

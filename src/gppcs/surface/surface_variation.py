@@ -236,9 +236,9 @@ def _features_of_nearest(first, last, tasks, points, lower, upper, order, k, var
     n, leaves = points.shape[1], first_leaf(lower)
     search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
     for task in range(first, last):
-        i = leaf_range(n, leaves, leaves + leaves * task // tasks)[0]
-        squared_radius = first_radius(points, lower, upper, points[0, i], points[1, i], points[2, i], search)
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
+        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
+        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
+        for leaf in range(start, stop):
             begin, end = leaf_range(n, leaves, leaf)
             count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
             total = 0.0
