@@ -14,7 +14,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, join_boxes, leaf_range
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
 ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
@@ -38,7 +38,7 @@ class TriangleTree(NamedTuple):
         lower, upper = np.full(built.lower.shape, np.inf), np.full(built.lower.shape, -np.inf)
         tree = cls(faces[built.order], np.full(len(mesh.corners()), -1), lower, upper)
         on_ranges(_fill_leaves, built.leaves, mesh, vertices, tree, minimum=32)
-        _fill_inner(tree)
+        join_boxes(tree.lower, tree.upper)
         return tree
 
     @classmethod
@@ -70,15 +70,6 @@ def _fill_leaves(begin, end, mesh, vertices, tree):
                     x = vertices[mesh.origin[h], axis]
                     tree.lower[node, axis] = min(tree.lower[node, axis], x)
                     tree.upper[node, axis] = max(tree.upper[node, axis], x)
-
-
-@kernel(allocates=False)
-def _fill_inner(tree):
-    """Fill the boxes of the nodes above the leaves."""
-    for node in range(first_leaf(tree.lower) - 1, 0, -1):
-        for axis in range(3):
-            tree.lower[node, axis] = min(tree.lower[2 * node, axis], tree.lower[2 * node + 1, axis])
-            tree.upper[node, axis] = max(tree.upper[2 * node, axis], tree.upper[2 * node + 1, axis])
 
 
 @kernel(allocates=False)

@@ -185,16 +185,22 @@ def _bound(records, begin, end, lower, upper):
 def measure_boxes(points, lower, upper):
     """Fill the boxes of all nodes, `lower` and `upper`, (nodes, 3), from the points, (3, N), in tree order."""
     leaves = first_leaf(lower)
-    for node in range(2 * leaves - 1, 0, -1):
+    for leaf in range(leaves, 2 * leaves):
         for axis in range(3):
-            if node < leaves:
-                lower[node, axis] = min(lower[2 * node, axis], lower[2 * node + 1, axis])
-                upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
-                continue
-            lower[node, axis], upper[node, axis] = np.inf, -np.inf
-            for i in range(*leaf_range(points.shape[1], leaves, node)):
-                lower[node, axis] = min(lower[node, axis], points[axis, i])
-                upper[node, axis] = max(upper[node, axis], points[axis, i])
+            lower[leaf, axis], upper[leaf, axis] = np.inf, -np.inf
+            for i in range(*leaf_range(points.shape[1], leaves, leaf)):
+                lower[leaf, axis] = min(lower[leaf, axis], points[axis, i])
+                upper[leaf, axis] = max(upper[leaf, axis], points[axis, i])
+    join_boxes(lower, upper)
+
+
+@kernel(allocates=False)
+def join_boxes(lower, upper):
+    """Fill the boxes of the nodes above the leaves, `lower` and `upper`, (nodes, 3), from those of the leaves."""
+    for node in range(first_leaf(lower) - 1, 0, -1):
+        for axis in range(3):
+            lower[node, axis] = min(lower[2 * node, axis], lower[2 * node + 1, axis])
+            upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
 
 
 @kernel
