@@ -72,7 +72,7 @@ class DensePoints:
         if thick and not noise:
             return None
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
-        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))
+        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         sharp, on_surface = NARROW if mixed else SHARP, raw
         normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
@@ -84,10 +84,10 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
-            spread = cache(partial(beside, partial(_spread, indices, on_surface, chosen, count)))
+        joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, spread()(), noise, near_sheets=mixed, joined_sheets=sheets)
+        return cls(indices, raw, on_surface, normals, cover, joined, noise, near_sheets=mixed, joined_sheets=sheets)
 
     @classmethod
     def _across_uneven(
