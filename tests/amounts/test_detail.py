@@ -25,11 +25,12 @@ def test_points_go_where_an_attribute_jumps():
         for some in (kept(), kept(detail="intensity"))
     )
     assert drawn.error_mean < 0.45 * plain.error_mean
-    assert drawn.nearest_error_mean < 0.7 * plain.nearest_error_mean
+    assert drawn.nearest_error_mean < 0.5 * plain.nearest_error_mean
 
 
-def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape():
-    statue, count = gppcs.sample("statue", 40_000), 1000
+@pytest.mark.parametrize("count", [800, 2400])
+def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape(count):
+    statue = gppcs.sample("statue", 40_000)
     spacing = np.sqrt(surface_area(KdTree.build(statue.points)) / count)
     stripe = (statue.points @ [0.36, 0.48, 0.8] // (3.0 * spacing)) % 2.0
     striped = gppcs.PointCloud(statue.points, {"stripe": stripe})
@@ -37,7 +38,7 @@ def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape():
         gppcs.evaluate(striped, gppcs.simplify(striped, n_points=count, detail=detail).cloud, detail="stripe")
         for detail in (None, "stripe")
     )
-    assert drawn.detail["stripe"].nearest_error_mean < 0.7 * plain.detail["stripe"].nearest_error_mean
+    assert drawn.detail["stripe"].nearest_error_mean < 0.6 * plain.detail["stripe"].nearest_error_mean
     assert drawn.surface_mean < 1.08 * plain.surface_mean
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gppcs.gp.local.detail import Detail, residuals
+from gppcs.gp.local.settings import DETAIL_ROUGHNESS
 from gppcs.spatial.kdtree import KdTree
 
 RNG = np.random.default_rng(0)
@@ -31,7 +32,9 @@ def test_a_step_counts_as_rough_as_it_is_near():
     detail = Detail.measure(tree, np.arange(len(points)), step, 0.05 / 1.5)
     far = np.abs(points[:, 0] - 0.5) > 0.05
     assert (detail.variation[far] == 0.0).all()
-    assert detail.variation[np.abs(points[:, 0] - 0.5) < 0.005].mean() > 0.1
+    at_step = detail.variation[np.abs(points[:, 0] - 0.5) < 0.005].mean()
+    left = 1 / 4 - 16 / (9 * np.pi**2)  # of the variance of a step through the middle of a disc, by its linear fit
+    assert at_step == pytest.approx(DETAIL_ROUGHNESS * left, rel=0.05)
 
 
 def test_noise_lowers_what_an_attribute_counts():

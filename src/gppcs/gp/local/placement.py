@@ -2,8 +2,8 @@
 
 Of the points of its cell, those with the least quadric error are tried (Eq. (10); Garland and Heckbert 1997). The one
 to whose triangles the cell lies nearest replaces it; with attributes, that with the least sum of Eq. (20). Where the
-cell turns out to be farther from the surface of all new points than from that of the chosen ones, the point goes back.
-The order of choice stays, so every prefix gains as well.
+cell turns out to be farther from the surface of all new points than from that of the chosen ones, by more than its
+attributes gained, the point goes back. The order of choice stays, so every prefix gains as well.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from gppcs.gp.local.candidates import radius_of_plane
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     CHECKED_ON,
-    DETAIL_PLACEMENT,
+    DETAIL_INTERPOLATED,
+    DETAIL_NEAREST,
     GAP_GROWTH,
     MAX_STEP,
     NOISY_CELL_POINTS,
@@ -40,7 +41,7 @@ from gppcs.surface.noise import Noise, projected
 from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import features_in_radius
 
-ROUNDING = 1e-9  # Distances of a cell that change by less, in mean distances of kept points, are only rounded.
+ROUNDING = 1e-9  # Distances that change by less, in mean distances of kept points, are only rounded.
 LANES = 8  # Numbers of feet that are judged are multiples of this.
 NEAR_FANS = 9  # Fans in which the surface near a cell is searched: of its point, of its ring on average, and two more.
 
@@ -103,11 +104,11 @@ def replacements(
     observed = _Observed(cells.points, *_planes(cells, area, noise, fitted, normals), of_points)
     first, widest = _owners(surface.tree, cells, chosen.stays)
     nearest, feet = cells_of(first, len(order)), observed.feet
-    new, positions = _exchanged(observed, chosen, first, nearest, widest, passes)
+    new, positions, gains = _exchanged(observed, chosen, first, nearest, widest, passes)
     del observed, of_points  # as large as the surface of the new points
-    if detail is None and not noise.thick:
+    if not noise.thick:
         placed = LocalSurface.over(KdTree.over(positions.T))
-        new[farther(surface, placed, nearest, new >= 0, feet, ROUNDING * chosen.gaps)] = -1
+        new[farther(surface, placed, nearest, new >= 0, feet, ROUNDING * chosen.gaps + gains)] = -1
     result = np.empty(len(order), dtype=np.int64)
     result[order] = np.where(new < 0, -1, of_point[new])
     return result
@@ -122,19 +123,23 @@ def _owners(tree: KdTree, cells: KdTree, stays: Flags) -> tuple[NDArray[np.int32
 
 def _exchanged(
     observed: _Observed, chosen: _Vertices, first: NDArray[np.int32], nearest: Cells, widest: float, passes: int
-) -> tuple[Ints, Floats]:
-    """Return for which point each vertex is exchanged, -1 where it stays, (m,), and all positions then, (m, 3)."""
+) -> tuple[Ints, Floats, Floats]:
+    """Return for which point each vertex is exchanged, -1 where it stays, all positions then, and what attributes gain.
+
+    Shapes: (m,), (m, 3), and (m,), for each point of a cell.
+    """
     new, owners, cells = np.full(len(chosen.positions), -1), first, nearest
+    gains = np.zeros(len(new))
     for later in range(passes):
         if later:
             owners = owners.copy()
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
             cells = cells_of(owners, len(new))
-        on_ranges(_exchange, len(new), observed, chosen, first, *cells, widest, new, minimum=64)
+        on_ranges(_exchange, len(new), observed, chosen, first, *cells, widest, new, gains, minimum=64)
         moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
         positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
         chosen = chosen._replace(positions=positions, attributes=attributes)
-    return new, chosen.positions
+    return new, chosen.positions, gains
 
 
 class _Observed(NamedTuple):
@@ -276,8 +281,8 @@ def _gather(owners, members, starts):
 
 
 @kernel
-def _exchange(begin, end, observed, chosen, first, members, starts, widest, new):
-    """Fill `new`, (m,), for a range of vertices, whose cells are `members`, (n,), from `starts`, (m + 1,), on."""
+def _exchange(begin, end, observed, chosen, first, members, starts, widest, new, gains):
+    """Fill `new` and add to `gains`, (m,), for a range of vertices; cells are `members`, (n,), from `starts` on."""
     errors = np.empty(0, dtype=np.float64)
     quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(observed.attributes.shape[1], dtype=np.float64)
     local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
@@ -293,7 +298,8 @@ def _exchange(begin, end, observed, chosen, first, members, starts, widest, new)
         if observed.attributes.shape[1] == 0:
             best = _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squared)
         else:
-            best = _best_with_attributes(observed, chosen, v, cell, widest, current, errors)
+            best, gain = _best_with_attributes(observed, chosen, v, cell, widest, current, errors)
+            gains[v] += gain
         if best >= 0:
             new[v] = best
 
@@ -318,19 +324,19 @@ def _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, sq
 
 @kernel(allocates=False)
 def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
-    """Return the point of a cell with the least sum of Eq. (20), of those of least error; -1 for the vertex."""
+    """Return the point of a cell with the least sum of Eq. (20), -1 for the vertex, and what attributes gain."""
     vertex, best = row(chosen.positions, v), -1
-    smallest = current - ROUNDING * chosen.steps[v]
-    smallest += _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    off, before = _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    smallest, after = current + off + before - ROUNDING * chosen.steps[v], before
     for _ in range(20):
         x, error = _next_point(observed.points, cell, errors, smallest, widest)
         if x < 0:
             break
         to, at_apex = row(observed.points.T, x), observed.attributes[x]
-        total = error + _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
-        if total < smallest:
-            smallest, best = total, x
-    return best
+        off, difference = _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
+        if error + off + difference < smallest:
+            smallest, best, after = error + off + difference, x, difference
+    return best, (before - after) / _judged(cell)
 
 
 @kernel(allocates=False)
@@ -368,7 +374,7 @@ def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
     points, feet, normals, point_attributes = observed
     steps, scale = chosen.steps[v], chosen.gaps[v]
-    vertex, n, judged = row(chosen.positions, v), len(cell), -(-len(cell) // _stride(cell))
+    vertex, n, judged = row(chosen.positions, v), len(cell), _judged(cell)
     quadric[:], middle[:] = 0.0, 0.0
     x = y = z = 0.0
     for q in cell:
@@ -392,6 +398,12 @@ def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
 def _stride(cell):
     """Return the step with which at most ten points of a cell are sampled."""
     return -(-len(cell) // 10)
+
+
+@kernel(allocates=False)
+def _judged(cell):
+    """Return the number of points of a cell that are sampled."""
+    return -(-len(cell) // _stride(cell))
 
 
 @kernel(allocates=False)
@@ -441,51 +453,60 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
 
 @kernel(allocates=False)
 def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
-    """Return the first sum of Eq. (20) over a cell and the fan of triangles around an apex, or more than `limit`."""
-    total, scale = 0.0, DETAIL_PLACEMENT * chosen.gaps[v]
+    """Return the distances of a cell from the fan around an apex and those of attributes; the sum may stop at a limit.
+
+    The first sum of Eq. (20) is that of both.
+    """
+    off, differences, scale = 0.0, 0.0, chosen.gaps[v]
     for slot in range(0, len(cell), _stride(cell)):
         q = cell[slot]
         here, smallest = row(observed.feet.T, q), np.inf
         a, second, third, s, t = minus(apex, here), 0, 0, 0.0, 0.0
+        closest, nearest = dot(a, a), -1
         for j, m in chosen.corners[v]:
             if j < 0:
                 break
             b, c = minus(row(chosen.positions, j), here), minus(row(chosen.positions, m), here)
+            if dot(b, b) < closest:
+                closest, nearest = dot(b, b), j
             along, across = nearest_in_triangle(a, b, c)
             squared = squared_distance(a, b, c, along, across)
             if squared < smallest:
                 smallest, second, third, s, t = squared, j, m, along, across
         if smallest == np.inf:
-            return 0.0
-        difference = 0.0
+            return 0.0, 0.0
+        interpolated, at_nearest = 0.0, at_apex if nearest < 0 else chosen.attributes[nearest]
         for k in range(len(at_apex)):
-            interpolated = at_apex[k]
-            interpolated += s * (chosen.attributes[second, k] - at_apex[k])
-            interpolated += t * (chosen.attributes[third, k] - at_apex[k])
-            difference += (interpolated - observed.attributes[q, k]) ** 2
-        total += np.sqrt(smallest) + scale * np.sqrt(difference)  # Eq. (20), the sum
-        if total > limit:
+            value_there = at_apex[k]
+            value_there += s * (chosen.attributes[second, k] - at_apex[k])
+            value_there += t * (chosen.attributes[third, k] - at_apex[k])
+            interpolated += (value_there - observed.attributes[q, k]) ** 2
+        off += np.sqrt(smallest)
+        differences += DETAIL_INTERPOLATED * scale * np.sqrt(interpolated)
+        differences += DETAIL_NEAREST * scale * np.sqrt(_squared_difference(at_nearest, observed.attributes[q]))
+        if off + differences > limit:
             break
-    return total
+    return off, differences
 
 
 def farther(
-    chosen: LocalSurface, placed: LocalSurface, cells: Cells, moved: Flags, feet: Floats, rounding: Floats
+    chosen: LocalSurface, placed: LocalSurface, cells: Cells, moved: Flags, feet: Floats, allowed: Floats
 ) -> NDArray[np.intp]:
-    """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
+    """Return the moved points, (k,), whose cells are farther from the surface of all placed points than is allowed.
 
-    The trees of both surfaces have the same order. Shapes: moved (m,), feet (3, n), rounding (m,).
+    The trees of both surfaces have the same order. Shapes: moved (m,), feet (3, n); allowed (m,) is how much farther
+    than before the points of a cell may be in the mean.
     """
     is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
-    judged = feet, *cells, moved, rounding
+    judged = feet, *cells, moved, allowed
     on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *judged, is_farther, minimum=64)
     return np.flatnonzero(is_farther)
 
 
 @kernel
 def _mark_farther(
-    begin, end, points, lower, upper, normals, chosen, placed, feet, members, starts, moved, rounding, is_farther
+    begin, end, points, lower, upper, normals, chosen, placed, feet, members, starts, moved, allowed, is_farther
 ):
     """Mark the moved points of a range whose cells are farther from the fans near them once all are placed.
 
@@ -505,7 +526,7 @@ def _mark_farther(
         judged, full = _pack_feet(feet, cell, apex, local)
         before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles)
         after = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles)
-        is_farther[i] = after > before + rounding[i]
+        is_farther[i] = after > before + judged * allowed[i]
 
 
 @kernel

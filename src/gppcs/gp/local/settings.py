@@ -20,11 +20,11 @@ MAX_REFINEMENT = 8.0  # Times the usual number of candidates at most, where larg
 # Kernel, observations and detail, Eqs. (5), (7), (18) and (19).
 NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right angle. Ablation: "normals off".
 NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
-DETAIL_DISTANCE = 3.5  # In desired spacings: distance of values of an attribute that are its whole range apart.
-DETAIL_ROUGHNESS = 12.0  # Surface variation that counts as rough as a variance of the attributes of 1.
-# Weight of an attribute that is interpolated in the fan of a place, beside 1 for that at the place. With 1, points go
-# so near borders that the nearest kept point often lies across.
-DETAIL_PLACEMENT = 0.2
+DETAIL_DISTANCE = 2.8  # In desired spacings: distance of values of an attribute that are its whole range apart.
+DETAIL_ROUGHNESS = 0.7  # Surface variation that counts as rough as a variance of the attributes of 1.
+# Weights of an attribute that is interpolated in the fan of a place, and of that of the nearest kept point, beside 1
+# for that at the place. The first alone draws points so near to borders that the nearest one often lies across.
+DETAIL_INTERPOLATED, DETAIL_NEAREST = 0.1, 0.3
 
 # Thin parts (research/experiments.md, "thin parts").
 SHEET_SPACINGS = 2.0  # Of the cloud: distance of two sheets at least, as nearer ones mix in the plane of a point.
