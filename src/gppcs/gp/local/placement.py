@@ -24,6 +24,8 @@ from gppcs.gp.local.settings import (
     CHECKED_ON,
     DETAIL_INTERPOLATED,
     DETAIL_NEAREST,
+    DETAIL_TRIALS,
+    DETAIL_TRIED_ON,
     GAP_GROWTH,
     MAX_STEP,
     NOISY_CELL_POINTS,
@@ -124,9 +126,9 @@ def _owners(tree: KdTree, cells: KdTree, stays: Flags) -> tuple[NDArray[np.int32
 def _exchanged(
     observed: _Observed, chosen: _Vertices, first: NDArray[np.int32], nearest: Cells, widest: float, passes: int
 ) -> tuple[Ints, Floats, Floats]:
-    """Return for which point each vertex is exchanged, -1 where it stays, all positions then, and what attributes gain.
+    """Return for which point each vertex is exchanged, -1 where it stays, all positions then, and the attributes' gain.
 
-    Shapes: (m,), (m, 3), and (m,), for each point of a cell.
+    It is by how much their part of the sum of Eq. (20) fell, over all passes. Shapes: (m,), (m, 3) and (m,).
     """
     new, owners, cells = np.full(len(chosen.positions), -1), first, nearest
     gains = np.zeros(len(new))
@@ -282,7 +284,10 @@ def _gather(owners, members, starts):
 
 @kernel
 def _exchange(begin, end, observed, chosen, first, members, starts, widest, new, gains):
-    """Fill `new` and add to `gains`, (m,), for a range of vertices; cells are `members`, (n,), from `starts` on."""
+    """Fill `new` and add to `gains`, (m,), for a range of vertices.
+
+    Their cells are `members`, (n,), from `starts`, (m + 1,), on.
+    """
     errors = np.empty(0, dtype=np.float64)
     quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(observed.attributes.shape[1], dtype=np.float64)
     local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
@@ -324,19 +329,21 @@ def _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, sq
 
 @kernel(allocates=False)
 def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
-    """Return the point of a cell with the least sum of Eq. (20), -1 for the vertex, and what attributes gain."""
+    """Return the point of a cell with the least F of Eq. (20), or -1 for the vertex, and what its attributes gain."""
     vertex, best = row(chosen.positions, v), -1
-    off, before = _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
-    smallest, after = current + off + before - ROUNDING * chosen.steps[v], before
-    for _ in range(20):
+    distance, before = _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    smallest = current + distance + before - ROUNDING * chosen.gaps[v]
+    after = before
+    for _ in range(DETAIL_TRIALS):
         x, error = _next_point(observed.points, cell, errors, smallest, widest)
         if x < 0:
             break
         to, at_apex = row(observed.points.T, x), observed.attributes[x]
-        off, difference = _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
-        if error + off + difference < smallest:
-            smallest, best, after = error + off + difference, x, difference
-    return best, (before - after) / _judged(cell)
+        distance, attribute_error = _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
+        total = error + distance + attribute_error
+        if total < smallest:
+            smallest, best, after = total, x, attribute_error
+    return best, max(0.0, before - after)
 
 
 @kernel(allocates=False)
@@ -374,7 +381,7 @@ def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
     points, feet, normals, point_attributes = observed
     steps, scale = chosen.steps[v], chosen.gaps[v]
-    vertex, n, judged = row(chosen.positions, v), len(cell), _judged(cell)
+    vertex, n = row(chosen.positions, v), len(cell)
     quadric[:], middle[:] = 0.0, 0.0
     x = y = z = 0.0
     for q in cell:
@@ -389,21 +396,9 @@ def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
             to_middle = minus(step, (x, y, z))
             squared = value(quadric, step) / n + PULL * dot(to_middle, to_middle)  # Eq. (10)
             squared = max(0.0, squared) + scale**2 * _squared_difference(point_attributes[q], middle)
-            errors[slot] = judged * np.sqrt(squared)  # Eq. (20), second term
+            errors[slot] = np.sqrt(squared)  # Eq. (20), the root
     squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z))
-    return judged * np.sqrt(max(0.0, squared) + scale**2 * _squared_difference(chosen.attributes[v], middle))
-
-
-@kernel(allocates=False)
-def _stride(cell):
-    """Return the step with which at most ten points of a cell are sampled."""
-    return -(-len(cell) // 10)
-
-
-@kernel(allocates=False)
-def _judged(cell):
-    """Return the number of points of a cell that are sampled."""
-    return -(-len(cell) // _stride(cell))
+    return np.sqrt(max(0.0, squared) + scale**2 * _squared_difference(chosen.attributes[v], middle))
 
 
 @kernel(allocates=False)
@@ -453,49 +448,51 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
 
 @kernel(allocates=False)
 def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
-    """Return the distances of a cell from the fan around an apex and those of attributes; the sum may stop at a limit.
+    """Return both parts of the mean of Eq. (20), distances and attributes, by the fan around an apex.
 
-    The first sum of Eq. (20) is that of both.
+    They are infinite if their sum is beyond a limit, and 0 if the fan is empty.
     """
-    off, differences, scale = 0.0, 0.0, chosen.gaps[v]
-    for slot in range(0, len(cell), _stride(cell)):
+    if chosen.corners[v, 0, 0] < 0:
+        return 0.0, 0.0
+    stride = -(-len(cell) // DETAIL_TRIED_ON)
+    judged = -(-len(cell) // stride)
+    distance, attribute_error, scale = 0.0, 0.0, chosen.gaps[v] / judged
+    for slot in range(0, len(cell), stride):
         q = cell[slot]
         here, smallest = row(observed.feet.T, q), np.inf
         a, second, third, s, t = minus(apex, here), 0, 0, 0.0, 0.0
-        closest, nearest = dot(a, a), -1
+        closest, owner = dot(a, a), -1
         for j, m in chosen.corners[v]:
             if j < 0:
                 break
             b, c = minus(row(chosen.positions, j), here), minus(row(chosen.positions, m), here)
             if dot(b, b) < closest:
-                closest, nearest = dot(b, b), j
+                closest, owner = dot(b, b), j
             along, across = nearest_in_triangle(a, b, c)
             squared = squared_distance(a, b, c, along, across)
             if squared < smallest:
                 smallest, second, third, s, t = squared, j, m, along, across
-        if smallest == np.inf:
-            return 0.0, 0.0
-        interpolated, at_nearest = 0.0, at_apex if nearest < 0 else chosen.attributes[nearest]
+        interpolated = 0.0
         for k in range(len(at_apex)):
-            value_there = at_apex[k]
-            value_there += s * (chosen.attributes[second, k] - at_apex[k])
-            value_there += t * (chosen.attributes[third, k] - at_apex[k])
-            interpolated += (value_there - observed.attributes[q, k]) ** 2
-        off += np.sqrt(smallest)
-        differences += DETAIL_INTERPOLATED * scale * np.sqrt(interpolated)
-        differences += DETAIL_NEAREST * scale * np.sqrt(_squared_difference(at_nearest, observed.attributes[q]))
-        if off + differences > limit:
-            break
-    return off, differences
+            at_foot = at_apex[k]
+            at_foot += s * (chosen.attributes[second, k] - at_apex[k])
+            at_foot += t * (chosen.attributes[third, k] - at_apex[k])
+            interpolated += (at_foot - observed.attributes[q, k]) ** 2
+        of_owner = _squared_difference(at_apex if owner < 0 else chosen.attributes[owner], observed.attributes[q])
+        distance += np.sqrt(smallest) / judged
+        attribute_error += scale * (DETAIL_INTERPOLATED * np.sqrt(interpolated) + DETAIL_NEAREST * np.sqrt(of_owner))
+        if distance + attribute_error > limit:
+            return np.inf, np.inf
+    return distance, attribute_error
 
 
 def farther(
     chosen: LocalSurface, placed: LocalSurface, cells: Cells, moved: Flags, feet: Floats, allowed: Floats
 ) -> NDArray[np.intp]:
-    """Return the moved points, (k,), whose cells are farther from the surface of all placed points than is allowed.
+    """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
 
-    The trees of both surfaces have the same order. Shapes: moved (m,), feet (3, n); allowed (m,) is how much farther
-    than before the points of a cell may be in the mean.
+    Those are left out whose mean distance grows by no more than is allowed. The trees of both surfaces have the same
+    order. Shapes: moved (m,), feet (3, n), allowed (m,).
     """
     is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]

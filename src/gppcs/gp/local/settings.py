@@ -17,14 +17,15 @@ ROUNDNESS_POWER = 4.0  # Of 1 - S^2 for a segregation S. The larger, the less fl
 WEIGHT_POWER = 1.15
 MAX_REFINEMENT = 8.0  # Times the usual number of candidates at most, where large weights ask for many points.
 
-# Kernel, observations and detail, Eqs. (5), (7), (18) and (19).
+# Kernel, observations and detail, Eqs. (5), (7) and (18) to (20).
 NORMAL_WEIGHT = 2.8  # beta, in desired spacings: distance of normals at a right angle. Ablation: "normals off".
 NUGGET = 1e-4  # sigma_y^2 without noise, in units of the prior variance: keeps covariances regular.
 DETAIL_DISTANCE = 2.8  # In desired spacings: distance of values of an attribute that are its whole range apart.
 DETAIL_ROUGHNESS = 0.7  # Surface variation that counts as rough as a variance of the attributes of 1.
-# Weights of an attribute that is interpolated in the fan of a place, and of that of the nearest kept point, beside 1
-# for that at the place. The first alone draws points so near to borders that the nearest one often lies across.
-DETAIL_INTERPOLATED, DETAIL_NEAREST = 0.1, 0.3
+# Weights of an attribute's errors in Eq. (20), where that at the place has 1: interpolated in the fan, and by the
+# nearest kept point. With the first alone, points lie so near to borders that the nearest one is often across.
+DETAIL_INTERPOLATED, DETAIL_NEAREST = 0.2, 0.3
+DETAIL_TRIALS, DETAIL_TRIED_ON = 20, 10  # Points of a cell that are tried, and that judge them, with attributes.
 
 # Thin parts (research/experiments.md, "thin parts").
 SHEET_SPACINGS = 2.0  # Of the cloud: distance of two sheets at least, as nearer ones mix in the plane of a point.
@@ -57,4 +58,4 @@ PLANE_POINTS = 12  # Mean number of points to which a tangent plane is fitted.
 PULL = 0.01  # eta: weight of the squared distance from the middle of the cell, beside that from the planes.
 MAX_STEP = 0.7  # In mean distances to the three nearest chosen points.
 GAP_GROWTH = 1.05  # Largest growth of the covering radius.
-TRIALS = 3  # Points of a cell that are tried. Attributes: 20; with 8 the error of the fresco is 36 % larger.
+TRIALS = 3  # Points of a cell that are tried.
