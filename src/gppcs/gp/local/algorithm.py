@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
@@ -146,6 +146,10 @@ class Criterion:
             DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight, error_weight, lengthscale, neighbours
         )
 
+    def with_thin_parts(self, fraction: float) -> Criterion:
+        """Return the weights for a cloud with this fraction of its candidates beside another sheet."""
+        return replace(self, normal_weight=self.normal_weight * (1.0 - fraction))
+
 
 class Candidates(NamedTuple):
     """What the field needs to know of n candidates."""
@@ -173,6 +177,11 @@ class Candidates(NamedTuple):
         weights = None if weights is None else weights[indices]
         detail = None if detail is None else detail.take(indices)
         return cls(indices, feet, variances, weights, detail, sheets)
+
+    @property
+    def beside_sheets(self) -> Flags:
+        """Whether each has another sheet near it, (n,)."""
+        return np.zeros(len(self.indices), dtype=np.bool_) if self.sheets is None else self.sheets.any(axis=1)
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
@@ -237,6 +246,7 @@ def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Cr
     else:
         candidates = candidates.take(tree.order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
+    criterion = criterion.with_thin_parts(float(np.mean(candidates.beside_sheets)))
     variances = candidates.variances / stage.spacing**2
     return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
 
@@ -249,7 +259,7 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     # Where candidates are not thinned, a ball could hold any number of them.
     features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
     if candidates.sheets is not None:
-        thin = candidates.sheets.any(axis=1)
+        thin = candidates.beside_sheets
         features.normals[thin] = candidates.sheets[thin]
     return features
 

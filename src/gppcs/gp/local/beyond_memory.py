@@ -394,11 +394,11 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
     """Choose the points of a further stage part by part, behind those that are chosen."""
     before, parts = len(chosen), stage.stored.parts(PART)
     with timer("features", len(stage.stored)) as on_progress:
-        variation = []
+        measured = []
         for part, of_part in zip(parts, map_parts(partial(_measure, stage), parts), strict=True):
-            variation.append(of_part)
+            measured.append(of_part)
             on_progress(stage.stored.count(part))
-        stage = _scaled(stage, np.concatenate(variation, axis=1), parts, map_parts)
+        stage = _scaled(stage, np.concatenate(measured, axis=1), parts, map_parts)
     with timer("greedy selection", stage.target - before) as on_progress:
         threshold = float(chosen["score"][-1]) if before else 1.0
         while (count := len(chosen)) < stage.target:
@@ -416,7 +416,7 @@ def _in_parts(stage: StoredStage, map_parts: MapParts, timer: Timer, chosen: NDA
 
 
 def _measure(stage: StoredStage, part: Part) -> Floats:
-    """Keep the candidates of a part and its halo with their features in a file; return how rough some are."""
+    """Keep the candidates of a part and its halo with their features in a file; return how rough and thin some are."""
     near = _near(stage, stage.halo, part)
     tree = KdTree.build(near.points / stage.spacing)
     near = near.take(tree.order)
@@ -427,13 +427,15 @@ def _measure(stage: StoredStage, part: Part) -> Floats:
     records["variation"], records["normal"] = features.surface_variation, features.normals
     write_at_once(stage.file(part), [records])
     rough = records["rough"] if stage.detail else np.zeros(len(records))
-    variation = np.stack([features.surface_variation, rough])[:, near.inside]
-    return variation[:, :: max(1, variation.shape[1] // SAMPLES)]
+    measured = np.stack([features.surface_variation, rough, candidates.beside_sheets])[:, near.inside]
+    return measured[:, :: max(1, measured.shape[1] // SAMPLES)]
 
 
-def _scaled(stage: StoredStage, variation: Floats, parts: list[Part], map_parts: MapParts) -> StoredStage:
-    """Return the stage with the scale of the field."""
-    scale = FieldScale.from_variation(variation[0], stage.criterion, variation[1])
+def _scaled(stage: StoredStage, measured: Floats, parts: list[Part], map_parts: MapParts) -> StoredStage:
+    """Return the stage with the scale of the field, by what `_measure` returns of all parts."""
+    variation, rough, beside_sheets = measured
+    stage = replace(stage, criterion=stage.criterion.with_thin_parts(float(np.mean(beside_sheets))))
+    scale = FieldScale.from_variation(variation, stage.criterion, rough)
     raw = replace(stage, scale=scale)
     squares = np.concatenate(list(map_parts(partial(_densities, raw), _evenly(parts))))
     return replace(stage, scale=scale._replace(spacing=math.sqrt(float(np.mean(squares)))))
