@@ -140,8 +140,10 @@ class Noise:
             return cls(None, within, False, 0.0, True, True, spacing)
         layers = cache(layers)
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
-        sigma, two_sheets = layers(neighbours).sigma, layers(neighbours).is_two_sheets()
-        thick = layers(NEIGHBOURS).is_thick() and not two_sheets
+        sigma, looks_thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
+        # Quadrics of fewer points than these bend toward one sheet or the other.
+        two_sheets = layers(2 * NEIGHBOURS if looks_thick else neighbours).is_two_sheets()
+        thick = looks_thick and not two_sheets
         is_below_threshold = sigma <= CLEAN * spacing
         is_negligible = (
             is_below_threshold or two_sheets or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))

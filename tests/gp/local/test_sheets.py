@@ -8,6 +8,7 @@ import pytest
 import gppcs
 from gppcs.gp.local.sheets import normals_of_sheets, toward_other_sheet
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from shapes import plate
 
@@ -44,6 +45,15 @@ def test_two_sheets_are_no_noise():
     noisy = points + outward * np.random.default_rng(0).normal(0.0, 0.2 * SPACING, (N, 1))
     assert Noise.measure(KdTree.build(points), 800, SPACING).is_negligible
     assert not Noise.measure(KdTree.build(noisy), 800, SPACING).is_negligible
+
+
+@pytest.mark.parametrize(("name", "count"), [("case", 2_000), ("plate", 2_500), ("plate", 3_500)])
+def test_sheets_are_no_noise_in_any_order_of_the_rows(name, count):
+    """Within the target spacing are fewer points than a quadric needs to lie in the middle of both sheets."""
+    points = gppcs.sample(name, n_points=N).points
+    for seed in range(3):
+        tree = KdTree.build(np.random.default_rng(seed).permutation(points))
+        assert not Noise.measure(tree, count, np.sqrt(surface_area(tree) / count)).thick
 
 
 def test_beyond_memory_thin_parts_count(tmp_path, monkeypatch):

@@ -133,7 +133,7 @@ class Criterion:
     """The weights of the selection."""
 
     density_power: float  # p: points per area go as the roughness to this power; lower for flat faces with edges
-    normal_weight: float  # beta: distance of normals at a right angle, in desired spacings; lower in the same case
+    normal_weight: float  # beta: distance of normals at a right angle, in spacings; lower then, and with thin parts
     error_weight: float  # w: weight of the error |mu - y| in the score; that of the uncertainty is 1
     lengthscale: float  # kappa: of the Matérn kernel, in desired spacings
     neighbours: int  # K: the number of chosen points on which a posterior is conditioned

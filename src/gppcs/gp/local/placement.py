@@ -1,7 +1,7 @@
 """Placement: each chosen point is exchanged for the point near it that stands best for its cell.
 
 Of the points of its cell, those with the least quadric error are tried (Eq. (10); Garland and Heckbert 1997). The one
-to whose triangles the cell lies nearest replaces it; with attributes, that with the least sum of Eq. (20). Where the
+to whose triangles the cell lies nearest replaces it; with attributes, that with the least F of Eq. (20). Where the
 cell turns out to be farther from the surface of all new points than from that of the chosen ones, by more than its
 attributes gained, the point goes back. The order of choice stays, so every prefix gains as well.
 """
@@ -128,7 +128,7 @@ def _exchanged(
 ) -> tuple[Ints, Floats, Floats]:
     """Return for which point each vertex is exchanged, -1 where it stays, all positions then, and the attributes' gain.
 
-    It is by how much their part of the sum of Eq. (20) fell, over all passes. Shapes: (m,), (m, 3) and (m,).
+    It adds by how much their part of the mean of Eq. (20) fell in each pass. Shapes: (m,), (m, 3) and (m,).
     """
     new, owners, cells = np.full(len(chosen.positions), -1), first, nearest
     gains = np.zeros(len(new))
