@@ -67,3 +67,13 @@ def test_beyond_memory_thin_parts_count(tmp_path, monkeypatch):
     assert len(np.unique(aware)) == 1_000
     monkeypatch.setattr("gppcs.gp.local.beyond_memory.has_thin_parts", lambda normals: False)
     assert len(np.intersect1d(aware, chosen())) < 900
+
+
+def test_beyond_memory_two_sheets_have_the_same_area(tmp_path):
+    """Noise is measured in spacings, which are the root of the area for each point."""
+    cloud = gppcs.sample("plate", n_points=N)
+    gppcs.write(tmp_path / "plate.ply", cloud)
+    with ThreadPoolExecutor(1) as executor:
+        beyond = gppcs.simplify(tmp_path / "plate.ply", n_points=2_000, workers=executor)
+    within = gppcs.simplify(cloud, n_points=2_000)
+    assert beyond.diagnostics["noise_in_spacings"] == pytest.approx(within.diagnostics["noise_in_spacings"], rel=0.1)

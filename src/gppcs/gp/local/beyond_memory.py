@@ -141,7 +141,6 @@ def choose_stored(
     Shapes: fixed (m,), fixed_points (m, 3) without repeats.
     """
     candidate_density *= min(1.0 / stored.mean_weight, MAX_REFINEMENT)
-    candidate_density = cells_for(candidate_density, stored.n_places, n_points, criterion.density_power)
     parts = stored.parts(2 * PART)
     chosen = np.zeros(len(fixed), dtype=CHOSEN)
     chosen["row"], chosen["place"] = fixed, fixed_points
@@ -150,7 +149,8 @@ def choose_stored(
     with timer("candidates", len(stored)) as on_progress:
         stage = _with_candidates(stage, parts, map_parts, on_progress, chosen)  # step 2
         nested = [stage]
-        while nested[-1].target > max(FIRST_STAGE, len(fixed), PART / (1.5 * candidate_density)):  # 1.5 cells on slopes
+        in_memory = PART / (1.5 * stage.candidate_density)  # there are 1.5 times as many cells on slopes
+        while nested[-1].target > max(FIRST_STAGE, len(fixed), in_memory):
             nested.append(_coarser(nested[-1], map_parts))
     chosen = _in_memory(nested.pop(), map_parts, timer, fixed)  # Eqs. (2) to (9)
     while nested:
@@ -172,7 +172,9 @@ def _surveyed(
     tree = KdTree.build(stored.sample)
     target = max(1, len(stored.sample) // SAMPLED_PER_POINT)
     alike = np.zeros(len(stored.sample), dtype=np.float32)
-    area, _ = thinned(stored.sample, alike, target, surface_area(tree), candidate_density)
+    of_sample = cells_for(candidate_density, len(stored.sample), target, criterion.density_power)
+    area, _ = thinned(stored.sample, alike, target, surface_area(tree), of_sample)
+    candidate_density = cells_for(candidate_density, stored.n_places, n_points, criterion.density_power)
     spacing, few = math.sqrt(area / n_points), _evenly(parts)
     noiseless = Noise(None, 0, False, 0.0, True, True, spacing)
     stage = StoredStage(stored, n_points, area, candidate_density, True, noiseless, criterion, None)
