@@ -181,7 +181,9 @@ class Candidates(NamedTuple):
     @property
     def beside_sheets(self) -> Flags:
         """Whether each has another sheet near it, (n,)."""
-        return np.zeros(len(self.indices), dtype=np.bool_) if self.sheets is None else self.sheets.any(axis=1)
+        if self.sheets is None:
+            return np.zeros(len(self.indices), dtype=np.bool_)
+        return np.asarray(self.sheets.any(axis=1), dtype=np.bool_)
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
