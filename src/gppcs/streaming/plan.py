@@ -79,7 +79,7 @@ def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -
     per_point = 50 if options.group is not None else 2 if options.quotas else 0
     kept = (2 * row + 120) * n_kept  # held twice with their attributes
     fixed = PROGRAM + 60_000_000 + kept + per_point * n  # with the sample, and what is chosen in it
-    per_thread = 100_000_000
+    per_thread = 95_000_000
     threads = number_of_threads()
     if limit is not None:
         threads = min(threads, max(1, (limit - fixed) // per_thread))
