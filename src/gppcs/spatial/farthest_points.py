@@ -35,8 +35,9 @@ def farthest_points(
 ) -> tuple[Ints, Floats]:
     """Choose points, (N, 3), each the farthest from all before it, (m, 3) of which are chosen already.
 
-    Ties go to the first in the order of the tree. A step skips every box that lies farther from the new point than all of the box's
-    points lie from earlier ones. Returns the indices and the distances to the points before, down to a minimum.
+    Ties go to the first in the order of the tree. A step skips every box that lies farther from the new point than all
+    points of the box lie from earlier ones. Returns the indices and the distances to the points before, down to a
+    minimum.
     """
     tree = tree or KdTree.build(points)
     squared, start = np.full(len(points), np.inf), None
