@@ -112,9 +112,10 @@ def choose_denoised(
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
     indices = sample(point_hashes(points, bits=RANDOM_BITS), n_points)
-    observed = points[indices]
     with timer("denoising"):
-        surface = denoised(observed, n_points)  # Eqs. (11) to (13)
+        tree = KdTree.build(points[indices])
+        indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)
+        surface = denoised(tree.in_own_order(), n_points)  # Eqs. (11) to (13)
         trusted = np.flatnonzero(surface.trusted)
     candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
     indices = indices[candidates]
