@@ -80,20 +80,29 @@ def representatives(
 
     Shapes: points (N, 3); returns (cells,), (cells, 3).
     """
-    cells = np.floor(points / edge).T
-    turns = np.argsort(point_hashes(points))  # in each cell, so that no sum depends on the order of the input
-    order = turns[np.argsort(point_hashes(cells.T)[turns], kind="stable")]
-    begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))
+    cells = np.floor(points / edge)
+    order = np.argsort(point_hashes(cells))
+    begins = np.flatnonzero(np.append(True, (np.diff(cells[order], axis=0) != 0).any(axis=1)))
     sizes = np.diff(np.append(begins, len(points)))
-    means = np.add.reduceat(points[order], begins) / sizes[:, None]
+    owners = np.repeat(np.arange(len(begins)), sizes)
+    means = _sums(points[order], begins) / sizes[:, None]
     if worth is None:
-        squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
+        squared = ((points[order] - means[owners]) ** 2).sum(axis=1)
         # Two points are equally near their mean; the factor makes up for rounding.
-        best = squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes)
+        best = squared <= ((1 + 1e-9) * np.minimum.reduceat(squared, begins))[owners]
     else:
-        best = worth[order] == np.repeat(np.maximum.reduceat(worth[order], begins), sizes)
-    candidates = np.flatnonzero(best)
-    indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell
+        best = worth[order] == np.maximum.reduceat(worth[order], begins)[owners]
+    candidates, owners = order[best], owners[best]
+    ranked = np.lexsort([*points[candidates].T, owners])  # ties go by coordinates
+    indices = candidates[ranked[np.searchsorted(owners, np.arange(len(begins)))]]
     ascending = np.argsort(indices)
     ascending = ascending[sizes[ascending] >= min_points]
     return indices[ascending], means[ascending]
+
+
+def _sums(points: Floats, begins: Ints) -> Floats:
+    """Return the sums of the points, (N, 3), from each beginning on, (cells, 3): of whole numbers, so of any order."""
+    exponent = 62 - len(points).bit_length() - math.frexp(float(points.max(initial=0.0)))[1]
+    return np.ldexp(
+        np.add.reduceat(np.rint(np.ldexp(points, exponent)).astype(np.int64), begins).astype(float), -exponent
+    )
