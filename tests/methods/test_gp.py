@@ -26,11 +26,12 @@ def covering_radius(points, indices):
 def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan, monkeypatch):
     """As good as one that is not placed: a prefix gains by the placement of the whole, but less than by its own.
 
-    Found for 500 and 250 of 1,000: mean distances .99 to 1.01 of the direct ones, to surfaces .79 to 1.05.
+    Found for 750, 500 and 250 of 1,000: mean distances .99 to 1.02 of the direct ones, to surfaces .79 to 1.05. If a
+    stage ended with its best points, 750 would have 1.05 to 1.1; the other two end a stage.
     """
     whole = chosen(scan, 1_000)
     monkeypatch.setattr("gppcs.gp.local.algorithm.place", lambda points, chosen, *_: chosen)
-    for size in (500, 250):
+    for size in (750, 500, 250):
         prefix, direct = (gppcs.evaluate(scan, scan[kept]) for kept in (whole[:size], chosen(scan, size)))
         assert prefix.mean_distance == pytest.approx(direct.mean_distance, rel=0.03)
         assert prefix.surface_mean < 1.15 * direct.surface_mean
