@@ -37,8 +37,8 @@ def choose_by_options(
     if count is not None and count >= len(points) and not options.constrains_points and max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
     with timer("repeats"):
-        indices, repeats = _distinct(points, constraints)
-        task = _task(points, indices, len(constraints.keep) - len(repeats), options, constraints, timer)
+        details = Details.from_cloud(PointCloud(points, constraints.columns), options.details)
+        task, indices, repeats = task_of(points, options, constraints, details, timer)
 
     def rank(n: int, spacing: float | None = None) -> Selection:
         """Choose n distinct positions, or at most n with a spacing; all of them in their order."""
@@ -136,30 +136,32 @@ def _groups(constraints: Constraints) -> tuple[Ints, int]:
     return groups, int(numbers.max()) + 1
 
 
-def _distinct(points: Floats, constraints: Constraints) -> tuple[Ints, Ints]:
-    """Return the indices of the distinct positions to choose among, those to keep first, and of repeats to keep."""
+def task_of(
+    points: Floats, options: Options, constraints: Constraints, details: Details, timer: Timer
+) -> tuple[Task, Ints, Ints]:
+    """Return the task to choose among the distinct positions of points, (N, 3), those to keep first.
+
+    Returns also the indices of these positions, (n,), and those of points to keep at the positions of others.
+    """
     keep = constraints.keep
     if constraints.weights is None and not len(keep):
-        return np.flatnonzero(first_occurrences(points)), keep
-    indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
-    is_first = first_occurrences(points.take(indices, axis=0))
-    return indices[is_first], keep[~is_first[: len(keep)]]
-
-
-def _task(points: Floats, indices: Ints, fixed: int, options: Options, constraints: Constraints, timer: Timer) -> Task:
-    """Return the task to choose among the points at some indices, (n,), the first of which are kept."""
+        indices, repeats = np.flatnonzero(first_occurrences(points)), keep
+    else:
+        indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
+        is_first = first_occurrences(points.take(indices, axis=0))
+        indices, repeats = indices[is_first], keep[~is_first[: len(keep)]]
+    fixed = len(keep) - len(repeats)
     cloud, attribute = PointCloud(points, constraints.columns), options.algorithm.reads_attribute
     arrays: dict[str, Any] = {}
     if constraints.weights is not None:
         weights = WeightRange.from_weights(constraints.weights).relative(constraints.weights)[indices]
         arrays["weights"] = np.maximum(weights, weights[weights > 0.0].min())  # those of points to keep may be 0
-    if options.details:
-        detail = Details.from_cloud(cloud, options.details).values(cloud)
-        arrays["detail"] = None if detail is None else detail.take(indices, axis=0)
+    if (detail := details.values(cloud)) is not None:
+        arrays["detail"] = detail.take(indices, axis=0)
     if attribute is not None:
         arrays["values"] = numbers_in(cloud, attribute, "to choose points by")[indices]
     distinct = points if len(indices) == len(points) and not fixed else points.take(indices, axis=0)
-    return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays)
+    return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays), indices, repeats
 
 
 def _number_of_discs(points: Floats, radius: float, minimum: int) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
@@ -134,30 +134,37 @@ def required_columns(cloud: PointCloud, options: Options) -> dict[str, NDArray[A
 
 def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
     """Return which points, (N,), are to be kept."""
-    mask = np.zeros(len(cloud), dtype=np.bool_)
     if keep is None:
-        return mask
-    if isinstance(keep, str):
-        return Expression.from_text(keep).mask(cloud)
-    expected = f"keep to be a condition, a mask of the {len(cloud):,} points, or indices"
+        return np.zeros(len(cloud), dtype=np.bool_)
+    return Expression.from_text(keep).mask(cloud) if isinstance(keep, str) else mask_of(keep, len(cloud))
+
+
+def mask_of(keep: ArrayLike, n: int) -> Flags:
+    """Return which of n points are to be kept, (n,), by a mask or indices."""
+    expected = f"keep to be a condition, a mask of the {n:,} points, or indices"
     values = array_of(keep, expected)
-    if values.dtype == np.bool_ and values.shape == (len(cloud),):
+    if values.dtype == np.bool_ and values.shape == (n,):
         return values
     if values.ndim != 1 or not (np.issubdtype(values.dtype, np.integer) or values.size == 0):
         raise ParameterError(f"expected {expected}, found {shown(keep)}")
-    outside = (values < 0) | (values >= len(cloud))
+    outside = (values < 0) | (values >= n)
     if outside.any():
-        raise ParameterError(f"expected {expected} from 0 to {len(cloud) - 1}, found {values[outside][0]}")
+        raise ParameterError(f"expected {expected} from 0 to {n - 1}, found {values[outside][0]}")
+    mask = np.zeros(n, dtype=np.bool_)
     mask[values.astype(np.int64)] = True
     return mask
 
 
 def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
-    if isinstance(weight, str):
-        return numbers_in(cloud, weight, "to weigh its points by")
-    expected = f"weight to be an attribute, or a number for each of the {len(cloud):,} points"
+    is_name = isinstance(weight, str)
+    return numbers_in(cloud, weight, "to weigh its points by") if is_name else weights_of(weight, len(cloud))
+
+
+def weights_of(weight: ArrayLike, n: int) -> Floats:
+    """Return the weight of each of n points, (n,)."""
+    expected = f"weight to be an attribute, or a number for each of the {n:,} points"
     values = array_of(weight, expected)
-    if values.shape != (len(cloud),) or values.dtype.kind not in "biuf":
+    if values.shape != (n,) or values.dtype.kind not in "biuf":
         raise ParameterError(f"expected {expected}, found {shown(weight)}")
     return as_floats(values)

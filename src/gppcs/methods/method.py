@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer
@@ -59,6 +59,10 @@ class Task:
         as a sharp edge.
     values : (N,) array, float64, optional
         Of the attribute that `Method.reads_attribute` names, if any.
+    settled : (N,) array, bool, optional
+        Points that only show where the surface is: those of finished tiles, if the points are a part of a cloud.
+    scale : object, optional
+        `Selection.scale` of a choice in a sample of the whole cloud, if the points are a part of one.
     timer : Timer
         Measures the time of each stage, and reports progress.
 
@@ -77,6 +81,8 @@ class Task:
     weights: Floats | None = None
     detail: NDArray[np.float32] | None = None
     values: Floats | None = None
+    settled: NDArray[np.bool_] | None = None
+    scale: Any = None
     timer: Timer = field(default_factory=Timer)
 
 
@@ -99,6 +105,9 @@ class Selection(ComparedByValue):
         but repeats are chosen, in the order of the cloud.
     normals : (M, 3) array, float64, optional
         Unit normals at the new positions, whose signs have no meaning, if the method finds them.
+    scale : object, optional
+        What the method measured of the whole cloud that a choice in a part of it needs. `scale.refined(other)` is that
+        of a choice of fewer points together with that of a choice of more.
     """
 
     indices: Ints
@@ -107,6 +116,7 @@ class Selection(ComparedByValue):
     attributes: Mapping[str, Floats] = field(default_factory=dict)
     ranked: bool = True
     normals: Floats | None = None
+    scale: Any = None
 
     def arranged(self, indices: Ints) -> Selection:
         """Return a selection of other indices, (K,): points that are not of this one have scores of 0."""
@@ -165,6 +175,7 @@ class Method(ABC):
     description: ClassVar[str] = ""
     source: ClassVar[str]
     supports: ClassVar[Mapping[Feature, str]] = {}
+    by_cells: ClassVar[bool] = False  # whether it chooses, with a spacing, from each cell of a grid for itself
     _bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
@@ -187,6 +198,15 @@ class Method(ABC):
     def moves_points(self) -> bool:
         """Whether the kept points get new positions."""
         return False
+
+    @property
+    def halo(self) -> tuple[float, float, float]:
+        """How far, in spacings along each axis, points may lie that matter for a choice with a spacing."""
+        return (1.0, 1.0, 1.0)
+
+    def number_at(self, area: float, spacing: float) -> int | None:
+        """Return how many points of a surface have a spacing, if its area tells; None if the choice does."""
+        return None
 
     @property
     def reads_attribute(self) -> str | None:
