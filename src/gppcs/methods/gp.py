@@ -117,12 +117,13 @@ class LocalGP(Method):
 
 def _number_at(task: Task) -> int:
     """Return how many points have a spacing on the surface, whose area is that of a sample."""
-    from gppcs.gp.local.candidates import sample
+    from gppcs.gp.local.candidates import RANDOM_BITS, sample
     from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.samples import point_hashes
     from gppcs.spatial.spacing import surface_area
 
     assert task.spacing is not None
     points = task.points
-    indices = sample(points, 1)
-    area = surface_area(KdTree.build(points if len(indices) == len(points) else points[indices]))
+    indices = sample(point_hashes(points, bits=RANDOM_BITS), 1)
+    area = surface_area(KdTree.build(points[indices]))
     return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

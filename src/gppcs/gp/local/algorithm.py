@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Stage, cells_for, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
@@ -28,6 +28,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import point_hashes
 from gppcs.surface.noise import Noise
 from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -55,9 +56,7 @@ def choose(
     surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
     noise, detail = surveyed.noise, surveyed.detail
     with timer("candidates"):
-        stages = nested_candidates(
-            points, surveyed.sharpness, n_points, surveyed.area, candidate_density, fixed
-        )  # step 2
+        stages = nested_candidates(points, surveyed.ranks, n_points, surveyed.area, candidate_density, fixed)  # step 2
     sheets, last = None, stages[-1]
     if not noise.thick:
         with timer("features"):
@@ -112,10 +111,11 @@ def choose_denoised(
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
-    indices = sample(points, n_points)
-    observed = points[indices]
+    indices = sample(point_hashes(points, bits=RANDOM_BITS), n_points)
     with timer("denoising"):
-        surface = denoised(observed, n_points)  # Eqs. (11) to (13)
+        tree = KdTree.build(points[indices])
+        indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)
+        surface = denoised(tree.in_own_order(), n_points)  # Eqs. (11) to (13)
         trusted = np.flatnonzero(surface.trusted)
     candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
     indices = indices[candidates]

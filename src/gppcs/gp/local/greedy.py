@@ -94,7 +94,7 @@ def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int,
     _, variances, scores = posterior_of_all(field, conditioning, error_weight)
     count = len(tree.lower)
     state = GreedyState(
-        tree.order, conditioning, variances, scores, conditioning.squared[:, -1].copy(),
+        conditioning, variances, scores, conditioning.squared[:, -1].copy(),
         np.zeros(len(scores), dtype=bool), np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
@@ -298,7 +298,7 @@ def _is_deferred(new, part, deferred, field, state, parts):
 def _affected(new, root, field, state, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(state.scores), first_leaf(state.best)
-    score, index = state.scores[new], state.order[new]
+    score = state.scores[new]
     x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
     node = root
     while node:
@@ -310,7 +310,7 @@ def _affected(new, root, field, state, parts):
             node *= 2
             continue
         for other in range(*leaf_range(n, leaves, node)):
-            better = parts.seen[other] > score or (parts.seen[other] == score and state.order[other] < index)
+            better = parts.seen[other] > score or (parts.seen[other] == score and other < new)
             if better and _gap(field, new, other) < squared:
                 return True
         node = after(node, root)

@@ -35,7 +35,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for
-from gppcs.spatial.samples import is_drawn
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
@@ -67,7 +67,7 @@ def place(
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
-        drawn = np.flatnonzero(is_drawn(np.arange(len(points)), fraction))
+        drawn = np.flatnonzero(point_hashes(points, seed=1, bits=32) < np.uint64(fraction * 2**32))
         detail = None if detail is None else detail.take(drawn, axis=0)
         cells = KdTree.build(points[drawn])
         new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
