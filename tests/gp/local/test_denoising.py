@@ -105,7 +105,6 @@ def test_the_result_does_not_depend_on_threads():
         ({"max_gap": "1%"}, "`denoise` without `max_gap`, found both"),
         ({"keep": [1]}, "`denoise` without `keep`, found both"),
         ({"quota": {"z > 0": 5}}, "`denoise` without `quota`, found both"),
-        ({"group": "number"}, "`denoise` without `group`, found both"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused(options, told):

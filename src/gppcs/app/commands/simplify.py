@@ -55,7 +55,6 @@ def simplify(
     weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
     quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
-    group: Annotated[str | None, from_field("group", CHOICE, "NAME")] = None,
     invalid: options.Invalid = "error",
     drop_outliers: Annotated[bool, from_field("drop_outliers", CHOICE, None, "--drop-outliers")] = False,
     method: Annotated[
@@ -162,7 +161,7 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
     """Check that the options go together of which the library does not know."""
     if arguments["mark"] == "":
         raise ParameterError("expected --mark with the name of an attribute, found nothing")
-    sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group")
+    sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota")
     for name, excluded in {"mark": ("index", "rank", "order", "normals", "scores"), "levels": (*sizes, "mark")}.items():
         for other in excluded:
             if arguments[name] and arguments[other]:
