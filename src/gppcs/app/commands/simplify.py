@@ -18,7 +18,7 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --tolerance 0.5%\n\n"
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
-    "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
+    "gppcs simplify scans -o small/ --points 5k\n\n"
     f"[bold]Methods[/bold] (gppcs methods NAME explains one): {', '.join(METHODS.built_in)}"
 )
 
@@ -29,7 +29,7 @@ def simplify(
         str,
         option(
             "The file to write; several inputs are then one cloud. For a result of each input: a folder, with a slash "
-            "behind a new one, or a pattern with {stem} (the name without suffix), {name}, {suffix} or {parent}.",
+            "behind a new one.",
             None,
             "--output",
             "-o",
