@@ -9,6 +9,7 @@ from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
+from scans import sample
 
 NOISE = 0.01
 
@@ -56,7 +57,7 @@ def test_kept_points_come_nearer_to_the_surface_by_a_factor(shape):
 
 
 def test_outliers_do_not_widen_the_neighbourhood():
-    with_outliers = gppcs.sample("statue", 100_000, noise=0.002, outliers=0.05)
+    with_outliers = sample("statue", 100_000, noise=0.002, outliers=0.05)
     assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY_POINTS
 
 
