@@ -128,7 +128,6 @@ def simplify(
     weight: str | ArrayLike | None = None,
     detail: str | Mapping[str, float] | None = None,
     quota: Mapping[str, float | str] | None = None,
-    group: str | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",

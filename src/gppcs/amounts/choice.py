@@ -11,9 +11,8 @@ import numpy as np
 
 from gppcs.amounts.accuracy import fewest_points
 from gppcs.amounts.constraints import Constraints, WeightRange
-from gppcs.amounts.groups import choose_groups, group_numbers
 from gppcs.amounts.options import Options
-from gppcs.amounts.quotas import EXCLUDED, choose_quotas
+from gppcs.amounts.quotas import choose_quotas
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.lookup import numbers_in
 from gppcs.clouds.quantities import Length, Scale
@@ -50,7 +49,7 @@ def choose_by_options(
         return replace(selection, indices=indices[selection.indices])
 
     if count is not None:
-        if not options.quotas and options.group is None:
+        if not options.quotas:
             check_count(count, len(constraints.keep), constraints.n_usable(len(points)))
         selection = choose_number(
             count,
@@ -84,14 +83,12 @@ def choose_number(
     rank: Callable[[int], Selection],
     unchosen: Callable[[Ints, int], Ints],
 ) -> Selection:
-    """Choose a number of points: by quotas, in whole groups, or the first of a ranking.
+    """Choose a number of points: by quotas, or the first of a ranking.
 
     `rank` chooses a number of distinct positions, those to keep first; `repeats` are indices to keep at the positions
     of others. `unchosen` returns a number of indices besides those that are chosen, where there are too few positions.
     """
     fixed = len(constraints.keep) - len(repeats)
-    if options.group is not None:
-        return choose_groups(*_groups(constraints), fixed, count, rank)
     if options.quotas:
         assert constraints.labels is not None
         selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
@@ -124,16 +121,6 @@ def _with_repeats(selection: Selection, repeats: Ints, fixed: int) -> Selection:
 def _extended(selection: Selection, indices: Ints) -> Selection:
     """Return a selection with further points at its end, which the method did not choose."""
     return selection.arranged(np.concatenate([selection.indices, indices]))
-
-
-def _groups(constraints: Constraints) -> tuple[Ints, int]:
-    """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
-    assert constraints.labels is not None
-    usable = constraints.labels != EXCLUDED
-    numbers = group_numbers([values[usable] for values in constraints.groups])
-    groups = np.full(len(usable), int(numbers.max()) + 1)
-    groups[usable] = numbers
-    return groups, int(numbers.max()) + 1
 
 
 def task_of(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import quota_labels
 from gppcs.clouds.cloud import PointCloud, array_of
@@ -33,7 +32,6 @@ class Constraints:
     # (n, ...), the attributes that count as detail, or that the method reads.
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: NDArray[np.uint8] | None = None  # (n,), the quota of each point; see `quota_labels`
-    groups: Sequence[NDArray[Any]] = ()  # (n,) each, the attributes whose equal values make groups
 
     @classmethod
     def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
@@ -44,10 +42,9 @@ class Constraints:
             weights = _weights(cloud, options.weight)[indices]
             usable = indices[keep | (weights > 0.0)]
         columns = {name: values[indices] for name, values in required_columns(cloud, options).items()}
-        if options.quotas or options.group is not None:
+        if options.quotas:
             labels = quota_labels(cloud, usable, options.quotas)[indices]
-        groups = group_columns(cloud, options.group) if options.group is not None else []
-        return cls(np.flatnonzero(keep), weights, columns, labels, [values[indices] for values in groups])
+        return cls(np.flatnonzero(keep), weights, columns, labels)
 
     def usable(self, n: int) -> Ints:
         """Return the indices, ascending, of those of the n points that may be kept."""

@@ -31,15 +31,15 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     with suppress(MissingExtraError):  # raised after all kernels
         gppcs.evaluate_mesh(original, light)
     mesh(original, tolerance="2%")
-    mesh(sample("room", 40_000), n_points=4_000, moved=True)  # which takes most steps of a mesh
+    mesh(sample("village", 40_000), n_points=4_000, moved=True)  # which takes most steps of a mesh
     mesh(sample("fan", 10_000, noise=0.002), n_points=1_000, moved=True)  # some triangles of which relax
     mesh(sample("bracket", PREPARATION_POINTS), n_points=500)  # whose drilled holes are tried as small handles
-    stray = sample("statue", 30_000, noise=0.001, outliers=0.01)
+    stray = sample("fan", 30_000, noise=0.001, outliers=0.01)
     mesh(stray, n_faces=2_000, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
-    simplify(stray, ratio=0.02, denoise=True)
+    simplify(original, ratio=0.02, denoise=True)
     simplify(original, ratio=0.1, detail="rgb")
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba

@@ -75,7 +75,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
 def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
     """Return the plan with the points on disk, given that in memory and the bytes of a point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
-    per_point = 50 if options.group is not None else 2 if options.quotas else 0
+    per_point = 2 if options.quotas else 0
     kept = (2 * row + 120) * n_kept  # held twice with their attributes
     fixed = PROGRAM + 60_000_000 + kept + per_point * n  # with the sample, and what is chosen in it
     per_thread = 95_000_000
