@@ -36,7 +36,8 @@ def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str | None = None) 
     """Write a COPC file of a cloud in memory, which `stored` has returned."""
     header = las.header_of(cloud)
     records = las.records_of(cloud, header)
-    if levels_by is None and _is_ranking(rank := cloud.attributes.get("rank")):
+    rank = cloud.attributes.get("rank")
+    if levels_by is None and rank is not None and _is_ranking(rank):
         records, levels_by = records[np.argsort(rank)], "order"
     is_even = levels_by != "order"
     if is_even and len(records) > BLOCK:
@@ -44,9 +45,9 @@ def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str | None = None) 
     write_octree(file, header, records, is_even)
 
 
-def _is_ranking(rank: NDArray[Any] | None) -> bool:
+def _is_ranking(rank: NDArray[Any]) -> bool:
     """Return whether an attribute numbers the points, as that of `gppcs simplify --rank` does."""
-    return rank is not None and rank.dtype.kind in "iu" and rank.ndim == 1 and len(np.unique(rank)) == len(rank)
+    return rank.dtype.kind in "iu" and rank.ndim == 1 and len(np.unique(rank)) == len(rank)
 
 
 def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any], is_even: bool) -> None:
