@@ -28,23 +28,31 @@ def open_parquet(file: BufferedReader) -> Reader:
 
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
+        _check_names(table.schema_arrow.names)
         count = table.metadata.num_rows
         return _reader(table.schema_arrow, lambda n: table.iter_batches(min(n, _ROWS)), count)
 
 
 def open_feather(file: BufferedReader) -> Reader:
     """Open a Feather file of version 2, which is an Arrow file."""
+    require_pyarrow()
+    import pyarrow.dataset
+
     with _reported():
-        table = require_pyarrow().ipc.open_file(file)
+        table = pyarrow.ipc.open_file(file)
+        _check_names(table.schema.names)
+        count = pyarrow.dataset.IpcFileFormat().make_fragment(file).count_rows()
         batches = range(table.num_record_batches)
-        return _reader(table.schema, lambda n: map(table.get_batch, batches))
+        return _reader(table.schema, lambda n: map(table.get_batch, batches), count)
 
 
-def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | None = None) -> Reader:
-    """Return a reader of a table, whose batches have at most n rows."""
-    names = list(schema.names)
+def _check_names(names: list[str]) -> None:
     if len(set(names)) < len(names):
         raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
+
+
+def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int) -> Reader:
+    """Return a reader of a table, whose batches have at most n rows."""
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:
@@ -54,7 +62,7 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | N
                 if batch.num_rows:
                     yield from at_most(n, [_cloud(batch)])
                 done += batch.num_rows
-            if count is not None and done != count:
+            if done != count:
                 raise ends_early("row", done, count)
             if not done:
                 yield empty

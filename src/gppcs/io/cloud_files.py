@@ -66,10 +66,14 @@ class _Opened:
             return sum(map(len, self.reader.chunks(BLOCK))), True
         if self.reader.n_points is not None and not is_part:
             return self.reader.n_points, True
-        first = self.first()
-        if self.reader.at_once or len(first) < BLOCK:
+        if self.reader.at_once:
+            return len(self.first()), True
+        chunks = filter(len, self.reader.chunks(BLOCK))
+        first = next(chunks, ())
+        position = self.file.tell()
+        if next(chunks, None) is None:
             return len(first), True
-        return round(len(first) * self.size / max(1, self.file.tell())), False
+        return round(len(first) * self.size / max(1, position)), False
 
 
 class CloudFiles:
