@@ -69,9 +69,21 @@ def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         file.seek(0)
-        return read_records(file, record, n_points, n, span=span)
+        for cloud in read_records(file, record, n_points, n, span=span):
+            _check_places(cloud)
+            yield cloud
 
     return Reader(chunks, n_points, spans=partial(equal_spans, n_points))
+
+
+def _check_places(cloud: PointCloud) -> None:
+    """Check that coordinates may be metres around a sensor, which is all that distinguishes bare records from others."""
+    sizes = np.abs(cloud.points[cloud.points != 0.0])
+    if len(sizes) and not (sizes.max() < 1e6 and np.median(sizes) > 1e-6):
+        raise FileFormatError(
+            f"expected coordinates of metres around a sensor, found {np.median(sizes):g} as the median of their sizes, "
+            f"and {sizes.max():g} as the largest; the file is in another format: leave out `format`, or name that"
+        )
 
 
 def _reported() -> AbstractContextManager[None]:
