@@ -77,7 +77,7 @@ def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
 
 
 def _check_places(cloud: PointCloud) -> None:
-    """Check that coordinates may be metres around a sensor, which is all that distinguishes bare records from others."""
+    """Check that coordinates may be metres around a sensor: nothing else tells bare records from other bytes."""
     sizes = np.abs(cloud.points[cloud.points != 0.0])
     if len(sizes) and not (sizes.max() < 1e6 and np.median(sizes) > 1e-6):
         raise FileFormatError(

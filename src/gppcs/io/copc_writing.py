@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.io import copc, las
 from gppcs.io.format import Format
-from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of
+from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, kind_of
 from gppcs.io.laz import chunks_of
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any],
     import laspy
     import lazrs
 
-    header, info = deepcopy(header), laspy.VLR("copc", 1, "copc info", bytes(160))
+    header, info = dated(header), laspy.VLR("copc", 1, "copc info", bytes(160))
     header.vlrs.insert(0, info)
     header.are_points_compressed = True
     writer: Any = laspy.LazBackend.LazrsParallel.create_writer(file, header)
