@@ -23,7 +23,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import coordinate_type, default_names
+from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
 
@@ -309,7 +309,7 @@ def stored_of(
             columns = dict(zip((*COLOUR, "alpha"), colours.T, strict=False))
             stored = replace(stored, attributes={**stored.attributes, **columns})
     if not single:
-        return stored
+        return with_digits(stored)
     origin = origin_of(stored.points)
     with np.errstate(over="ignore"):
         return replace(stored, points=(stored.points - origin).astype(np.float32).astype(np.float64) + origin)
