@@ -103,7 +103,7 @@ class CloudFiles:
         self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
         self._paths = [file for path in paths for file in files_of(file_path(path))]
         self._span: Span | None = None  # the part of a single file that is read
-        self._header: Header | None = None  # of the first file that has one
+        self._header: Header | None = None  # of the first file with a coordinate system
         self._opened: dict[Path, _Opened] = {}
 
     def __enter__(self) -> CloudFiles:
@@ -198,6 +198,7 @@ class CloudFiles:
         """Return each file, or parts of about n points of a file, by itself."""
         parts = []
         header = self.preview.header if self._assume_same_crs else None
+        header = header if header and header.crs else None
         for path in self._paths:
             with self._reading(path) as opened:
                 spans = [] if opened.is_copy else opened.reader.spans(n)
@@ -210,11 +211,13 @@ class CloudFiles:
         return parts
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
-        """Return a cloud with the header of the first file, if its coordinate system counts for all files.
+        """Return a cloud with the first header of a coordinate system, if that counts for all files.
 
         A cloud whose attributes are to be read in another way keeps its own header, which says so.
         """
         if not self._assume_same_crs or cloud.header is None:
+            return cloud
+        if self._header is None and cloud.header.crs is None:
             return cloud
         first = self._header = self._header or cloud.header
         ours, theirs = first.conventions, cloud.header.conventions

@@ -79,6 +79,14 @@ class LasHeader(Header):
         records = [*self.las.vlrs, *(self.las.evlrs or [])]
         return next((r.record_data_bytes() for r in records if kind_of(r) == (_PROJECTION, number)), b"")
 
+    def with_crs_of(self, other: Header | None) -> LasHeader:
+        """Return this header, with the coordinate system of another if it has none."""
+        if self.crs or not isinstance(other, LasHeader):
+            return self
+        las = deepcopy(self.las)
+        las.vlrs += [record for record in (*other.las.vlrs, *(other.las.evlrs or [])) if record.user_id == _PROJECTION]
+        return LasHeader(las)
+
     @property
     def wkt(self) -> str:
         """The coordinate reference system as WKT; empty if the file has none."""

@@ -123,7 +123,7 @@ def _store(
     if header is None:
         raise InputError(f"{target}: expected points with finite coordinates, found none")
     invalid = [f"points with NaN or infinite coordinates ({n_invalid:,})"] if n_invalid else []
-    return header, [*invalid, *changes]
+    return header.with_crs_of(columns.header), [*invalid, *changes]
 
 
 def _are_rescaled(cloud: PointCloud, stored: PointCloud) -> bool:
