@@ -86,7 +86,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         "method": result.method.name,
         "parameters": dataclasses.asdict(result.method),
         "readings": plan.readings,
-        **record_of_run(result.diagnostics, result.seconds),
+        **record_of_run(result.diagnostics, timer.seconds),
     }
     return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
 
