@@ -50,6 +50,15 @@ def test_points_in_small_batches_are_counted(folder, suffix, rows):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_long_text_that_many_points_share_is_refused(folder, suffix):
+    zeros = pa.array(np.zeros(20_000))
+    label = pa.DictionaryArray.from_arrays(pa.array(np.zeros(20_000, np.int32)), pa.array(["a" * 60_000]))
+    path = stored(folder / f"long{suffix}", pa.table({"x": zeros, "y": zeros, "z": zeros, "label": label}))
+    with pytest.raises(FileFormatError, match="'label', found one of 60,000 characters"):
+        read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
     import pandas
 

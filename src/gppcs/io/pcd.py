@@ -54,7 +54,9 @@ def open_pcd(file: BufferedReader) -> Reader:
             clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
         return map(_with_channels, clouds)
 
-    return Reader(chunks, n_points, at_once=encoding == "binary_compressed")
+    is_compressed = encoding == "binary_compressed"
+    memory = n_points * record.itemsize if is_compressed else 0
+    return Reader(chunks, n_points, at_once=is_compressed, memory=memory)
 
 
 def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
