@@ -356,4 +356,4 @@ def _result(
     if options.order != "importance":
         positions = in_order(kept, indices, options.order)
         indices, kept = indices[positions], kept.take(positions)
-    return Result(indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)
+    return Result(indices, kept, method, dict(timer.seconds), diagnostics, outliers, is_ranked, n)

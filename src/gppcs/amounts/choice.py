@@ -21,6 +21,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.methods import Feature, Selection, Task
+from gppcs.methods.method import selected
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
@@ -43,7 +44,7 @@ def choose_by_options(
         """Choose n distinct positions, or at most n with a spacing; all of them in their order."""
         if n >= len(task.points) and spacing is None:
             return Selection(np.arange(len(task.points)), ranked=False)
-        return method(replace(task, n_points=n, spacing=spacing))
+        return selected(method, replace(task, n_points=n, spacing=spacing))
 
     def in_cloud(selection: Selection) -> Selection:
         return replace(selection, indices=indices[selection.indices])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer
+from gppcs.errors import ParameterError
 from gppcs.methods.parameters import WIDTH, check_parameter, completed, described
 
 if TYPE_CHECKING:
@@ -228,6 +229,23 @@ class Method(ABC):
     def memory(self, n: int, n_points: int) -> int:
         """Return about how many bytes a call takes to choose M of n points, beyond the points themselves."""
         return self._bytes_per_point * n
+
+
+def selected(method: Method, task: Task) -> Selection:
+    """Let a method choose, and check that it chose as many different points as it must, also if others wrote it."""
+    import numpy as np
+
+    selection, n = method(task), len(task.points)
+    indices = np.asarray(getattr(selection, "indices", ()))
+    are_indices = indices.ndim == 1 and indices.dtype.kind in "iu" and bool(((indices >= 0) & (indices < n)).all())
+    n_different = len(np.unique(indices)) if are_indices else 0
+    if n_different < len(indices) or (len(indices) != task.n_points if task.spacing is None else not len(indices)):
+        expected = f"{task.n_points:,}" if task.spacing is None else "1 or more"
+        raise ParameterError(
+            f"expected a Selection of {expected} different indices from 0 to {n - 1:,} from method {method.name!r}, "
+            f"found {len(indices):,}, {n_different:,} of which are different ones; report this to its authors"
+        )
+    return selection
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> Ints:

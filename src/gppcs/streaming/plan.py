@@ -49,9 +49,9 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if options.workers is not None and files.reads_standard_input:
         raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
-    format_name, size = files.at_once
-    if format_name and limit is not None and PROGRAM + size > limit:  # before it is read
-        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {format_name} files are read as a whole", limit)
+    size = files.at_once[1]
+    if size and limit is not None and PROGRAM + size > limit:  # before it is read
+        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as the files are unpacked as a whole", limit)
     preview, n = files.preview, files.n_points
     if files.query and not n:
         raise files.query.nothing_found()
