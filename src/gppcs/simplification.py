@@ -233,19 +233,7 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    from gppcs.streaming.beyond_memory import choose_beyond_memory
-    from gppcs.streaming.scratch import scratch_folder
-    from gppcs.streaming.workers import map_over_parts
-
-    check_order(files.preview, options.order)
-    if options.scores:
-        _check_scores(files.preview)
-    with (
-        scratch_folder(options.scratch, plan.disk) as folder,
-        map_over_parts(options.workers, plan.threads) as map_parts,
-    ):
-        choice = choose_beyond_memory(files, options, plan, folder, map_parts, timer)
-    return _result(*choice, options, timer)
+    raise NotImplementedError
 
 
 def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:

@@ -7,8 +7,6 @@ quality before you commit it.
 import hashlib
 import json
 import os
-import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -32,7 +30,6 @@ SAMPLES = {
 }
 SCANS = ("bunny", "anchor_dense", "lion_takanawa", "nyu_basement")
 METHODS = ("gp", "gp-spectral", "fps", "voxel", "hc", "qem")
-BEYOND_MEMORY = ("medallion", "terrain")
 
 
 @cache
@@ -50,13 +47,6 @@ def digest(indices):
 
 def in_memory(name, method):
     return digest(gppcs.simplify(cloud_of(name), ratio=0.05, method=method).indices)
-
-
-def beyond_memory(name):
-    """The choice with the points on disk, which workers ask for."""
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as executor:
-        gppcs.write(f"{folder}/cloud.ply", cloud_of(name))
-        return digest(gppcs.simplify(f"{folder}/cloud.ply", ratio=0.05, workers=executor).indices)
 
 
 def blas():
@@ -79,15 +69,8 @@ def test_a_method_chooses_what_it_chose(name, method):
     assert in_memory(name, method) == golden[name][method]
 
 
-@pytest.mark.parametrize("name", BEYOND_MEMORY)
-def test_the_choice_beyond_memory_is_what_it_was(name):
-    assert beyond_memory(name) == json.loads(TABLE.read_text())[name]["gp beyond memory"]
-
-
 if __name__ == "__main__":
     table = {"blas": blas()}
     for name, method in cases():
         table.setdefault(name, {})[method] = in_memory(name, method)
-    for name in BEYOND_MEMORY:
-        table[name]["gp beyond memory"] = beyond_memory(name)
     TABLE.write_text(json.dumps(table, indent=2) + "\n")

@@ -5,24 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
 import gppcs
 from gppcs import METHODS, PointCloud, mesh, sample, simplify
-from gppcs.amounts.options import Options
-from gppcs.engine.timer import Timer
 from gppcs.errors import MissingExtraError
 from gppcs.evaluation.comparison import PREPARATION_POINTS
-from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods.hc.clustering import hierarchical_clusters
-from gppcs.simplification import simplify_files
 from gppcs.spatial.kdtree import KdTree
-from gppcs.streaming.plan import make_plan
 from gppcs.surface.surface_variation import features_in_radius
 
 
@@ -49,24 +41,12 @@ def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
     simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
     simplify(stray, ratio=0.02, denoise=True)
     simplify(original, ratio=0.1, detail="rgb")
-    _beyond_memory(stray)
     hierarchical_clusters(original.points, size=10, variation=0.1)
     original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     gppcs.info(PointCloud(original.points))
     simplify(original.points, ratio=0.5, method="random")
     folders = {path for kernel in _loaded() if (path := kernel.stats.cache_path)}
     return sum(map(_compilations, _loaded())) - before, sorted(folders)
-
-
-def _beyond_memory(cloud: PointCloud) -> None:
-    """Compile what only clouds beyond memory need: simplify one as if it were."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "scan.las"
-        gppcs.write(path, cloud, lossy=True)
-        for method in ("gp", "fps", "voxel", "random"):
-            options = Options(n_points=len(cloud) // 50, method=method, drop_outliers=True)
-            with CloudFiles([path]) as files:
-                simplify_files(files, options, replace(make_plan(files, options), in_memory=False), Timer())
 
 
 def _loaded() -> list[Any]:

@@ -9,7 +9,6 @@ from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
-    from gppcs.engine.arrays import Floats
     from gppcs.gp.local.algorithm import Criterion
 
 
@@ -46,7 +45,6 @@ class LocalGP(Method):
         Feature.KEEP: "The others are chosen where the points to keep are not.",
         Feature.WEIGHT: "The density of the kept points is multiplied by the weight.",
         Feature.DETAIL: "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
-        Feature.FILES: "Other points than in memory, chosen equally well.",
         Feature.DENOISE: "Points are chosen where the surface lies most probably, and moved there.",
         Feature.SCORES: "The score, and the standard deviation relative to the prior, when the point was chosen.",
     }
@@ -86,20 +84,14 @@ class LocalGP(Method):
 
         from gppcs.engine.helpers import helped
         from gppcs.gp.local.algorithm import choose, choose_denoised
-        from gppcs.gp.local.beyond_memory import choose_stored
         from gppcs.gp.local.first_run import compile_choice, compile_placement
         from gppcs.gp.local.greedy import PART_POINTS
 
-        timer, stored, count = task.timer, task.stored, task.n_points
+        timer, count = task.timer, task.n_points
         if task.spacing is not None:
             with timer("tree"):
-                count = _number_at(task.points if stored is None else stored.sample, task)
-        if stored is not None:
-            indices = np.empty(0, dtype=np.int64) if task.indices is None else task.indices
-            ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, timer, task.map_parts, indices, task.points
-            )
-        elif count < len(task.points) and self.denoise:
+                count = _number_at(task)
+        if count < len(task.points) and self.denoise:
             ranking = choose_denoised(
                 task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
             )
@@ -128,13 +120,14 @@ class LocalGP(Method):
         return 16 * n + max(sampled + ranked, placed)
 
 
-def _number_at(points: Floats, task: Task) -> int:
-    """Return how many points have a spacing on the surface, whose area is that of a sample, (n, 3)."""
+def _number_at(task: Task) -> int:
+    """Return how many points have a spacing on the surface, whose area is that of a sample."""
     from gppcs.gp.local.candidates import sample
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import surface_area
 
     assert task.spacing is not None
+    points = task.points
     indices = sample(points, 1)
     area = surface_area(KdTree.build(points if len(indices) == len(points) else points[indices]))
     return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

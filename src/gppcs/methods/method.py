@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.engine.arrays import Floats, Ints
-    from gppcs.spatial.boxes import MapParts
-    from gppcs.spatial.stored import StoredPoints
 
 RANKING = "The first k kept points are a simplification to k points, for any k."
 
@@ -33,7 +31,6 @@ class Feature(StrEnum):
     KEEP = "keep"  # it keeps given points
     WEIGHT = "weight"  # it weighs points
     DETAIL = "detail"  # it looks at attributes beside the shape
-    FILES = "files"  # it takes points on disk
     DENOISE = "denoise"  # it moves points onto the surface below their noise, by its parameter `denoise`
     SCORES = "scores"  # it reports the attributes `SCORES` of each chosen point
 
@@ -48,7 +45,7 @@ class Task:
     Attributes
     ----------
     points : (N, 3) array, float64
-        Finite and without repeats, about of unit size. If the points are `stored`, only those to keep, (fixed, 3).
+        Finite and without repeats, about of unit size.
     n_points : int
         M, from 1 to N - 1; N if there is a `spacing` instead.
     spacing : float, optional
@@ -64,13 +61,6 @@ class Task:
         Of the attribute that `Method.reads_attribute` names, if any.
     timer : Timer
         Measures the time of each stage, and reports progress.
-    stored : StoredPoints, optional
-        Points on disk, where they do not fit into memory, for methods that support `Feature.FILES`. They may repeat
-        each other; the method chooses all different places if there are no more than M.
-    indices : (fixed,) array, int64, optional
-        Indices of the points to keep, if the points are stored.
-    map_parts : callable
-        Applies a function to each part of stored points, like `map`: in threads, processes or on a cluster.
 
     Examples
     --------
@@ -88,9 +78,6 @@ class Task:
     detail: NDArray[np.float32] | None = None
     values: Floats | None = None
     timer: Timer = field(default_factory=Timer)
-    stored: StoredPoints | None = None
-    indices: Ints | None = None
-    map_parts: MapParts = map
 
 
 @dataclass(frozen=True, eq=False)

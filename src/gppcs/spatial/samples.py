@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.boxes import Part
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest import squared_radii
 from gppcs.spatial.scaling import bounds
-
-if TYPE_CHECKING:
-    from gppcs.spatial.stored import StoredPoints
 
 HASHES = float(2**64)
 
@@ -66,19 +58,6 @@ def _mark_drawn(begin, end, indices, limit, drawn):
     """Fill `drawn`, (n,), for a range of indices: whether their random numbers are below a limit."""
     for i in range(begin, end):
         drawn[i] = _hash(np.uint64(indices[i])) < limit
-
-
-def smallest_numbers(stored: StoredPoints, count: int, seed: int, even: bool, part: Part) -> tuple[Floats, Ints]:
-    """Return the smallest exponential random numbers of a part, over areas if even, and the indices."""
-    near = stored.near(part)
-    if even:  # with a halo that holds the neighbours of 99 % of the points
-        near = stored.near(part, float(np.sqrt(np.quantile(squared_radii(KdTree.build(near.points)), 0.99))))
-    numbers = -np.log((point_hashes(near.points, seed) + 0.5) / HASHES)
-    if even:
-        numbers /= squared_radii(KdTree.build(near.points))
-    inside = np.flatnonzero(near.inside)
-    order = inside[np.argsort(numbers[inside], kind="stable")[:count]]
-    return numbers[order], near.indices[order]
 
 
 def even_sample(points: Floats, usable: Flags, step: int) -> Ints:

@@ -19,7 +19,6 @@ from gppcs.engine.threads import number_of_threads
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Feature
-from gppcs.spatial.stored import RECORD
 
 PROGRAM = 180_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
 CHUNK = 1 << 17  # Points of a chunk that is read. It does not depend on the memory, nor do results.
@@ -88,7 +87,7 @@ def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -
         needed = memory if options.workers is not None else min(memory, in_memory.memory)
         expected = f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points"
         raise _too_little(expected, limit, "keep fewer points")
-    disk = (RECORD.itemsize + 8 * n_columns) * n + 3000 * n_kept  # the latter for candidates
+    disk = (32 + 8 * n_columns) * n + 3000 * n_kept  # the latter for candidates
     readings = in_memory.readings + 1
     return replace(in_memory, in_memory=False, memory=memory, disk=disk, threads=threads, readings=readings)
 
@@ -131,4 +130,4 @@ def _reason(files: CloudFiles, options: Options) -> str | None:
         return f"the format {format_name}"
     if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(preview, options).values()):
         return "detail that is not a number for each point"
-    return None if Feature.FILES in options.algorithm.supports else f"method {options.algorithm.name!r}"
+    return None if Feature.KEEP in options.algorithm.supports else f"method {options.algorithm.name!r}"
