@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 from gppcs.engine import kernel_cache
 from gppcs.engine.threads import number_of_threads, set_threads
 
-Part: TypeAlias = tuple[Callable[..., object], *tuple[str | int, ...]]  # a function of a module, and its arguments
+Part: TypeAlias = tuple[Callable[..., object], *tuple[Any, ...]]  # a function of a module, and its arguments, as JSON has them
 
 _is_helper = False
 _blocks: list[tuple[tuple[Part, ...], contextlib.ExitStack]] = []  # the one that runs, until it has called helpers

@@ -47,7 +47,6 @@ NEEDLESS_PASSES = {
     "Rewrite dynamic raises",
     "dead_branch_prune",
     "find_literally",
-    "inline_inlinables",
     "inline_overloads",
     "literal_unroll",
     "rewrite_semantic_constants",
@@ -55,7 +54,7 @@ NEEDLESS_PASSES = {
 }
 
 
-def dispatcher_of(function: FunctionType, options: dict[str, Any]) -> Any:
+def dispatcher_of(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Return what compiles a function when it is first called with arguments of new types, or loads what was kept."""
     outer = _KernelCache(function, options)
     dispatcher = nb.njit(**options, pipeline_class=functools.partial(_KernelCompiler, outer))(function)
