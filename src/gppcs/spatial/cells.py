@@ -122,7 +122,7 @@ def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks)
         table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
-@kernel
+@kernel(inline="always")
 def _mark_part(points, grid, values, spare, entries, table, marks):
     """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
@@ -153,7 +153,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
     return table
 
 
-@kernel
+@kernel(inline="always")
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.empty(2 * len(table), dtype=np.uint64)

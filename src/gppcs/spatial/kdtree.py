@@ -234,7 +234,7 @@ def join_boxes(lower, upper):
             upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
 
 
-@kernel
+@kernel(inline="always")
 def _part(records, axis, begin, middle, end):
     """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least.
 

@@ -273,7 +273,7 @@ def _choose_in_part(part, threshold, computed, maximum, field, error_weight, sta
         set_score(state, root, deferred[which], scores[which])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _take(new, part, state, parts):
     """Choose a point for a part."""
     slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
@@ -282,7 +282,7 @@ def _take(new, part, state, parts):
     state.scores[new] = state.ranges[new] = TAKEN
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_deferred(new, part, deferred, field, state, parts):
     """Return whether a better point, outside or deferred itself, may affect a point of a part or be affected by it."""
     for other in deferred:
@@ -294,7 +294,7 @@ def _is_deferred(new, part, deferred, field, state, parts):
     return False
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _affected(new, root, field, state, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(state.scores), first_leaf(state.best)

@@ -65,7 +65,7 @@ def computed_from(threshold, error_weight):
     return 0.9 * threshold if error_weight == 0.0 else 0.0
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def observe(new, root, computed, field, error_weight, state, workspace):
     """Condition the points below a node on a new chosen point; update nodes, and scores from `computed` on."""
     nodes, points = condition_on(new, root, computed, field, state, workspace, 0)
@@ -128,7 +128,7 @@ def is_in_range(boxes, node, x, y, z, spacing, squared):
     return dx * dx + dy * dy + dz * dz <= squared * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -164,7 +164,7 @@ def set_score(state, root, i, score):
         renew_inner(node, state)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def renew(node, state):
     """Update score, holder and range of a node, from its children or from its points."""
     if node < first_leaf(state.best):

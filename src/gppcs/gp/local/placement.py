@@ -346,7 +346,7 @@ def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
     return best, max(0.0, before - after)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _next_point(points, cell, errors, limit, widest):
     """Return the point of least error, below a limit, that is near all of its cell, and this error; -1 if none is."""
     while True:
@@ -410,7 +410,7 @@ def _squared_difference(attributes, other):
     return squared
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _covers(points, vertex, cell, widest):
     """Return whether no point of a cell is farther from a point than so much, squared."""
     for q in cell:
@@ -588,7 +588,7 @@ def _is_beside_a_sheet(vertices, normals, near):
     return along
 
 
-@kernel
+@kernel(inline="always")
 def _is_beyond(a, b, c, limit):
     """Return whether a plane keeps a triangle farther than so much from the origin."""
     middle = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
