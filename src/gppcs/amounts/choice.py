@@ -25,7 +25,10 @@ from gppcs.methods.method import selected
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.spacing import surface_area
+
+AREA_SAMPLE = 100_000  # Points on which an area is measured, as a tree over millions takes longer than the choice.
 
 
 def choose_by_options(
@@ -66,10 +69,13 @@ def choose_by_options(
             minimum = max(task.fixed, 1)
             selection = fewest_points(task.points, options.max_error, scale, rank, is_ranking, minimum, timer)
         elif options.spacing is not None:
-            selection = rank(len(task.points), spacing=scale.inside(options.lengths["spacing"]))
+            spacing = scale.inside(options.lengths["spacing"])
+            n = method.number_at(area_of(task.points), spacing)
+            selection = rank(len(task.points), spacing) if n is None else rank(n)
         else:
             assert max_gap is not None
-            selection = rank(_number_of_discs(task.points, scale.inside(max_gap), task.fixed))
+            n = number_of_discs(area_of(task.points), scale.inside(max_gap))
+            selection = rank(min(max(n, task.fixed, 1), len(task.points)))
         selection = _with_repeats(in_cloud(selection), repeats, task.fixed)
     if max_gap is None:
         return selection
@@ -152,11 +158,17 @@ def task_of(
     return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays), indices, repeats
 
 
-def _number_of_discs(points: Floats, radius: float, minimum: int) -> int:
-    """Return how many discs of a radius cover the surface of the points, in a hexagonal lattice."""
+def area_of(points: Floats) -> float:
+    """Estimate the area of the surface of points, (N, 3), of many by a sample."""
+    if len(points) > 1.5 * AREA_SAMPLE:
+        points = points[point_hashes(points, bits=32) < AREA_SAMPLE / len(points) * 2.0**32]
+    return surface_area(KdTree.build(points))
+
+
+def number_of_discs(area: float, radius: float) -> int:
+    """Return how many discs of a radius cover an area, in a hexagonal lattice."""
     density = 2.0 / (3.0 * math.sqrt(3.0))  # discs of radius 1 for each unit of area
-    n = math.ceil(min(density * surface_area(KdTree.build(points)) / radius / radius, 1e18))
-    return min(max(n, minimum, 1), len(points))
+    return math.ceil(min(density * area / radius / radius, 1e18))
 
 
 def _without_gaps(

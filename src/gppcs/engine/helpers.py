@@ -18,7 +18,9 @@ from typing import Any, TypeAlias
 from gppcs.engine import kernel_cache
 from gppcs.engine.threads import number_of_threads, set_threads
 
-Part: TypeAlias = tuple[Callable[..., object], *tuple[Any, ...]]  # a function of a module, and its arguments, as JSON has them
+Part: TypeAlias = tuple[
+    Callable[..., object], *tuple[Any, ...]
+]  # a function of a module, and its arguments, as JSON has them
 
 _is_helper = False
 _blocks: list[tuple[tuple[Part, ...], contextlib.ExitStack]] = []  # the one that runs, until it has called helpers
@@ -118,7 +120,7 @@ def serve() -> None:
         for line in sys.stdin:
             module, name, *arguments = json.loads(line)
             count = _run((getattr(importlib.import_module(module), name), *arguments))
-            print(count, file=sys.__stdout__, flush=True)  # noqa: T201
+            print(count, file=sys.__stdout__, flush=True)
 
 
 def _run(part: Part) -> int:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
@@ -67,7 +68,7 @@ class Boxes:
         on_ranges(_find_boxes, len(points), points, self.axes, self.cuts, boxes, minimum=1 << 12)
         return boxes
 
-    def tiles(self, counts: Floats, maximum: float) -> list[Tile]:
+    def tiles(self, counts: NDArray[np.floating[Any]], maximum: float) -> list[Tile]:
         """Return the largest nodes that hold few enough points, by the counts of boxes."""
         below = np.concatenate([[0.0], np.cumsum(counts)])
         tiles: list[Tile] = []

@@ -10,11 +10,17 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.scaling import bounds
 
+HASHES = 2.0**64
 
-def point_hashes(points: Floats, seed: int = 0, bits: int = 64) -> NDArray[np.uint64]:
-    """Return a random number of so many bits for each point, (n, 3), whatever the order of the points or their unit."""
+
+def point_hashes(points: Floats, seed: int = 0, bits: int = 64, size: float | None = None) -> NDArray[np.uint64]:
+    """Return a random number of so many bits for each point, (n, 3), whatever the order of the points.
+
+    It depends on where points lie in units of a size: by default that of their largest coordinate.
+    """
     start = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
-    size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
+    if size is None:
+        size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
     result = np.empty(len(points), dtype=np.uint64)
     on_ranges(_hash_all, len(points), points, size or 1.0, start, np.uint64(64 - bits), result, minimum=1 << 14)
     return result

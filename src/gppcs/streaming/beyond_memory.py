@@ -84,6 +84,11 @@ class Survey:
         return cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
 
     @property
+    def n_points(self) -> int:
+        """Number of points among which is chosen."""
+        return self.overview.count - self.overview.n_bad - len(self.source.excluded)
+
+    @property
     def sample(self) -> Rows:
         """Points of different places, at random."""
         assert self.overview.sample is not None
@@ -105,7 +110,9 @@ class Survey:
         """Area of the surface, in the frame."""
         return surface_area(KdTree.build(self.frame.local(self.sample.points)))
 
-    def run(self, stage: str, task: Callable[[int], T], tiling: Tiling, before: Sequence[Sequence[int]] = ()) -> list[T]:
+    def run(
+        self, stage: str, task: Callable[[int], T], tiling: Tiling, before: Sequence[Sequence[int]] = ()
+    ) -> list[T]:
         """Do a task in each tile, after it is done in some others."""
         with self.timer(stage, len(tiling.tiles)) as on_progress:
             return self.run_on.run(task, range(len(tiling.tiles)), before, on_progress)
@@ -148,9 +155,9 @@ class Survey:
         if len(chosen) < n_points and selection.scale is not None:
             finer = self._pilot(n_points)
             selection = replace(finer, scale=selection.scale.refined(finer.scale))
-        spacing = float(self.frame.lengths(np.sqrt(self.area / n_points)))
+        halo = self.frame.lengths(np.full(3, HALO * math.sqrt(self.area / n_points)))
         fraction = min(1.0, POINTS_PER_KEPT * n_points / self.overview.n_places)
-        tiling = self.tiling(np.full(3, HALO * spacing), fraction, n_points=n_points, scale=selection.scale)
+        tiling = self.tiling(halo, fraction, n_points=n_points, scale=selection.scale)
         return tiling, selection.diagnostics
 
     def choose(self, rows: Rows, n_points: int) -> tuple[Ints, Selection]:
@@ -169,7 +176,7 @@ class Survey:
         blocks = self.nodes(BLOCK * self.overview.n_usable / n_points)
         step = max(1, round(fraction * self.overview.n_usable / PILOT))
         rows = Rows.joined(self.source.read(block.lower, block.upper) for block in blocks[step // 2 :: step])
-        rows = rows.only(point_hashes(rows.points) < fraction * HASHES)
+        rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
         return self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))[1]
 
     def write_guide(self, chosen: Ints, n_first: int) -> None:
@@ -189,7 +196,7 @@ def choose(survey: Survey) -> tuple[Kept, Mapping[str, float]]:
     """Choose as many points as the options mean; return them, the most important first, and diagnostics."""
     options, max_gap = survey.options, survey.options.lengths.get("max_gap")
     overview, n_keep = survey.overview, int(survey.overview.keep.sum())
-    count = options.count(overview.count - overview.n_bad - len(survey.source.excluded))
+    count = options.count(survey.n_points)
     if count is not None:
         choice, more, diagnostics = _numbered(survey, count, n_keep)
     elif options.max_error is not None:
@@ -250,7 +257,7 @@ def _filled(survey: Survey, choice: Choice, missing: Ints) -> list[Kept]:
     """Return as many more points as are missing of each quota, (256,), such as repeats of those that are kept."""
     task = partial(unchosen_in_tile, choice, missing)
     spare = Kept.joined(survey.run("repeats", task, choice.tiling))
-    order = np.lexsort([spare.indices, point_hashes(spare.points)])
+    order = np.lexsort([spare.indices, point_hashes(spare.points, size=1.0)])
     by_quota = [order[spare.labels[order] == label][: missing[label]] for label in np.flatnonzero(missing)]
     return [spare.take(np.concatenate(by_quota))]
 
@@ -305,7 +312,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
     )
     count = max(2 * len(first.indices), minimum + 1)
     while True:
-        choice, more, diagnostics = _numbered(survey, min(count, n), n_keep)
+        choice, _, diagnostics = _numbered(survey, min(count, n), n_keep)
         of_judged = replace(choice.tiling, source=judged.source)
 
         def errors(m: int) -> dict[Measure, float]:

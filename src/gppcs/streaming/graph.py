@@ -45,7 +45,7 @@ class Engine:
         for number in _sorted(before):
             earlier = [futures[i] for i in before[number]]
             futures[number] = self.executor.submit(task, arguments[number], earlier, pure=False, retries=RETRIES)
-        for _ in as_completed(list(futures.values()), raise_errors=True, with_results=True):
+        for _ in as_completed(list(futures.values()), with_results=True):  # type: ignore[no-untyped-call]
             on_progress(1)
         return self.executor.gather([futures[number] for number in range(len(arguments))])
 
@@ -75,6 +75,7 @@ class Call:
     version: str
 
     def __call__(self, argument: Any, earlier: object = None) -> Any:
+        """Call the function."""
         if self.version != _version():
             raise GppcsError(
                 f"expected workers with gppcs {self.version}, found {_version()}; install the same version"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Choice:
         tile, tiles = self.tiling.tiles[number], self.tiling.tiles
         lower, upper = tile.lower - margin, tile.upper + margin
         meets = [bool((t.lower <= upper).all() and (t.upper >= lower).all()) for t in tiles]
-        points = np.concatenate([self.kept(i).positions for i in np.flatnonzero(meets)])
+        points = np.concatenate([self.kept(i).positions for i in np.flatnonzero(meets).tolist()])
         return points[inside(points, lower, upper)]
 
 
@@ -62,10 +61,11 @@ def outliers_in_tile(tiling: Tiling, number: int) -> Rows:
     return rows.only(tiling.tile_of(rows.points) == number)
 
 
-class Distances(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Distances:
     """Distances of points from a surface, summed up."""
 
-    count: int
+    n: int
     total: float
     squared: float
     largest: float
@@ -79,16 +79,20 @@ class Distances(NamedTuple):
         squared = float((distances**2).sum())
         return cls(len(distances), float(distances.sum()), squared, float(distances.max(initial=0.0)), histogram)
 
-    def __add__(self, other: Distances) -> Distances:  # type: ignore[override]  # tuples are joined
-        largest, histogram = max(self.largest, other.largest), self.histogram + other.histogram
-        sums = (mine + theirs for mine, theirs in zip(self[:3], other[:3], strict=True))
-        return Distances(*sums, largest, histogram)  # type: ignore[arg-type]
+    def __add__(self, other: Distances) -> Distances:
+        return Distances(
+            self.n + other.n,
+            self.total + other.total,
+            self.squared + other.squared,
+            max(self.largest, other.largest),
+            self.histogram + other.histogram,
+        )
 
     def errors(self, tolerance: float) -> dict[Measure, float]:
         """Return the errors, the 95th percentile up to 4 %: it is above the tolerance where the exact one is."""
-        below = int(np.searchsorted(np.cumsum(self.histogram), 0.95 * self.count))
+        below = int(np.searchsorted(np.cumsum(self.histogram), 0.95 * self.n))
         p95 = min(float(np.append(BINS, np.inf)[below]) * tolerance, self.largest)
-        values = self.total / self.count, float(np.sqrt(self.squared / self.count)), p95, self.largest
+        values = self.total / self.n, float(np.sqrt(self.squared / self.n)), p95, self.largest
         return dict(zip(MEASURES, values, strict=True))
 
 
@@ -108,7 +112,7 @@ def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Kept:
     """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
     rows = choice.tiling.own(number)
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
-    rows = rows.take(np.argsort(point_hashes(rows.points), kind="stable"))
+    rows = rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
     firsts = [np.flatnonzero(rows.labels == label)[: missing[label]] for label in np.flatnonzero(missing > 0)]
     return _added(choice.tiling, number, rows.take(np.concatenate(firsts)))
 
@@ -128,7 +132,7 @@ def fill_gaps_in_tile(choice: Choice, gap: float, number: int) -> float:
 
 def margin_of_gaps(tiling: Tiling, gap: float) -> Floats:
     """Return how far from a tile lie the kept points that count in its gaps, (3,)."""
-    return np.full(3, 1.001 * float(tiling.frame.lengths(np.float64(gap))))
+    return tiling.frame.lengths(np.full(3, 1.001 * gap))
 
 
 def file_of_gaps(tiling: Tiling, number: int) -> Path:

@@ -45,14 +45,22 @@ class Part:
             for cloud in files.chunks(CHUNK):
                 yield Rows.from_cloud(cloud, self.first + n, self.of_chunk(n, len(cloud)))
                 n += len(cloud)
+        self.check_count(n)
+
+    def check_count(self, n: int) -> None:
+        """Check that as many points were read as are expected."""
         if self.count is not None and n != self.count:
             raise InputError(f"expected {self.count:,} points again, found {n:,}: the files have changed meanwhile")
 
     def of_chunk(self, first: int, n: int) -> Options:
         """Return the options with only those entries of arrays that describe n points of the part."""
-        arrays = {name: getattr(self.options, name) for name in ("keep", "weight")}
-        sliced = {name: values[first : first + n] for name, values in arrays.items() if isinstance(values, np.ndarray)}
-        return replace(self.options, **sliced) if sliced else self.options
+        keep, weight = (
+            values[first : first + n] if isinstance(values, np.ndarray) else values
+            for values in (self.options.keep, self.options.weight)
+        )
+        if keep is self.options.keep and weight is self.options.weight:
+            return self.options
+        return replace(self.options, keep=keep, weight=weight)
 
     def meets(self, lower: Floats, upper: Floats) -> bool:
         """Return whether points may lie between two corners, (3,)."""
@@ -132,7 +140,7 @@ class Source:
         rows = Rows.joined(parts or list(self.pieces[0].read(np.ones(3), np.zeros(3))))
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
-        return rows.take(np.argsort(point_hashes(rows.points), kind="stable"))
+        return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:
@@ -144,7 +152,7 @@ def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engin
 
 def _sort(boxes: Boxes, folder: Path, part: Part) -> list[Run]:
     """Sort the points of a part."""
-    runs, waiting = [], list[Rows]()
+    runs, waiting = list[Run](), list[Rows]()
     for rows in part.chunks():
         waiting.append(rows)
         if sum(map(len, waiting)) >= RUN:

@@ -131,6 +131,6 @@ def _read(part: Part) -> Overview:
                 of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
                 of_chunk.labels = np.bincount(rows.labels, minlength=256)
                 of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
-                of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points)
+                of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
             overview.add(of_chunk)
     return overview

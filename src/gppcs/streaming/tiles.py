@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -21,13 +21,15 @@ from gppcs.clouds.ranges import Details
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
+from gppcs.methods.method import SCORES
 from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Source
 
-SURPLUS = 1.01  # Points that tiles choose for each that stays: the least important go at the end.
+SURPLUS = 1.02  # Points that tiles choose for each that stays: the least important go at the end.
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ class Tiling:
         rows = self.source.read(*self.region(number))
         if self.fraction >= 1.0:
             return rows
-        return rows.only(rows.keep | (point_hashes(rows.points) < self.fraction * HASHES))
+        return rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < self.fraction * HASHES))
 
     def own(self, number: int) -> Rows:
         """Read the points of a tile."""
@@ -126,7 +128,7 @@ class Kept:
 
     indices: Ints  # (k,), in the cloud
     points: Floats  # (k, 3), where they were
-    labels: Ints  # (k,), their quotas
+    labels: NDArray[np.uint8]  # (k,), their quotas
     ranks: Floats  # (k,), about the place of each in the order of all; negative for those that are kept anyway
     moved: Floats | None = None  # (k, 3), new positions
     normals: Floats | None = None  # (k, 3)
@@ -145,7 +147,7 @@ class Kept:
 
     @classmethod
     def joined(cls, parts: Iterable[Kept]) -> Kept:
-        """Return the points of at least one part as one; what a part lacks is 0, and points that stay where they were."""
+        """Return the points of at least one part as one; of values that a part lacks, the points have 0."""
         columns: dict[str, list[NDArray[Any]]] = {}
         listed = list(parts)
         for name in {name for part in listed for name, values in vars(part).items() if values is not None}:
@@ -161,6 +163,11 @@ class Kept:
     def take(self, positions: Ints) -> Kept:
         """Return some of them."""
         return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
+
+    @property
+    def scores(self) -> Mapping[str, Floats]:
+        """The scores of the method, if it reports some."""
+        return {name: values for name in SCORES if (values := getattr(self, name)) is not None}
 
     @property
     def positions(self) -> Floats:
@@ -246,10 +253,10 @@ def _ranks(tiling: Tiling, number: int, indices: Ints, is_kept_anyway: Flags) ->
     by_index = np.argsort(first)
     is_first = np.isin(indices, first) & ~is_kept_anyway
     ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)]
-    is_new, n = ~is_first & ~is_kept_anyway, np.count_nonzero(~is_kept_anyway)
+    is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
     # The n-th point of a tile comes about where the n-th one of the first choice does.
     of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]
-    places = np.append(of_tile, max(tiling.n_points, len(guide.chosen), n))
+    places = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
     numbers = np.append(np.arange(len(of_tile)), n)
     ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, places)
     return ranks
@@ -257,7 +264,7 @@ def _ranks(tiling: Tiling, number: int, indices: Ints, is_kept_anyway: Flags) ->
 
 def normals_at(tiling: Tiling, number: int, positions: Floats, normals: Floats | None = None) -> Floats:
     """Return normals at places in a tile, (k, 3), with signs, by all points, or those that are measured already."""
-    from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.normals import estimate_normals, with_signs_of
 
     guide, frame = tiling.guide, tiling.frame
     assert guide.normals is not None

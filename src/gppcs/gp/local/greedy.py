@@ -63,14 +63,15 @@ def extend(
     error_weight: float,
     threshold: float = 0.0,
     on_progress: Callable[[int], None] = lambda steps: None,
+    settled: Ints | None = None,
 ) -> tuple[Ints, Floats, Floats]:
     """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points, or down to a threshold.
 
     Where parts choose at once, the order is that of falling scores, and the result is not exactly that of one choice
     after another: a new point may raise a score, since posteriors are conditioned only on the nearest points. Shapes:
-    chosen (m,), in any order; returns added, scores, deviations (n_added,).
+    chosen (m,), in any order, settled (k,), which are never chosen; returns added, scores, deviations (n_added,).
     """
-    state = _begin_state(field, tree, chosen, neighbours, error_weight)
+    state = _begin_state(field, tree, chosen, settled, neighbours, error_weight)
     cloud, count = _divide(state, 1), 1
     while 2 * count <= min(tree.leaves, len(field.y) // PART_POINTS, len(chosen) // neighbours):
         count *= 2
@@ -88,7 +89,9 @@ def extend(
     return added, scores, np.sqrt(state.variances[added])
 
 
-def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int, error_weight: float) -> GreedyState:
+def _begin_state(
+    field: LocalField, tree: KdTree, chosen: Ints, settled: Ints | None, neighbours: int, error_weight: float
+) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
     _, variances, scores = posterior_of_all(field, conditioning, error_weight)
@@ -98,7 +101,8 @@ def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int,
         np.zeros(len(scores), dtype=bool), np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
-    state.scores[chosen] = state.ranges[chosen] = TAKEN
+    for taken in (chosen,) if settled is None else (chosen, settled):
+        state.scores[taken] = state.ranges[taken] = TAKEN
     on_ranges(_begin_leaves, tree.leaves, field.spacings, state, minimum=256)
     _renew_upper(state, tree.leaves)
     return state
