@@ -56,6 +56,8 @@ def choose(
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
     candidate_density = cells_for(candidate_density, len(points), n_points, criterion.density_power)
+    if scale is not None:
+        candidate_density = scale.candidate_density
     surveyed = survey(points, n_points, candidate_density, timer, attributes, scale)  # step 1
     noise, detail = surveyed.noise, surveyed.detail
     with timer("candidates"):
@@ -86,7 +88,7 @@ def choose(
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
         indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted, normals)
-    measured = Scale(replace(noise, tree=None), largest_gap, ranking.stages)
+    measured = Scale(replace(noise, tree=None), candidate_density, largest_gap, ranking.stages)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings, scale=scale or measured)
 
 
