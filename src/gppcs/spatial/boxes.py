@@ -41,7 +41,7 @@ class Boxes:
 
     @classmethod
     def from_sample(cls, sample: Floats, lowest: Floats, highest: Floats) -> Boxes:
-        """Divide the box between two corners, (3,), so that each part holds about as many points of a sample, (n, 3)."""
+        """Divide the box between two corners, (3,), into boxes with about as many points of a sample, (n, 3), each."""
         count = 1 << min(BOXES, max(1, len(sample) // SAMPLED_PER_BOX)).bit_length() - 1
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         lower, upper = np.empty((2, 2 * count, 3))

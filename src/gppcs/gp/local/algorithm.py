@@ -29,7 +29,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import short_hashes
 from gppcs.surface.noise import Noise
 from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -68,7 +68,7 @@ def choose(
     if not noise.thick:
         with timer("features"):
             sheets = normals_of_sheets(surveyed.tree, points[last.indices], last.spacing)
-    tree = normals = None
+    tree, normals, ranks = None, None, surveyed.ranks
     if len(surveyed.tree.order) == len(points):
         tree, normals = surveyed.tree, surveyed.normals
     del surveyed  # of a sample, nothing is needed any more
@@ -87,7 +87,7 @@ def choose(
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted, normals)
+        indices = place(points, ranking.indices, fixed, area, noise, ranks, values, tree, fitted, normals)
     measured = Scale(replace(noise, tree=None), candidate_density, largest_gap, ranking.stages)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings, scale=scale or measured)
 
@@ -129,7 +129,7 @@ def choose_denoised(
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
-    indices = sample(point_hashes(points, bits=RANDOM_BITS), n_points)
+    indices = sample(short_hashes(points, RANDOM_BITS), n_points)
     with timer("denoising"):
         tree = KdTree.build(points[indices])
         indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.candidates import radius_of_plane
+from gppcs.gp.local.candidates import Ranks, drawn, radius_of_plane
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     CHECKED_ON,
@@ -35,7 +35,6 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for
-from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
@@ -54,6 +53,7 @@ def place(
     fixed: int,
     area: float,
     noise: Noise,
+    ranks: Ranks,
     detail: NDArray[np.float32] | None = None,
     tree: KdTree | None = None,
     fitted: Quadrics | None = None,
@@ -62,16 +62,16 @@ def place(
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
     If they are not given, this builds the tree over all points, and computes quadrics around them (if noise matters) or
-    normals, in tree order. Shapes: points and normals (N, 3), chosen (m,), detail (N, k); returns (m,).
+    normals, in tree order. Shapes: points and normals (N, 3), chosen (m,), ranks (N,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
-        drawn = np.flatnonzero(point_hashes(points, seed=1, bits=32) < np.uint64(fraction * 2**32))
-        detail = None if detail is None else detail.take(drawn, axis=0)
-        cells = KdTree.build(points[drawn])
-        new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
-        return np.where(new < 0, chosen, drawn[new])
+        some = drawn(ranks, fraction)
+        detail = None if detail is None else detail.take(some, axis=0)
+        cells = KdTree.build(points[some])
+        new = replacements(points[chosen], stays, cells, area / len(some), noise, old, detail)
+        return np.where(new < 0, chosen, some[new])
     cells = KdTree.build(points) if tree is None else tree
     new = replacements(
         points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted, normals=normals
