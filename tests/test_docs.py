@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import shlex
-import shutil
 import tomllib
 import webbrowser
 from functools import cache
@@ -147,21 +146,6 @@ def test_pages_have_the_options_of_the_parser_the_public_names_and_the_seconds_o
     """After a benchmark of speed or a change of options, `python docs/_site/tables.py` writes them anew."""
     for page in {*made.TABLES, *made.SENTENCES}:
         assert made.renewed(page) == text(page)
-
-
-def test_a_benchmark_that_is_run_again_changes_the_pages_that_quote_it(made, monkeypatch, tmp_path):
-    for folder in ("docs", "research", "benchmarks/results"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
-    shutil.copy(ROOT / "README.md", tmp_path)
-    monkeypatch.setattr(made, "ROOT", tmp_path)
-    for page in (tmp_path / "benchmarks" / "results").glob("*.md"):
-        # All figures but ratios, which name the rows.
-        page.write_text(re.sub(r"(?<=\| )(?!0\.1 |0\.03 )\d+\.\d+(?= \|)", "7.77", page.read_text()))
-    for page in made.SENTENCES:
-        assert made.renewed(page) != text(page)
-    (tmp_path / "docs" / "usage.md").write_text(text("docs/usage.md").replace("on two cores", "here"))
-    with pytest.raises(ValueError, match="expected the sentence"):
-        made.renewed("docs/usage.md")
 
 
 def test_every_format_is_listed():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from scans import OBJECTS, SCENES, sample, terrain
+from scans import OBJECTS, SCENES, sample
 from scans.implicit import Solid, limbs, scan_of
 from scans.scene import NO_SURFACE, Rays
 
@@ -44,17 +44,6 @@ def test_a_ball_of_limbs_has_its_curvature_and_is_uniform_by_height():
     np.testing.assert_allclose(drawn.curvature, 0.2, atol=1e-4)
     counts, _ = np.histogram(drawn.points[:, 2], 10, (-5.0, 5.0))  # equal areas (Archimedes)
     assert ((counts - counts.mean()) ** 2 / counts.mean()).sum() < 27.9  # chi-square, 9 degrees of freedom, p = 0.001
-
-
-def test_the_slopes_of_the_ground_are_its_derivatives():
-    x, y = np.random.default_rng(3).uniform(-60, 60, (2, 2000))
-    step = 1e-5
-    _, along_x, along_y = terrain.ground(x, y)
-    rises = [
-        (terrain.ground(x + dx, y + dy)[0] - terrain.ground(x - dx, y - dy)[0]) / (2.0 * step)
-        for dx, dy in ((step, 0.0), (0.0, step))
-    ]
-    np.testing.assert_allclose([along_x, along_y], rises, atol=1e-7)
 
 
 @EVERY
