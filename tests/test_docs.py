@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import shlex
-import tomllib
 import webbrowser
 from functools import cache
 from pathlib import Path
@@ -168,16 +167,6 @@ def test_the_list_of_methods_that_rank_is_complete():
     assert re.findall(r"`([\w-]+)`", sentence) == ranking
     sections = re.findall(r"^## ([\w-]+)\n(.*?)(?=^## |\Z)", text("docs/methods.md"), re.DOTALL | re.MULTILINE)
     assert [name for name, section in sections if "order is a ranking" in " ".join(section.split())] == ranking
-
-
-def test_the_package_of_the_page_for_researchers_declares_the_class_of_the_page():
-    [package] = map(tomllib.loads, blocks("docs/evaluation.md", "toml"))
-    [(name, entry)] = package["project"]["entry-points"]["gppcs.methods"].items()
-    module, _, cls = entry.partition(":")
-    assert package["tool"]["setuptools"]["py-modules"] == [module]
-    assert f"class {cls}(gppcs.Method):" in text("docs/evaluation.md")
-    assert f'name = "{name}"' in "".join(blocks("docs/evaluation.md", "python"))
-    assert {"name", "version", "dependencies"} <= package["project"].keys()
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -35,23 +35,6 @@ def test_claims_are_those_of_the_pages(script):
     assert [tuple(row.values()) for row in rows] == [claims.row(claim) for claim in claims.CLAIMS]
 
 
-def test_a_missing_cloud_is_named_with_its_address_and_hash(script, tmp_path, monkeypatch, capsys):
-    data = script("data.py")
-    monkeypatch.setattr(data.report, "DATA", tmp_path)
-    data.main()
-    lines = capsys.readouterr().out.splitlines()
-    for file, line in zip(data.FILES, lines, strict=False):
-        assert line.startswith(f"{file.name}: missing")
-        assert file.origin in line
-        assert file.hash in line
-    assert "results/ablation.md cannot be made without bunny" in lines
-    with pytest.raises(SystemExit, match="2"):
-        data.path_of(data.OF_THE_PAPER[0].name)
-    message = capsys.readouterr().err
-    assert "gps-for-point-clouds/0dd34b0b90f5d6b71553ab8138c95a5009c68e7c" in message
-    assert "not made without it: paper_published" in message
-
-
 @pytest.mark.parametrize("name", ["modelnet_airplane_0001_2048", "armadillo_100k_noise_1e-2"])
 def test_recipes_make_the_clouds_of_the_pages(script, shared_data, monkeypatch, name):
     data = script("data.py")
