@@ -30,9 +30,8 @@ def lines_of(file: BufferedReader) -> Generator[str, None, None]:
     """Yield the rest of a file as lines of text."""
     text = TextIOWrapper(file, encoding="utf-8-sig", errors="replace")
     try:
-        # "yield from" would close the file with the generator.
-        for line in text:  # noqa: UP028
-            yield line
+        while lines := text.readlines(1 << 20):
+            yield from lines
     finally:
         if not file.closed:  # the caller closes the file
             text.detach()
