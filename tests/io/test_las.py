@@ -369,7 +369,8 @@ def bits(number):
     ("place", "value", "message"),
     [
         ((25, 1), 5, "extended variable-length records in the file"),
-        ((94, 2), 226, "laspy reports: Incoherent header size"),
+        ((94, 2), 226, "at least 227 bytes before the points, found that it gives its own size as 226"),
+        ((94, 6), 0, "at least 227 bytes before the points, found that it gives its own size as 0, and 0 as"),
         ((96, 4), 2**31, "the file ends in point 1 of 300"),
         ((104, 1), 11, "laspy reports: PointFormatNotSupported 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),

@@ -238,7 +238,7 @@ class CloudFiles:
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:
         """Yield an open file; errors in the block name it."""
-        with np.errstate(invalid="ignore"):  # of a signalling NaN
+        with np.errstate(invalid="ignore"):
             opened = self._open(path)
             with naming(path):
                 yield opened
@@ -249,7 +249,7 @@ class CloudFiles:
             plain = [path for path, opened in self._opened.items() if not opened.is_copy]
             if len(plain) >= 64:  # a process may not open many more
                 self._opened.pop(plain[0]).close()
-            with naming(path), ExitStack() as stack:
+            with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
                 file = stack.enter_context(plain_input(path))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))

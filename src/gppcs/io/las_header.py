@@ -169,6 +169,12 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     file.seek(0)
     block = file.read(375)  # of LAS 1.4, which is the longest
     length, start, n_records = struct.unpack_from("<HII", block, 94)
+    minimum = {3: 235, 4: 375}.get(block[25], 227)
+    if not minimum <= length <= start:
+        raise FileFormatError(
+            f"expected a LAS header of at least {minimum} bytes before the points, found that it gives its own size as "
+            f"{length}, and {start} as the place of the points; get the file again"
+        )
     n_complete = _n_complete(file, length, min(start, size), n_records)
     if block[25] >= 4 and len(block) == 375:
         position, n_extended = struct.unpack_from("<QI", block, 235)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import gzip
 import os
+import re
 import secrets
 import shutil
 import sys
@@ -12,6 +13,7 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,15 +36,20 @@ def plain_input(path: Path) -> Any:
     if path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
     file = _standard_input() if is_standard(path) else path.open("rb")
-    is_compressed = file.read(2) == b"\x1f\x8b"
+    start = file.read(1024)
     file.seek(0)
-    if not is_compressed:
-        return file
-    with file:
-        try:
-            return _copied(gzip.GzipFile(fileobj=file), file)
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
+    if start.startswith(b"\x1f\x8b"):
+        with file:
+            try:
+                file = _copied(gzip.GzipFile(fileobj=file), file)
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
+        start = file.read(1024)
+        file.seek(0)
+    if re.fullmatch(rb"[\t\x20-\x7e]*\r[\t\r\x20-\x7e]*", start) and b"format binary" not in start:
+        with file:  # text whose lines end as in old Mac OS
+            return _copied(BytesIO(file.read().replace(b"\r", b"\n")))
+    return file
 
 
 def _standard_input() -> Any:
