@@ -126,7 +126,8 @@ def test_scans_are_merged_with_their_poses(by_pye57, tmp_path):
     assert cloud.attributes["scan"].tolist() == [0, 0, 0, 1, 1]
     assert cloud.attributes["intensity"].tolist() == [1, 2, 3, 4, 5]
     assert list(cloud.attributes) == ["intensity", "scan"]
-    assert load(path)[-1] == ["field colorBlue", "field colorGreen", "field colorRed"]
+    expected = ["names and poses of scans (2)", "field colorBlue", "field colorGreen", "field colorRed"]
+    assert load(path)[-1] == expected
     some = cloud.take(np.array([4, 0, 3]))
     write(tmp_path / "some.e57", some)
     assert read(tmp_path / "some.e57") == some

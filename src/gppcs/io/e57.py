@@ -114,6 +114,7 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
+    skipped += [f"names and poses of scans ({len(scans):,})"] if len(scans) > 1 else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 import logging
 import os
 import struct
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from decimal import Decimal
 from io import BufferedReader, BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,11 +49,9 @@ class LasHeader(Header):
         las = deepcopy(header)
         for records in (las.vlrs, las.evlrs or []):
             records[:] = [record for record in records if kind_of(record) not in _OF_ONE_FILE]
-        for record in las.vlrs.get("ExtraBytesVlr"):
-            for description in record.extra_bytes_structs:
-                if description.data_type:  # otherwise the options are the number of bytes
-                    # laspy would take the first point for the minimum and maximum of all.
-                    description.options &= ~(description.MIN_BIT_MASK | description.MAX_BIT_MASK)
+        for description in descriptions_of(las):
+            # laspy would take the first point for the minimum and maximum of all.
+            description.options &= ~(description.MIN_BIT_MASK | description.MAX_BIT_MASK)
         las.partial_reset()
         las.maxs = np.zeros(3)
         las.mins = np.zeros(3)
@@ -143,6 +142,18 @@ class LasHeader(Header):
             *([f"coordinate system {crs}"] if crs else []),
             *([f"{n_others} variable-length record{'s' * (n_others > 1)}"] if n_others else []),
         ]
+
+
+def descriptions_of(header: laspy.LasHeader) -> Iterator[Any]:
+    """Yield the descriptions of extra bytes, but not those whose options are a number of bytes."""
+    for record in header.vlrs.get("ExtraBytesVlr"):
+        yield from (description for description in record.extra_bytes_structs if description.data_type)
+
+
+def no_data_of(header: laspy.LasHeader) -> dict[str, Any]:
+    """Return the stored numbers that mean no data, (1,) to (3,), by the names of extra bytes that have some."""
+    marked = (description for description in descriptions_of(header) if description.no_data is not None)
+    return {description.format_name(): description.no_data for description in marked}
 
 
 def dated(header: laspy.LasHeader) -> laspy.LasHeader:
