@@ -268,7 +268,7 @@ class CloudFiles:
 
 def _check_free(size: int) -> None:
     """Check that there is memory for some bytes."""
-    if size > (free := available_memory()):
+    if (free := available_memory()) is not None and size > free:
         raise InputError(
             f"expected {size_of(size)} of free memory to unpack the points, found {size_of(free)}; read a part with "
             "`inside` or `only`, or use a machine with more memory"

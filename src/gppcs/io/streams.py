@@ -157,11 +157,12 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
 
 def _remove_left_over(paths: Iterable[Path]) -> None:
     """Remove temporary files of processes that have ended."""
-    import psutil
-
     for path in paths:
-        if not psutil.pid_exists(int(path.name.split("-")[2])):
-            path.unlink(missing_ok=True)
+        import psutil
+
+        with suppress(OSError):  # without /proc
+            if not psutil.pid_exists(int(path.name.split("-")[2])):
+                path.unlink()
 
 
 def _exists(target: Path) -> OutputError:
