@@ -142,7 +142,7 @@ class Options:
         one_of("invalid", self.invalid, ("error", "drop"))
         one_of("order", self.order, ("importance", "input", "gps_time"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
-            flag(name, getattr(self, name))
+            object.__setattr__(self, name, flag(name, getattr(self, name)))
         if self.group is not None and not isinstance(self.group, str):
             raise ParameterError(f"expected `group` to be the name of an attribute, found {shown(self.group)}")
         self._check_size()
