@@ -212,4 +212,4 @@ def test_tables_are_those_of_the_benchmarks(page):
 
 def test_the_page_on_the_api_has_each_public_name():
     named = re.findall(r"^::: gppcs\.(\S+)$", text("docs/api.md"), re.MULTILINE)
-    assert set(gppcs.__all__) <= {*named, "METHODS", "__version__"}
+    assert set(gppcs.__all__) <= {*named, "METHODS", "__version__", "errors"}

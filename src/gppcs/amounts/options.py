@@ -137,7 +137,7 @@ class Options:
         one_of("invalid", self.invalid, ("error", "drop"))
         one_of("order", self.order, ("importance", "input", "gps_time"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
-            flag(name, getattr(self, name))
+            object.__setattr__(self, name, flag(name, getattr(self, name)))
         self._check_size()
         self._check_features()
         if self.unit is not None:

@@ -104,7 +104,8 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
     if len(preview):
         keep, weight = (value if isinstance(value, str) else None for value in (options.keep, options.weight))
         named = replace(options, keep=keep, weight=weight)  # without arrays, which describe all points
-        Constraints.from_cloud(preview, np.flatnonzero(preview.is_finite()), named)
+        finite = preview[preview.is_finite()]
+        Constraints.from_cloud(finite, np.arange(len(finite)), named)
     units = units_of(options.unit, preview.header)
     for length in options.lengths.values():
         length.in_cloud(1.0, units)
