@@ -15,10 +15,12 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
-from gppcs.engine import kernel_cache
+from gppcs.engine import kernel_cache, timer
 from gppcs.engine.threads import number_of_threads, set_threads
 
-Part: TypeAlias = tuple[Callable[..., object], *tuple[Any, ...]]  # a function of a module, and its arguments, as JSON has them
+Part: TypeAlias = tuple[
+    Callable[..., object], *tuple[Any, ...]
+]  # a function of a module, and its arguments, as JSON has them
 
 _is_helper = False
 _blocks: list[tuple[tuple[Part, ...], contextlib.ExitStack]] = []  # the one that runs, until it has called helpers
@@ -76,6 +78,7 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
         started = {pool.submit(run_in_helper, part): part for part in parts}
         for future in as_completed(started):
             count = future.result()
+            timer.compile_timer.kernels += count or 0
             yield _run(started[future]) if count is None else count
 
 
@@ -118,7 +121,7 @@ def serve() -> None:
         for line in sys.stdin:
             module, name, *arguments = json.loads(line)
             count = _run((getattr(importlib.import_module(module), name), *arguments))
-            print(count, file=sys.__stdout__, flush=True)  # noqa: T201
+            print(count, file=sys.__stdout__, flush=True)
 
 
 def _run(part: Part) -> int:

@@ -156,7 +156,7 @@ def _fill_leaf(records, numbers, leaf, depth, order, points, lower, upper):
             points[axis, i] = records[i, axis]
 
 
-@kernel
+@kernel(inline="always")
 def _split(records, node, depth, lower, upper):
     """Fill a node's box in `lower` and `upper`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = leaf_range(len(records), 1 << depth, node)
