@@ -104,6 +104,17 @@ def test_no_process_starts_where_it_should_not(alone, monkeypatch, case):
     assert not helpers.may_start_processes()
 
 
+def test_parts_run_in_this_process_where_no_other_can_start(alone, parts, tmp_path, monkeypatch):
+    def no_process(*arguments, **options):
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    monkeypatch.setattr(subprocess, "Popen", no_process)
+    assert list(helpers.run_all([(parts.record, str(tmp_path / "a"))])) == [0]
+    assert written(tmp_path / "a") == [os.getpid()]
+    with helpers.helped((parts.record, "never")):
+        helpers.call_helpers()
+
+
 def test_workers_start_no_processes(alone, parts):
     context = multiprocessing.get_context("spawn")
     results = context.SimpleQueue()

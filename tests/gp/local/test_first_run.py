@@ -11,8 +11,8 @@ from gppcs.gp.local.greedy import PART_POINTS
 
 def types_of_kernels():
     modules = [module for name, module in sys.modules.items() if name.startswith("gppcs.")]
-    values = [value for module in modules for value in vars(module).values() if hasattr(value, "signatures")]
-    return {(kernel.__name__, types) for kernel in values for types in kernel.signatures}
+    kernels = [value for module in modules for value in vars(module).values() if hasattr(value, "py_func")]
+    return {(kernel.__name__, types) for kernel in kernels for types in kernel.signatures}
 
 scan = gppcs.sample("medallion", 30_000)
 gppcs.simplify(scan, n_points=3000)
