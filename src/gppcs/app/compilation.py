@@ -35,7 +35,7 @@ def parts() -> list[Part]:
         (_read_only,),
         (_mesh, "fan", 30_000, {"n_faces": 2_000, "fill_holes": "5%"}),  # triangles cut others; a hole is filled
         (_mesh, "fan", 10_000, {"n_points": 1_000, "moved": True}),  # some triangles of which relax
-        (_mesh, "medallion", PREPARATION_POINTS, {"tolerance": "2%"}),
+        (_mesh, "medallion", 6_000, {"tolerance": "5%"}),
         (_mesh, "bracket", PREPARATION_POINTS, {"n_points": 500}),  # whose drilled holes are tried as small handles
     ]
 
