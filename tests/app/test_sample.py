@@ -1,6 +1,9 @@
 """`gppcs sample`."""
 
+import re
 from pathlib import Path
+
+import pytest
 
 import gppcs
 
@@ -12,3 +15,12 @@ def test_samples_are_the_same_for_the_same_seed(printed):
     assert Path("a.ply").read_bytes() == Path("b.ply").read_bytes() != Path("c.ply").read_bytes()
     expected = gppcs.sample("fan", 300, noise=0.001, outliers=0.1, uneven=0.5)
     assert gppcs.read("a.ply").points.tobytes() == expected.points.tobytes()
+
+
+def test_the_help_names_all_samples(printed, refused):
+    with pytest.raises(gppcs.ParameterError) as error:
+        gppcs.sample("?")
+    names = str(error.value).rpartition("one of ")[2].split(", ")
+    words = set(re.findall(r"\w+", printed("sample", "--help")))
+    assert len(names) > 3
+    assert set(names) <= words

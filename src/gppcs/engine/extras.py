@@ -47,4 +47,4 @@ def require_all(*checks: Callable[[], object]) -> None:
         except MissingExtraError as error:
             missing.append(str(error))
     if missing:
-        raise MissingExtraError("\n".join(missing))
+        raise MissingExtraError("; ".join(missing))

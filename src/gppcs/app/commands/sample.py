@@ -26,8 +26,8 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan, statue, sphere, horse, moth, case, plate, gears or plant; or a scene as a "
-            "sensor sees it: room, street, terrain, forest or plot.",
+            help="medallion, bracket, fan, statue, sphere, horse, moth, case, plate, gears, plant, painted, fresco or "
+            "road; or a scene as a sensor sees it: room, street, terrain, forest or plot.",
             show_default=False,
             autocompletion=_names,
         ),
