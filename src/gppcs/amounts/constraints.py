@@ -159,6 +159,8 @@ def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
 def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
     if isinstance(weight, str):
+        if weight not in cloud.attributes and not weight.isidentifier():
+            return Expression.from_text(weight).numbers(cloud)
         return numbers_in(cloud, weight, "to weigh its points by")
     expected = f"weight to be an attribute, or a number for each of the {len(cloud):,} points"
     values = array_of(weight, expected)

@@ -53,7 +53,7 @@ def simplify(
     ] = None,
     unit: options.Unit = None,
     keep: Annotated[str | None, from_field("keep", CHOICE, "CONDITION")] = None,
-    weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
+    weight: Annotated[str | None, from_field("weight", CHOICE, "FORMULA")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
     quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
     group: Annotated[str | None, from_field("group", CHOICE, "NAME")] = None,
