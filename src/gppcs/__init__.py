@@ -33,7 +33,6 @@ Measure
     evaluate, Report         compare a simplified cloud with the original: distances, errors and angles
     evaluate_mesh            compare a simplified mesh with the original
     compare                  run several methods on one cloud and evaluate each result
-    compare_meshes           make a light mesh by several pipelines and evaluate each
 
 Methods of simplification, by name in METHODS
     LocalGP                  "gp", the default: a local Gaussian process of the surface variation

@@ -130,7 +130,6 @@ def simplify(
     weight: str | ArrayLike | None = None,
     detail: str | Mapping[str, float] | None = None,
     quota: Mapping[str, float | str] | None = None,
-    group: str | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -235,19 +234,25 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    from gppcs.streaming.beyond_memory import choose_beyond_memory
+    from gppcs.streaming.beyond_memory import Survey, choose
+    from gppcs.streaming.graph import engine
+    from gppcs.streaming.output import take
     from gppcs.streaming.scratch import scratch_folder
-    from gppcs.streaming.workers import map_over_parts
 
     check_order(files.preview, options.order)
     if options.scores:
         _check_scores(files.preview)
     with (
         scratch_folder(options.scratch, plan.disk) as folder,
-        map_over_parts(options.workers, plan.threads) as map_parts,
+        engine(options.workers, plan.threads) as run_on,
     ):
-        choice = choose_beyond_memory(files, options, plan, folder, map_parts, timer)
-    return _result(*choice, options, timer)
+        survey, outliers = Survey.read(files.parts(plan.part), options, folder, run_on, timer), None
+        if options.drop_outliers:
+            survey, outliers = survey.without_outliers()
+        kept, diagnostics = choose(survey)
+        cloud = take(survey.parts, kept, survey.overview.columns, run_on, timer)
+    selection = Selection(kept.indices, diagnostics, attributes=kept.scores)
+    return _result(selection, cloud, outliers, survey.n_points, options, timer)
 
 
 def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:

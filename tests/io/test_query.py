@@ -104,7 +104,7 @@ def test_conditions_choose_points_of_any_format(tmp_path, suffix):
 
 def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 2 * 10**9)
-    cloud = gppcs.sample("terrain", n_points=8_000)
+    cloud = gppcs.sample("village", n_points=8_000)
     gppcs.write(tmp_path / "scan.las", cloud, lossy=True)
     options = {"only": "classification == 2 or z > 0"}
     read = gppcs.read(tmp_path / "scan.las", **options)

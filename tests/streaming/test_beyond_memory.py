@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 import gppcs
 from gppcs.amounts.accuracy import distances_to
 from gppcs.engine.threads import number_of_threads
-from gppcs.streaming.workers import map_over_parts
+from gppcs.streaming.graph import engine
+from scans import sample
 
 MEMORY = "1GB"
 
@@ -22,13 +23,13 @@ def beyond_memory(monkeypatch):
     """Let no method fit into memory, and cut clouds into small parts."""
     for method in gppcs.METHODS.values():
         monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
-    monkeypatch.setattr("gppcs.spatial.stored.BOX", 500)
-    monkeypatch.setattr("gppcs.streaming.plan.CHUNK", 3_000)
-    monkeypatch.setattr("gppcs.streaming.scan.RUN", 5_000)
-    monkeypatch.setattr("gppcs.spatial.farthest_in_parts.PART", 4_000)
-    monkeypatch.setattr("gppcs.gp.local.beyond_memory.PART", 2_000)
-    monkeypatch.setattr("gppcs.methods.voxel.parts.PART", 4_000)
-    monkeypatch.setattr("gppcs.methods.random.PART", 4_000)
+    for name in ("source", "survey", "output"):
+        monkeypatch.setattr(f"gppcs.streaming.{name}.CHUNK", 3_000)
+    monkeypatch.setattr("gppcs.streaming.source.RUN", 5_000)
+    monkeypatch.setattr("gppcs.streaming.beyond_memory.TILE", 4_000)
+    monkeypatch.setattr("gppcs.streaming.beyond_memory.PILOT", 8_000)
+    monkeypatch.setattr("gppcs.streaming.beyond_memory.BLOCK", 100)
+    monkeypatch.setattr("gppcs.streaming.survey.SAMPLED", 8_000)
 
 
 def written(tmp_path, cloud, name="cloud.ply"):
@@ -59,7 +60,7 @@ def test_points_are_chosen_as_well_as_in_memory(tmp_path):
     """Over several clouds; the order of its rows alone changes the error of one by up to 4 %."""
     ratios = []
     for name in ("bracket", "medallion", "terrain", "statue", "street"):
-        cloud = gppcs.sample(name, 60_000)
+        cloud = sample(name, 60_000)
         found = gppcs.simplify(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
         whole = gppcs.simplify(cloud, n_points=4_000)
         for count in (2_000, 4_000):
@@ -92,7 +93,7 @@ def test_the_same_for_any_number_of_threads_files_and_chunks(tmp_path, monkeypat
     with ThreadPoolExecutor(2) as executor:
         results.append(gppcs.simplify(path, n_points=1_500, memory=MEMORY, workers=executor).indices)
     assert number_of_threads() == before
-    monkeypatch.setattr("gppcs.streaming.plan.CHUNK", 1_700)
+    monkeypatch.setattr("gppcs.streaming.source.CHUNK", 1_700)
     results.append(gppcs.simplify(path, n_points=1_500, memory=MEMORY).indices)
     for other in results[1:]:
         np.testing.assert_array_equal(results[0], other)
@@ -129,7 +130,7 @@ def test_points_to_keep_and_weights(tmp_path):
 
 @pytest.mark.slow
 def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
-    path = written(tmp_path, gppcs.sample("painted", 40_000))
+    path = written(tmp_path, sample("painted", 40_000))
     cloud, asked = gppcs.read(path), {"n_points": 3_000, "detail": "rgb"}
     found = [gppcs.simplify(cloud, n_points=3_000), gppcs.simplify(path, memory=MEMORY, **asked)]
     with ProcessPoolExecutor(2, get_context("spawn")) as executor:
@@ -144,7 +145,7 @@ def test_detail_is_kept_as_well_as_in_memory(tmp_path, monkeypatch):
 
 def classed(tmp_path, outliers=0.0):
     """Write 20,000 points of classes 1, 2 and, few, 6, in pulses of up to 4 points, some of them not finite."""
-    cloud = gppcs.sample("terrain", 20_000, outliers=outliers)
+    cloud = sample("terrain", 20_000, outliers=outliers)
     cloud.points[::1_000] = np.nan
     rng = np.random.default_rng(0)
     classes = rng.choice(np.array([1, 2, 6], dtype=np.uint8), 20_000, p=[0.5, 0.4, 0.1])
@@ -161,21 +162,6 @@ def test_quotas_are_exact(tmp_path, method, outliers):
     found = gppcs.simplify(path, n_points=2_000, quota=quota, memory=MEMORY, **asked).cloud
     assert np.bincount(found.attributes["kind"]).tolist() == [0, 1_200, 200, 0, 0, 0, 600]
     assert np.isfinite(found.points).all()
-
-
-def test_groups_stay_whole_but_for_points_of_weight_0(tmp_path):
-    path = classed(tmp_path, outliers=0.02)
-    cloud = gppcs.read(path)
-    cloud.attributes["counted"] = (np.arange(len(cloud)) % 5 > 0).astype(np.uint8)
-    gppcs.write(path, cloud, force=True)
-    options = {"invalid": "drop", "drop_outliers": True, "weight": "counted"}
-    result = gppcs.simplify(path, n_points=2_000, group="pulse", memory=MEMORY, **options)
-    assert len(result.indices) == pytest.approx(2_000, abs=4)
-    usable = np.setdiff1d(np.flatnonzero(cloud.is_finite() & (cloud.attributes["counted"] > 0)), result.outliers)
-    pulses = cloud.attributes["pulse"]
-    assert set(result.indices) == set(usable[np.isin(pulses[usable], result.cloud.attributes["pulse"])])
-    assert result.diagnostics["groups"] == len(np.unique(result.cloud.attributes["pulse"]))
-    assert result.diagnostics["groups_in_cloud"] == len(np.unique(pulses[usable]))
 
 
 def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
@@ -196,7 +182,7 @@ def test_a_spacing_tells_the_number_and_fps_keeps_to_it(tmp_path, monkeypatch):
 @pytest.mark.parametrize("keep", ["nearest", "least"])
 def test_cells_keep_the_same_points_as_in_memory(tmp_path, monkeypatch, keep):
     method = gppcs.Voxel(keep=keep, attribute="time" if keep == "least" else None)
-    points = gppcs.sample("terrain", 20_000).points
+    points = sample("terrain", 20_000).points
     times = np.random.default_rng(0).permutation(20_000) * 1e9  # a number of type float32 would not do
     path = written(tmp_path, gppcs.PointCloud(points, {"time": times}))
     found = gppcs.simplify(path, spacing="2 %", method=method, memory=MEMORY).indices
@@ -218,7 +204,6 @@ def test_an_even_density_knows_no_parts(tmp_path):
 
 
 def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("gppcs.surface.outliers.PART", 4_000)
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
     path = written(tmp_path, cloud)
     found = gppcs.simplify(path, n_points=500, drop_outliers=True, memory=MEMORY)
@@ -244,7 +229,6 @@ def test_of_repeats_the_first_is_kept(tmp_path):
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("n_places", [1, 2, 3, 40, 900])
 def test_few_different_places(tmp_path, monkeypatch, method, n_places):
-    monkeypatch.setattr("gppcs.streaming.scan.SAMPLED", 200)
     rng = np.random.default_rng(n_places)
     points = rng.random((n_places, 3))[rng.integers(n_places, size=20_000)]
     path = written(tmp_path, gppcs.PointCloud(points))
@@ -269,11 +253,7 @@ def test_invalid_points_are_told_or_dropped(tmp_path):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"tolerance": 1.0}, "`tolerance` takes all points at once"),
-        ({"n_points": 9, "max_gap": 1.0}, "`max_gap` takes all points at once"),
         ({"n_points": 9, "method": "hc"}, "method 'hc' takes all points at once"),
-        ({"n_points": 9, "normals": True}, "`normals` takes all points at once"),
-        ({"n_points": 9, "group": "pulse"}, "no attribute 'pulse' to group its points by"),
         (
             {"n_points": 9, "quota": {"x < 1e9": 5}},
             "expected at least 4 points of no quota, found 0; change the quotas",
@@ -310,17 +290,17 @@ def test_a_lost_worker_is_told():
     with (
         ProcessPoolExecutor(1, get_context("spawn")) as executor,
         pytest.raises(gppcs.GppcsError, match="the workers were lost"),
-        map_over_parts(executor, 1) as map_parts,
+        engine(executor, 1) as run_on,
     ):
-        list(map_parts(_end_at_once, [1]))
+        run_on.run(_end_at_once, [1])
 
 
 def test_a_worker_on_another_machine_uses_one_thread(monkeypatch, default_threads):
     gppcs.set_threads(3)
     machines = iter(["here", "there"])  # whose processes may have the same number
     monkeypatch.setattr("platform.node", lambda: next(machines))
-    with map_over_parts(None, 1) as map_parts:
-        assert list(map_parts(lambda part: number_of_threads(), [0])) == [1]
+    with engine(None, 1) as run_on:
+        assert run_on.run(lambda part: number_of_threads(), [0]) == [1]
 
 
 def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch):
@@ -328,7 +308,7 @@ def test_a_full_disk_for_temporary_files_is_told(tmp_path, monkeypatch):
         monkeypatch.setattr(shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9, 0))
         raise OSError("324838 requested and 195831 written")
 
-    monkeypatch.setattr("gppcs.streaming.scan.write_run", full)
+    monkeypatch.setattr("gppcs.streaming.source.Run.write", full)
     path = written(tmp_path, gppcs.sample("bracket", 20_000))
     with pytest.raises(gppcs.errors.OutputError, match="of disk space for temporary files, found that it is full"):
         gppcs.simplify(path, n_points=700, memory=MEMORY, scratch=tmp_path)

@@ -226,7 +226,7 @@ def _effect(noise: float, options: Options) -> str:
 def _notes(result: Result, options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
     kept, fraction = len(result.indices), len(result.indices) / result.points_in
-    if isinstance(options.size, int) and kept < options.size and options.group is None:
+    if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:

@@ -93,6 +93,7 @@ class CompileTimer:
     """Measures the time in which at least one kernel is being compiled."""
 
     def __init__(self) -> None:
+        self.kernels = 0  # that were compiled so far
         self.seconds = 0.0  # of all compilations in this process, in any of its threads, that have ended
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._start = 0.0

@@ -167,6 +167,11 @@ class CloudFiles:
         return any(map(is_standard, self._paths))
 
     @property
+    def has_copies(self) -> bool:
+        """Whether one of the files is copied to a temporary file before it is read."""
+        return any(opened.is_copy for opened in map(self._open, self._paths))
+
+    @property
     def n_faces(self) -> int:
         """The number of faces, which are no points."""
         return sum(opened.reader.n_faces for opened in map(self._open, self._paths))

@@ -22,20 +22,15 @@ class FarthestPoint(Method):
         Feature.RANKING: RANKING,
         Feature.KEEP: "The choice starts with the points to keep: a single one is the start point.",
         Feature.SPACING: "No two kept points are nearer to each other. Every original point has a kept one within it.",
-        Feature.FILES: "Other points than in memory, as far from each other.",
     }
     _bytes_per_point = 150
 
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
-        from gppcs.spatial.farthest_in_parts import farthest_in_parts
         from gppcs.spatial.farthest_points import farthest_points
 
         fixed, minimum = task.fixed, task.spacing or 0.0
-        if task.stored is not None:
-            keep = (np.empty(0, np.int64) if task.indices is None else task.indices, task.points)
-            return Selection(farthest_in_parts(task.stored, task.n_points, keep, task.timer, task.map_parts, minimum))
         if fixed == task.n_points:
             return Selection(np.arange(fixed))
         total = task.n_points - fixed if task.spacing is None else None

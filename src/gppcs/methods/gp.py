@@ -9,7 +9,6 @@ from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
 
 if TYPE_CHECKING:
-    from gppcs.engine.arrays import Floats
     from gppcs.gp.local.algorithm import Criterion
 
 
@@ -46,10 +45,11 @@ class LocalGP(Method):
         Feature.KEEP: "The others are chosen where the points to keep are not.",
         Feature.WEIGHT: "The density of the kept points is multiplied by the weight.",
         Feature.DETAIL: "A jump of an attribute counts as distance, as an edge does, and its variation as roughness.",
-        Feature.FILES: "Other points than in memory, chosen equally well.",
         Feature.DENOISE: "Points are chosen where the surface lies most probably, and moved there.",
         Feature.SCORES: "The score, and the standard deviation relative to the prior, when the point was chosen.",
     }
+
+    points_per_kept = 48.0
 
     feature_weight: float = parameter(
         0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1.", minimum=0, maximum=1
@@ -85,32 +85,26 @@ class LocalGP(Method):
         import numpy as np
 
         from gppcs.gp.local.algorithm import choose, choose_denoised
-        from gppcs.gp.local.beyond_memory import choose_stored
 
-        timer, stored, count = task.timer, task.stored, task.n_points
-        if task.spacing is not None:
-            with timer("tree"):
-                count = _number_at(task.points if stored is None else stored.sample, task)
-        if stored is not None:
-            indices = np.empty(0, dtype=np.int64) if task.indices is None else task.indices
-            ranking = choose_stored(
-                stored, count, self.criterion, self.candidates, timer, task.map_parts, indices, task.points
-            )
-        elif count < len(task.points) and self.denoise:
+        timer, count = task.timer, task.n_points
+        if count < len(task.points) and self.denoise:
             ranking = choose_denoised(
                 task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
             )
         elif count < len(task.points):
             ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail
-            )
+                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail,
+                task.settled, task.scale,
+            )  # fmt: skip
         else:
             return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
-        return Selection(
-            ranking.indices, {"noise_in_spacings": ranking.noise_in_spacings}, moved, attributes, normals=normals
-        )
+        diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}
+        return Selection(ranking.indices, diagnostics, moved, attributes, normals=normals, scale=ranking.scale)
+
+    def number_at(self, area: float, spacing: float) -> int:
+        return max(1, round(min(area / spacing / spacing, 1e18)))
 
     def memory(self, n: int, n_points: int) -> int:
         from gppcs.gp.local.candidates import sample_size
@@ -121,15 +115,3 @@ class LocalGP(Method):
         ranked = 300 * min(n, round(1.5 * self.candidates * n_points))  # 1.5 cells for each on slopes
         placed = 130 * min(n, CELL_POINTS * n_points)
         return 16 * n + max(sampled + ranked, placed)
-
-
-def _number_at(points: Floats, task: Task) -> int:
-    """Return how many points have a spacing on the surface, whose area is that of a sample, (n, 3)."""
-    from gppcs.gp.local.candidates import sample
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import surface_area
-
-    assert task.spacing is not None
-    indices = sample(points, 1)
-    area = surface_area(KdTree.build(points if len(indices) == len(points) else points[indices]))
-    return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gppcs.engine.arrays import Floats, Ints
-    from gppcs.spatial.boxes import MapParts
-    from gppcs.spatial.stored import StoredPoints
 
 RANKING = "The first k kept points are a simplification to k points, for any k."
 
@@ -34,7 +32,6 @@ class Feature(StrEnum):
     KEEP = "keep"  # it keeps given points
     WEIGHT = "weight"  # it weighs points
     DETAIL = "detail"  # it looks at attributes beside the shape
-    FILES = "files"  # it takes points on disk
     DENOISE = "denoise"  # it moves points onto the surface below their noise, by its parameter `denoise`
     SCORES = "scores"  # it reports the attributes `SCORES` of each chosen point
 
@@ -49,7 +46,7 @@ class Task:
     Attributes
     ----------
     points : (N, 3) array, float64
-        Finite and without repeats, about of unit size. If the points are `stored`, only those to keep, (fixed, 3).
+        Finite and without repeats, about of unit size.
     n_points : int
         M, from 1 to N - 1; N if there is a `spacing` instead.
     spacing : float, optional
@@ -63,15 +60,12 @@ class Task:
         as a sharp edge.
     values : (N,) array, float64, optional
         Of the attribute that `Method.reads_attribute` names, if any.
+    settled : (N,) array, bool, optional
+        Points that only show where the surface is: those of finished tiles, if the points are a part of a cloud.
+    scale : object, optional
+        `Selection.scale` of a choice in a sample of the whole cloud, if the points are a part of one.
     timer : Timer
         Measures the time of each stage, and reports progress.
-    stored : StoredPoints, optional
-        Points on disk, where they do not fit into memory, for methods that support `Feature.FILES`. They may repeat
-        each other; the method chooses all different places if there are no more than M.
-    indices : (fixed,) array, int64, optional
-        Indices of the points to keep, if the points are stored.
-    map_parts : callable
-        Applies a function to each part of stored points, like `map`: in threads, processes or on a cluster.
 
     Examples
     --------
@@ -88,10 +82,9 @@ class Task:
     weights: Floats | None = None
     detail: NDArray[np.float32] | None = None
     values: Floats | None = None
+    settled: NDArray[np.bool_] | None = None
+    scale: Any = None
     timer: Timer = field(default_factory=Timer)
-    stored: StoredPoints | None = None
-    indices: Ints | None = None
-    map_parts: MapParts = map
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +106,9 @@ class Selection(ComparedByValue):
         but repeats are chosen, in the order of the cloud.
     normals : (M, 3) array, float64, optional
         Unit normals at the new positions, whose signs have no meaning, if the method finds them.
+    scale : object, optional
+        What the method measured of the whole cloud that a choice in a part of it needs. `scale.refined(other)` is that
+        of a choice of fewer points together with that of a choice of more.
     """
 
     indices: Ints
@@ -121,6 +117,7 @@ class Selection(ComparedByValue):
     attributes: Mapping[str, Floats] = field(default_factory=dict)
     ranked: bool = True
     normals: Floats | None = None
+    scale: Any = None
 
     def arranged(self, indices: Ints) -> Selection:
         """Return a selection of other indices, (K,): points that are not of this one have scores of 0."""
@@ -179,6 +176,8 @@ class Method(ABC):
     description: ClassVar[str] = ""
     source: ClassVar[str]
     supports: ClassVar[Mapping[Feature, str]] = {}
+    by_cells: ClassVar[bool] = False  # whether it chooses, with a spacing, from each cell of a grid for itself
+    points_per_kept: ClassVar[float] = 256.0  # of more points for each kept one, tiles of a large cloud look at so many
     _bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
@@ -201,6 +200,15 @@ class Method(ABC):
     def moves_points(self) -> bool:
         """Whether the kept points get new positions."""
         return False
+
+    @property
+    def halo(self) -> tuple[float, float, float]:
+        """How far, in spacings along each axis, points may lie that matter for a choice with a spacing."""
+        return (1.0, 1.0, 1.0)
+
+    def number_at(self, area: float, spacing: float) -> int | None:
+        """Return how many points of a surface have a spacing, if its area tells; None if the choice does."""
+        return None
 
     @property
     def reads_attribute(self) -> str | None:

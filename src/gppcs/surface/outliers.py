@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
-from gppcs.spatial.boxes import MapParts, Part
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.queries import has_others, medians, others_within
 from gppcs.spatial.scaling import normalised
-from gppcs.spatial.stored import StoredPoints
 from gppcs.spatial.units import Units
 
 NEIGHBOURS = 16  # More than there are points in a clump of outliers.
-PART = 1 << 17  # Points of a part on disk at most.
 
 
 def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
@@ -121,23 +115,3 @@ def _distances_to_planes(distinct: Floats, starts: Ints, neighbours: Floats) -> 
     away = neighbours - centres[owners]
     moments = np.add.reduceat(away[:, :, np.newaxis] * away[:, np.newaxis], starts[:-1])
     return np.abs(np.einsum("ni,ni->n", distinct - centres, np.linalg.eigh(moments)[1][:, :, 0]))
-
-
-def outliers_in_parts(stored: StoredPoints, map_parts: MapParts, on_progress: Callable[[int], None]) -> Ints:
-    """Find the indices of the outliers of stored points, ascending: those of `find_outliers`, part by part."""
-    parts = stored.parts(PART)
-    outliers = [np.empty(0, dtype=np.int64)]
-    for part, of_part in zip(parts, map_parts(partial(_outliers_of_part, stored), parts), strict=True):
-        outliers.append(of_part)
-        on_progress(stored.count(part))
-    return np.sort(np.concatenate(outliers))
-
-
-def _outliers_of_part(stored: StoredPoints, part: Part) -> Ints:
-    """Find the outliers of a part, with a halo in which the neighbours of most points lie, and theirs."""
-    points = stored.near(part).points
-    sampled = points[:: max(1, len(points) // 1024)]
-    radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(NEIGHBOURS + 1, len(points)))[1][:, -1])
-    # For 99 % of the points, the neighbours and theirs lie in the halo: 2.5 times as far as the 16th neighbour.
-    near = stored.near(part, 2.5 * float(np.quantile(radii, 0.99)), repeats=True)
-    return near.indices[outliers_among(near.points) & near.inside]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.candidates import radius_of_plane
+from gppcs.gp.local.candidates import Ranks, drawn, radius_of_plane
 from gppcs.gp.local.settings import (
     CELL_POINTS,
     CHECKED_ON,
@@ -35,7 +35,6 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
 from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for
-from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
@@ -54,6 +53,7 @@ def place(
     fixed: int,
     area: float,
     noise: Noise,
+    ranks: Ranks,
     detail: NDArray[np.float32] | None = None,
     tree: KdTree | None = None,
     fitted: Quadrics | None = None,
@@ -62,16 +62,16 @@ def place(
     """Return the points for which the chosen ones are exchanged; the first `fixed` stay.
 
     If they are not given, this builds the tree over all points, and computes quadrics around them (if noise matters) or
-    normals, in tree order. Shapes: points and normals (N, 3), chosen (m,), detail (N, k); returns (m,).
+    normals, in tree order. Shapes: points and normals (N, 3), chosen (m,), ranks (N,), detail (N, k); returns (m,).
     """
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
-        drawn = np.flatnonzero(is_drawn(np.arange(len(points)), fraction))
-        detail = None if detail is None else detail.take(drawn, axis=0)
-        cells = KdTree.build(points[drawn])
-        new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
-        return np.where(new < 0, chosen, drawn[new])
+        some = drawn(ranks, fraction)
+        detail = None if detail is None else detail.take(some, axis=0)
+        cells = KdTree.build(points[some])
+        new = replacements(points[chosen], stays, cells, area / len(some), noise, old, detail)
+        return np.where(new < 0, chosen, some[new])
     cells = KdTree.build(points) if tree is None else tree
     new = replacements(
         points[chosen], stays, cells, area / len(points), noise, old, detail, fitted=fitted, normals=normals
@@ -101,13 +101,15 @@ def replacements(
     of_point, cells = cells.order, cells.in_own_order()
     surface = LocalSurface.from_points(vertices)
     order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
-    chosen = _Vertices.from_surface(surface, stays[order], farthest, None if old is None else old[order])
-    of_points = np.zeros((len(of_point), 0), dtype=np.float32) if detail is None else detail.take(of_point, axis=0)
-    observed = _Observed(cells.points, *_planes(cells, area, noise, fitted, normals), of_points)
+    chosen = _Vertices.from_surface(surface, stays[order], farthest)
+    attributes = None
+    if old is not None and detail is not None:
+        attributes = _Attributes(detail.take(of_point, axis=0), old[order])
+    observed = _Observed(cells.points, *_planes(cells, area, noise, fitted, normals))
     first, widest = _owners(surface.tree, cells, chosen.stays)
     nearest, feet = cells_of(first, len(order)), observed.feet
-    new, positions, gains = _exchanged(observed, chosen, first, nearest, widest, passes)
-    del observed, of_points  # as large as the surface of the new points
+    new, positions, gains = _exchanged(observed, chosen, attributes, first, nearest, widest, passes)
+    del observed, attributes  # as large as the surface of the new points
     if not noise.thick:
         placed = LocalSurface.over(KdTree.over(positions.T))
         new[farther(surface, placed, nearest, new >= 0, feet, ROUNDING * chosen.gaps + gains)] = -1
@@ -124,7 +126,13 @@ def _owners(tree: KdTree, cells: KdTree, stays: Flags) -> tuple[NDArray[np.int32
 
 
 def _exchanged(
-    observed: _Observed, chosen: _Vertices, first: NDArray[np.int32], nearest: Cells, widest: float, passes: int
+    observed: _Observed,
+    chosen: _Vertices,
+    attributes: _Attributes | None,
+    first: NDArray[np.int32],
+    nearest: Cells,
+    widest: float,
+    passes: int,
 ) -> tuple[Ints, Floats, Floats]:
     """Return for which point each vertex is exchanged, -1 where it stays, all positions then, and the attributes' gain.
 
@@ -137,10 +145,14 @@ def _exchanged(
             owners = owners.copy()
             on_ranges(_hand_over, len(owners), observed, chosen, owners, minimum=1024)
             cells = cells_of(owners, len(new))
-        on_ranges(_exchange, len(new), observed, chosen, first, *cells, widest, new, gains, minimum=64)
-        moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
-        positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
-        chosen = chosen._replace(positions=positions, attributes=attributes)
+        on_ranges(_exchange, len(new), observed, chosen, attributes, first, *cells, widest, new, gains, minimum=64)
+        moved, positions = np.flatnonzero(new >= 0), chosen.positions.copy()
+        positions[moved] = observed.points.T[new[moved]]
+        chosen = chosen._replace(positions=positions)
+        if attributes:
+            of_vertices = attributes.of_vertices.copy()
+            of_vertices[moved] = attributes.of_points[new[moved]]
+            attributes = attributes._replace(of_vertices=of_vertices)
     return new, chosen.positions, gains
 
 
@@ -150,7 +162,13 @@ class _Observed(NamedTuple):
     points: Floats  # (3, n)
     feet: Floats  # (3, n), on their planes
     normals: Floats  # (n, 3), of these
-    attributes: NDArray[np.float32]  # (n, k), none without detail
+
+
+class _Attributes(NamedTuple):
+    """What counts beside the shape."""
+
+    of_points: NDArray[np.float32]  # (n, k)
+    of_vertices: NDArray[np.float32]  # (m, k)
 
 
 class Cells(NamedTuple):
@@ -164,7 +182,6 @@ class _Vertices(NamedTuple):
     """The chosen points with the fans of triangles around them, in tree order."""
 
     positions: Floats  # (m, 3)
-    attributes: NDArray[np.float32]  # (m, k)
     corners: NDArray[np.int32]  # (m, triangles, 2), of the fans; -1 after the last
     normals: Floats  # (m, 3), of the fans
     gaps: Floats  # (m,), mean distance from the nearest others
@@ -172,17 +189,13 @@ class _Vertices(NamedTuple):
     stays: Flags  # (m,)
 
     @classmethod
-    def from_surface(
-        cls, surface: LocalSurface, stays: Flags, farthest: float, attributes: NDArray[np.float32] | None
-    ) -> _Vertices:
+    def from_surface(cls, surface: LocalSurface, stays: Flags, farthest: float) -> _Vertices:
         """Return the points of a surface."""
         positions = np.ascontiguousarray(surface.tree.points.T)
-        n, k = len(positions), min(4, len(positions))
+        k = min(4, len(positions))
         gaps = np.sqrt(surface.tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
-        if attributes is None:
-            attributes = np.zeros((n, 0), dtype=np.float32)
         steps = np.minimum(MAX_STEP * gaps, farthest)
-        return cls(positions, attributes, surface.corners, surface.normals, gaps, steps, stays)
+        return cls(positions, surface.corners, surface.normals, gaps, steps, stays)
 
 
 def _planes(
@@ -283,13 +296,14 @@ def _gather(owners, members, starts):
 
 
 @kernel
-def _exchange(begin, end, observed, chosen, first, members, starts, widest, new, gains):
+def _exchange(begin, end, observed, chosen, attributes, first, members, starts, widest, new, gains):
     """Fill `new` and add to `gains`, (m,), for a range of vertices.
 
     Their cells are `members`, (n,), from `starts`, (m + 1,), on.
     """
     errors = np.empty(0, dtype=np.float64)
-    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(observed.attributes.shape[1], dtype=np.float64)
+    quadric = np.empty(NUMBERS, dtype=np.float64)
+    middle = np.empty(0 if attributes is None else attributes.of_points.shape[1], dtype=np.float64)
     local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
     for v in range(begin, end):
         cell, vertex = members[starts[v] : starts[v + 1]], row(chosen.positions, v)
@@ -299,11 +313,11 @@ def _exchange(begin, end, observed, chosen, first, members, starts, widest, new,
             continue
         if len(cell) > len(errors):
             errors = np.empty(2 * len(cell), dtype=np.float64)
-        current = _errors(observed, chosen, v, cell, first, quadric, middle, errors)
-        if observed.attributes.shape[1] == 0:
+        current = _errors(observed, chosen, attributes, v, cell, first, quadric, middle, errors)
+        if attributes is None:
             best = _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squared)
         else:
-            best, gain = _best_with_attributes(observed, chosen, v, cell, widest, current, errors)
+            best, gain = _best_with_attributes(observed, chosen, attributes, v, cell, widest, current, errors)
             gains[v] += gain
         if best >= 0:
             new[v] = best
@@ -328,25 +342,25 @@ def _best_by_shape(observed, chosen, v, cell, widest, current, errors, local, sq
 
 
 @kernel(allocates=False)
-def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
+def _best_with_attributes(observed, chosen, attributes, v, cell, widest, current, errors):
     """Return the point of a cell with the least F of Eq. (20), or -1 for the vertex, and what its attributes gain."""
     vertex, best = row(chosen.positions, v), -1
-    distance, before = _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    distance, before = _off_fan(observed, chosen, attributes, v, vertex, attributes.of_vertices[v], cell, np.inf)
     smallest = current + distance + before - ROUNDING * chosen.gaps[v]
     after = before
     for _ in range(DETAIL_TRIALS):
         x, error = _next_point(observed.points, cell, errors, smallest, widest)
         if x < 0:
             break
-        to, at_apex = row(observed.points.T, x), observed.attributes[x]
-        distance, attribute_error = _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
+        to, at_apex = row(observed.points.T, x), attributes.of_points[x]
+        distance, attribute_error = _off_fan(observed, chosen, attributes, v, to, at_apex, cell, smallest - error)
         total = error + distance + attribute_error
         if total < smallest:
             smallest, best, after = total, x, attribute_error
     return best, max(0.0, before - after)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _next_point(points, cell, errors, limit, widest):
     """Return the point of least error, below a limit, that is near all of its cell, and this error; -1 if none is."""
     while True:
@@ -377,9 +391,9 @@ def _is_one_sheet(feet, normals, cell, vertex, fan_normal):
 
 
 @kernel(allocates=False)
-def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
+def _errors(observed, chosen, attributes, v, cell, first, quadric, middle, errors):
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
-    points, feet, normals, point_attributes = observed
+    points, feet, normals = observed
     steps, scale = chosen.steps[v], chosen.gaps[v]
     vertex, n = row(chosen.positions, v), len(cell)
     quadric[:], middle[:] = 0.0, 0.0
@@ -388,17 +402,21 @@ def _errors(observed, chosen, v, cell, first, quadric, middle, errors):
         step, normal = minus(row(feet.T, q), vertex), row(normals, q)
         add_plane(quadric, normal, -dot(normal, step), 1.0)
         x, y, z = x + step[0] / n, y + step[1] / n, z + step[2] / n
-        for c in range(len(middle)):
-            middle[c] += point_attributes[q, c] / n
+        if attributes is not None:
+            for c in range(len(middle)):
+                middle[c] += attributes.of_points[q, c] / n
     for slot, q in enumerate(cell):
         step, errors[slot] = minus(row(points.T, q), vertex), np.inf
         if first[q] == v and dot(step, step) <= steps * steps:
             to_middle = minus(step, (x, y, z))
-            squared = value(quadric, step) / n + PULL * dot(to_middle, to_middle)  # Eq. (10)
-            squared = max(0.0, squared) + scale**2 * _squared_difference(point_attributes[q], middle)
+            squared = max(0.0, value(quadric, step) / n + PULL * dot(to_middle, to_middle))  # Eq. (10)
+            if attributes is not None:
+                squared += scale**2 * _squared_difference(attributes.of_points[q], middle)
             errors[slot] = np.sqrt(squared)  # Eq. (20), the root
-    squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z))
-    return np.sqrt(max(0.0, squared) + scale**2 * _squared_difference(chosen.attributes[v], middle))
+    squared = max(0.0, value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z)))
+    if attributes is not None:
+        squared += scale**2 * _squared_difference(attributes.of_vertices[v], middle)
+    return np.sqrt(squared)
 
 
 @kernel(allocates=False)
@@ -410,7 +428,7 @@ def _squared_difference(attributes, other):
     return squared
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _covers(points, vertex, cell, widest):
     """Return whether no point of a cell is farther from a point than so much, squared."""
     for q in cell:
@@ -447,7 +465,7 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
 
 
 @kernel(allocates=False)
-def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
+def _off_fan(observed, chosen, attributes, v, apex, at_apex, cell, limit):
     """Return both parts of the mean of Eq. (20), distances and attributes, by the fan around an apex.
 
     They are infinite if their sum is beyond a limit, and 0 if the fan is empty.
@@ -475,10 +493,11 @@ def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
         interpolated = 0.0
         for k in range(len(at_apex)):
             at_foot = at_apex[k]
-            at_foot += s * (chosen.attributes[second, k] - at_apex[k])
-            at_foot += t * (chosen.attributes[third, k] - at_apex[k])
-            interpolated += (at_foot - observed.attributes[q, k]) ** 2
-        of_owner = _squared_difference(at_apex if owner < 0 else chosen.attributes[owner], observed.attributes[q])
+            at_foot += s * (attributes.of_vertices[second, k] - at_apex[k])
+            at_foot += t * (attributes.of_vertices[third, k] - at_apex[k])
+            interpolated += (at_foot - attributes.of_points[q, k]) ** 2
+        at_owner = at_apex if owner < 0 else attributes.of_vertices[owner]
+        of_owner = _squared_difference(at_owner, attributes.of_points[q])
         distance += np.sqrt(smallest) / judged
         attribute_error += scale * (DETAIL_INTERPOLATED * np.sqrt(interpolated) + DETAIL_NEAREST * np.sqrt(of_owner))
         if distance + attribute_error > limit:
@@ -526,7 +545,7 @@ def _mark_farther(
         is_farther[i] = after > before + judged * allowed[i]
 
 
-@kernel
+@kernel(allocates=False)
 def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
     """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
 
@@ -551,7 +570,7 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
     return _sum_of_roots(squared[:judged])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _greatest(values):
     """Return the greatest of values, (n,), that are not negative; the method of arrays takes long to compile."""
     greatest = 0.0
@@ -560,7 +579,7 @@ def _greatest(values):
     return greatest
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _measure_from(local, squared, origin):
     """Fill `squared`, (n,), with the squared distances of feet, (3, n), from a point."""
     for q in range(len(squared)):
@@ -588,7 +607,7 @@ def _is_beside_a_sheet(vertices, normals, near):
     return along
 
 
-@kernel
+@kernel(inline="always")
 def _is_beyond(a, b, c, limit):
     """Return whether a plane keeps a triangle farther than so much from the origin."""
     middle = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]
@@ -596,7 +615,7 @@ def _is_beyond(a, b, c, limit):
     return along > 0.0 and along * along > limit * limit * dot(middle, middle)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_among(triangle, triangles, count):
     """Return whether three numbers are among the first others, of (3, t), without branches."""
     first, second, third = triangle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -25,8 +26,8 @@ class Voxel(Method):
     source = "baseline; the edge length of the cells is found by bisection"
     supports = {
         Feature.SPACING: "The edge length of the cells; each occupied cell keeps one point.",
-        Feature.FILES: "The same points as in memory, but for the size of the cells.",
     }
+    by_cells = True
     _bytes_per_point = 170
 
     keep: Literal["nearest", "mean", "highest", "lowest", "most", "least", "random"] = parameter(
@@ -51,6 +52,12 @@ class Voxel(Method):
         return self.keep == "mean"
 
     @property
+    def halo(self) -> tuple[float, float, float]:
+        from gppcs.methods.voxel.grid import COLUMNS
+
+        return (1.0, 1.0, math.inf if self.keep in COLUMNS else 1.0)
+
+    @property
     def reads_attribute(self) -> str | None:
         return self.attribute
 
@@ -59,35 +66,24 @@ class Voxel(Method):
 
         from gppcs.methods.sample_elimination.elimination import thin
         from gppcs.methods.voxel.grid import cell_edge, check_columns, in_cells, occupied, representatives, worth
-        from gppcs.methods.voxel.parts import representatives_in_parts
         from gppcs.spatial.cells import first_occurrences
 
         points, n_points, timer = task.points, task.n_points, task.timer
         # A finer grid has more cells than whole numbers can count.
         edge = None if task.spacing is None else max(task.spacing, 1e-12)
-        if task.stored is not None:
-            stored = task.stored
-            indices, chosen, means = representatives_in_parts(
-                stored, self.keep, self.min_points, edge, n_points, timer, task.map_parts
-            )
-        else:
-            corner = points.min(axis=0)
-            points = points - corner
-            placed = in_cells(points, self.keep)
-            if edge is None:
-                if placed is not points:
-                    check_columns(int(first_occurrences(placed).sum()), n_points)
-                with timer("size of cells"):
-                    n_cells = partial(occupied, placed, min_points=self.min_points)
-                    edge = cell_edge(float(placed.max()), n_points, n_cells)
-            with timer("representatives"):
-                indices, means = representatives(placed, edge, worth(points, self.keep, task.values), self.min_points)
-                means += corner
-            chosen = points[indices]
+        placed = in_cells(points, self.keep)
+        if edge is None:
+            if placed is not points:
+                check_columns(int(first_occurrences(placed).sum()), n_points)
+            with timer("size of cells"):
+                n_cells = partial(occupied, placed, min_points=self.min_points)
+                edge = cell_edge(float(placed.max()), n_points, n_cells)
+        with timer("representatives"):
+            indices, means = representatives(placed, edge, worth(points, self.keep, task.values), self.min_points)
         if not len(indices):
             raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")
         kept = np.arange(len(indices))
         if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
-                kept, _ = thin(chosen, n_points)
+                kept, _ = thin(points[indices], n_points)
         return Selection(indices[kept], {}, means[kept] if self.keep == "mean" else None)
