@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -55,7 +56,7 @@ def simplify(
     ] = None,
     unit: options.Unit = None,
     keep: Annotated[str | None, from_field("keep", CHOICE, "CONDITION")] = None,
-    weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
+    weight: Annotated[str | None, from_field("weight", CHOICE, "FORMULA")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
     quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
     invalid: options.Invalid = "error",
@@ -68,7 +69,13 @@ def simplify(
     ] = DEFAULT.name,
     settings: Annotated[
         list[str] | None,
-        option("Set a parameter of the method. Can be repeated.", METHOD, "--set", metavar="KEY=VALUE"),
+        option(
+            "Set a parameter of the method. Can be repeated.",
+            METHOD,
+            "--set",
+            metavar="KEY=VALUE",
+            autocompletion=lambda ctx, incomplete: _completed_settings(ctx.params.get("method"), incomplete),
+        ),
     ] = None,
     denoise: Annotated[bool, from_field("denoise", METHOD, None, "--denoise")] = False,
     input_format: options.From = None,
@@ -203,6 +210,17 @@ def _sizes(levels: str) -> tuple[float, ...]:
     if len(sizes) < len(values):
         raise ParameterError(f"expected --levels with different sizes, such as 10%,3%,1%, found {shown(levels)}")
     return tuple(sizes)
+
+
+def _completed_settings(method: str | None, incomplete: str) -> list[str]:
+    """Return the parameters of a method, and of such as have few values these, that begin as a user has typed."""
+    from gppcs.methods.parameters import parameters_of
+
+    settings = list[str]()
+    for key, parameter in parameters_of(METHODS.get(method or "", DEFAULT)).items():
+        values = ["True", "False"] if parameter.kind == "bool" else re.findall(r'"(.+?)"', parameter.kind)
+        settings += [f"{key}={value}" for value in values or [""]]
+    return [setting for setting in settings if setting.startswith(incomplete)]
 
 
 def _settings(settings: list[str] | None) -> dict[str, str]:
