@@ -138,9 +138,10 @@ def _shipped() -> Path | None:
 
 
 def _described(numba_type: Any) -> Any:
-    """Return what code depends on of the type of an argument: the fields of a named tuple, too, also within a tuple."""
+    """Return what code depends on of the type of an argument: also the class and the fields of a named tuple in it."""
     if parts := getattr(numba_type, "types", None):
-        return str(numba_type), getattr(numba_type, "fields", None), list(map(_described, parts))
+        named = getattr(numba_type, "instance_class", None), getattr(numba_type, "fields", None)
+        return str(numba_type), named, list(map(_described, parts))
     return str(numba_type)
 
 

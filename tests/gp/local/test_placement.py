@@ -7,7 +7,7 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local.placement import cells_of, farther, nearest_of_each, replacements
+from gppcs.gp.local.placement import cells_of, farther, replacements
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
     DETAIL_NEAREST,
@@ -18,6 +18,7 @@ from gppcs.gp.local.settings import (
     TRIALS,
 )
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_of_each
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
 

@@ -33,8 +33,8 @@ from gppcs.gp.local.settings import (
     TRIALS,
     TRIED_ON,
 )
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
-from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, search_for
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.nearest import nearest_of_each
 from gppcs.spatial.samples import is_drawn
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
@@ -193,56 +193,6 @@ def _planes(
         return cells.points, features_in_radius(cells, radius_of_plane(area)).normals if normals is None else normals
     fitted = noise.fitted(cells) if fitted is None else fitted
     return projected(cells.points, fitted), fitted.normals.T.astype(np.float64, order="C")
-
-
-def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], Floats]:
-    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
-    n = len(queries.order)
-    positions, squared, tasks = np.empty(n, dtype=np.int32), np.empty(n), number_of_runs(queries.leaves)
-    on_ranges(_nearest_of_each, tasks, tasks, *tree.arrays, *queries.arrays, positions, squared)
-    return positions, squared
-
-
-@kernel
-def _nearest_of_each(
-    first, last, tasks, points, lower, upper, queries, queries_lower, queries_upper, positions, squared
-):
-    """Fill positions and squared, (Q,), for queries, (3, Q), in a range of tasks; boxes are (nodes, 3)."""
-    leaves = first_leaf(queries_lower)
-    search = search_for(1, first_leaf(lower))
-    for task in range(first, last):
-        radius = 0.0  # squared; in the first leaf, each query searches by itself
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            begin, end = leaf_range(queries.shape[1], leaves, leaf)
-            count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], radius, search)
-            total = 0.0
-            for q in range(begin, end):
-                x, y, z = queries[0, q], queries[1, q], queries[2, q]
-                slot = _nearest_packed(search.buffer.packed, count, x, y, z, radius, search.squared)
-                positions[q] = search.buffer.positions[slot]
-                squared[q] = search.squared[slot]
-                if slot < 0:
-                    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-                    positions[q], squared[q] = search.positions[0], search.gaps[0]
-                total += squared[q]
-            radius = WIDER * total / (end - begin)
-
-
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def _nearest_packed(packed, count, x, y, z, radius, squared):
-    """Return the slot of the packed point nearest to (x, y, z), -1 if none is within the radius."""
-    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
-    squared, smallest = squared[:count], np.inf
-    for j in range(len(along_x)):
-        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
-        squared[j] = dx * dx + dy * dy + dz * dz
-        smallest = min(smallest, squared[j])
-    if not smallest <= radius:
-        return -1
-    slot = 0
-    while squared[slot] > smallest:
-        slot += 1
-    return slot
 
 
 @kernel(allocates=False)
