@@ -213,7 +213,7 @@ def leaves_of_runs(first, last, runs, queries):
     return leaves + leaves * first // runs, leaves + leaves * last // runs
 
 
-@kernel
+@kernel(forceinline=True)
 def look_around_leaf(tree, queries, leaf, runs, mean, search):
     """Find and pack the points near a leaf of queries, by the mean squared distance that the last leaf needed.
 
