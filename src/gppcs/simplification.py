@@ -128,7 +128,6 @@ def simplify(
     weight: str | ArrayLike | None = None,
     detail: str | Mapping[str, float] | None = None,
     quota: Mapping[str, float | str] | None = None,
-    group: str | None = None,
     method: str | Method = DEFAULT,
     seed: int | None = None,
     invalid: Literal["error", "drop"] = "error",
@@ -233,7 +232,25 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    raise NotImplementedError
+    from gppcs.streaming.beyond_memory import Survey, choose
+    from gppcs.streaming.graph import engine
+    from gppcs.streaming.output import take
+    from gppcs.streaming.scratch import scratch_folder
+
+    check_order(files.preview, options.order)
+    if options.scores:
+        _check_scores(files.preview)
+    with (
+        scratch_folder(options.scratch, plan.disk) as folder,
+        engine(options.workers, plan.threads) as run_on,
+    ):
+        survey, outliers = Survey.read(files.parts(plan.part), options, folder, run_on, timer), None
+        if options.drop_outliers:
+            survey, outliers = survey.without_outliers()
+        kept, diagnostics = choose(survey)
+        cloud = take(survey.parts, kept, survey.overview.columns, run_on, timer)
+    selection = Selection(kept.indices, diagnostics, attributes=kept.scores)
+    return _result(selection, cloud, outliers, survey.n_points, options, timer)
 
 
 def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
@@ -357,4 +374,4 @@ def _result(
     if options.order != "importance":
         positions = in_order(kept, indices, options.order)
         indices, kept = indices[positions], kept.take(positions)
-    return Result(indices, kept, method, timer.seconds, diagnostics, outliers, is_ranked, n)
+    return Result(indices, kept, method, dict(timer.seconds), diagnostics, outliers, is_ranked, n)

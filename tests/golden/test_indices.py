@@ -15,6 +15,7 @@ import pytest
 from threadpoolctl import threadpool_info
 
 import gppcs
+from scans import sample
 
 TABLE = Path(__file__).with_name("indices.json")
 DATA = Path(os.environ.get("GPPCS_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -36,7 +37,7 @@ METHODS = ("gp", "gp-spectral", "fps", "voxel", "hc", "qem")
 def cloud_of(name):
     """A sample, or at most 20,000 points of a real scan."""
     if name in SAMPLES:
-        return gppcs.sample(name, **SAMPLES[name])
+        return sample(name, **SAMPLES[name])
     points = gppcs.read(DATA / f"{name}.ply").points
     return gppcs.PointCloud(points[:: max(1, len(points) // 20_000)])
 

@@ -81,6 +81,17 @@ def test_bare_records(tmp_path, name, names):
         read(tmp_path / "scan.bin", name)
 
 
+@pytest.mark.parametrize(
+    "content",
+    [b"0.25 0.5 1 7\n" * 80, np.random.default_rng(0).bytes(800), np.linspace(0, 9, 100).tobytes(),
+     np.full((50, 4), np.inf, "<f4").tobytes(), np.full((50, 4), 4e6, "<f4").tobytes()],
+)  # fmt: skip
+def test_bare_records_that_are_no_metres_are_refused(tmp_path, content):
+    (tmp_path / "scan.bin").write_bytes(content)
+    with pytest.raises(FileFormatError, match="metres"):
+        read(tmp_path / "scan.bin", "kitti")
+
+
 def test_attributes_with_awkward_names(tmp_path):
     path = tmp_path / "cloud.npz"
     names = ["file", "allow_pickle", "a", "a.npy", "with space"]

@@ -16,7 +16,7 @@ import gppcs
 from formats import losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import read, to_laspy, write
+from gppcs.io import las_header, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
 SUFFIXES = [".las", ".laz"]
@@ -55,13 +55,43 @@ def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, nu
         assert found.points.array.tobytes() == original.points.array[indices].tobytes()
         assert list(found.point_format.dimension_names) == list(original.point_format.dimension_names)
         assert_right_header(found)
-        for name in ("version", "file_source_id", "system_identifier", "uuid"):
+        for name in ("version", "file_source_id", "system_identifier", "uuid", "creation_date"):
             assert getattr(found.header, name) == getattr(original.header, name)
-        assert (found.header.generating_software, found.header.creation_date) == ("gppcs", date.today())
+        assert found.header.generating_software == "gppcs"
         assert found.header.global_encoding.value == original.header.global_encoding.value
         assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
         assert bytes_of(found.evlrs or []) == bytes_of(original.evlrs or [])
         assert read(tmp_path / f"out{target}") == cloud.take(indices)
+
+
+@pytest.fixture
+def on_day(monkeypatch):
+    """A function that sets the date of today."""
+
+    def set_day(day):
+        today = type("Day", (date,), {"today": classmethod(lambda cls: day)})
+        for module in (laspy.header, las_header):
+            monkeypatch.setattr(module, "date", today)
+
+    return set_day
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".copc.laz"])
+def test_the_day_changes_neither_files_nor_what_is_read(tmp_path, monkeypatch, on_day, suffix):
+    source = save(random_las("1.4", 6, extra=()), tmp_path / "in.las")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "981173106")  # of February 3, 2001
+    for name, day in (("a", date(2026, 1, 31)), ("b", date(2026, 2, 1))):
+        on_day(day)
+        write(tmp_path / f"{name}{suffix}", source)
+        write(tmp_path / f"new {name}{suffix}", np.eye(3))
+    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    assert (tmp_path / f"new a{suffix}").read_bytes() == (tmp_path / f"new b{suffix}").read_bytes()
+    with laspy.open(tmp_path / f"new a{suffix}") as file:
+        assert file.header.creation_date == date(2001, 2, 3)
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    write(tmp_path / f"today{suffix}", np.eye(3))
+    assert (tmp_path / f"today{suffix}").read_bytes()[90:94] == b"\x20\x00\xea\x07"  # day 32 of 2026
+    assert read(tmp_path / f"today{suffix}") == read(tmp_path / f"new a{suffix}")
 
 
 def bytes_of(records):

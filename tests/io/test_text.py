@@ -83,9 +83,18 @@ def test_columns_of_pts_files(table, extra, names, count):
 
 def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
     path = tmp_path / "cloud.csv"
-    points = np.array([[0.1, 1, 1e-7]], np.float32)
-    write(path, PointCloud(points, {"a b": np.array([True]), "h": np.array([0.1])}, points.dtype))
-    assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,1e-07,1,0.1\n"
+    points = np.array([[0.1, 1, 1e-7], [0, 5, 1e-21]], np.float32)
+    write(path, PointCloud(points, {"a b": np.array([True, False]), "h": np.array([0.1, 1e-5])}, points.dtype))
+    assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,0.0000001,1,0.1\n0.0,5.0,1e-21,0,0.00001\n"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xyz", ".pts", ".obj", ".off"])
+def test_single_coordinates_far_from_zero_have_the_digits_of_double_ones(tmp_path, suffix):
+    points = np.array([[493814.9, 5420477, 1], [493815.2, 5420494, 2]], np.float32)
+    write(tmp_path / f"a{suffix}", PointCloud(points, coordinate_dtype=points.dtype))
+    lines = (tmp_path / f"a{suffix}").read_text().replace(",", " ").splitlines()[-2:]
+    assert [list(map(float, line.split()[-3:])) for line in lines] == points.tolist()
+    assert not any("e" in line for line in lines)
 
 
 @pytest.mark.parametrize("column", [["18446744073709551615", "-1"], ["1" * 500, "1"]])

@@ -20,7 +20,9 @@ from shapes import KINDS
 
 
 def plain_stage(points, n_points, area):
-    """Rows removed by one stage, with a table of all pairs."""
+    """Rows removed by one stage, with a table of all pairs; ties go to the first in the order of a tree."""
+    order = KdTree.build(points).order
+    points = points[order]
     reach = 2.0 * np.sqrt(area / (2.0 * np.sqrt(3.0) * n_points))
     dx, dy, dz = (points[:, None] - points).transpose(2, 0, 1)
     limit = reach * BETA * (1.0 - (n_points / len(points)) ** GAMMA)
@@ -35,7 +37,7 @@ def plain_stage(points, n_points, area):
         removed.append(int(np.argmax(weights)))
         weights -= terms[removed[-1]]
         weights[removed[-1]] = REMOVED
-    return removed
+    return order[removed]
 
 
 def plain_elimination(points, n_points):

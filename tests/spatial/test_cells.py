@@ -37,7 +37,7 @@ def cells(points, edge, values):
 
 def valued(n, kinds, seed):
     """Values with many ties, or all alike."""
-    return np.random.default_rng(seed).integers(0, kinds, n).astype(np.float32)
+    return np.random.default_rng(seed).integers(0, kinds, n).astype(np.uint64)
 
 
 @given(

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from gppcs.spatial.samples import HASHES, even_sample, hashes, is_drawn
+from gppcs.spatial.samples import even_sample, point_hashes
 
 
 @given(st.integers(1, 3000), st.integers(1, 40), st.sampled_from([0.0, 1e-6, 1.0]), st.integers(0, 10**6))
@@ -30,15 +30,21 @@ def test_each_part_of_a_sphere_keeps_its_share(step):
     assert np.std(inside - wanted / step) < 0.8 * np.sqrt(wanted.mean() / step)
 
 
-def test_hashes_are_uniform_and_differ():
-    found = hashes(np.arange(100_000, dtype=np.uint64))
-    assert len(np.unique(found)) == 100_000
-    assert kstest(found / HASHES, "uniform").pvalue > 0.01
-    assert abs(np.corrcoef(found[:-1] / HASHES, found[1:] / HASHES)[0, 1]) < 0.01
+@pytest.mark.parametrize("seed", [0, 1])
+def test_random_numbers_of_places_are_uniform_and_differ(seed):
+    """Of a lattice: neighbours differ in few bits."""
+    points = np.indices((50, 50, 40)).reshape(3, -1).T.astype(float)
+    hashes = point_hashes(points, seed)
+    assert len(np.unique(hashes)) == 100_000
+    assert kstest(hashes / 2.0**64, "uniform").pvalue > 0.01
+    assert abs(np.corrcoef(hashes[:-1] / 2.0**64, hashes[1:] / 2.0**64)[0, 1]) < 0.01
+    assert abs(np.corrcoef(hashes / 2.0**64, point_hashes(points, seed + 1) / 2.0**64)[0, 1]) < 0.01
+    np.testing.assert_array_equal(point_hashes(points, seed, bits=20), hashes >> np.uint64(44))
 
 
-@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 1.0])
-def test_the_fraction_that_is_drawn(fraction):
-    found = is_drawn(np.arange(100_000), fraction).mean()
-    assert found == pytest.approx(fraction, abs=0.005)
-    assert found == fraction or fraction not in (0.0, 1.0)
+@pytest.mark.parametrize("factor", [1.0, 2.0**-70, 3.0, 1000.0])
+def test_random_numbers_depend_on_neither_the_order_of_points_nor_their_unit(factor):
+    rng = np.random.default_rng(0)
+    points = rng.integers(-5000, 5000, (40_000, 3)) / 1024
+    order = rng.permutation(len(points))
+    np.testing.assert_array_equal(point_hashes(factor * points[order]), point_hashes(points)[order])

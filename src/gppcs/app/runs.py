@@ -69,7 +69,8 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         result, clouds = _simplified(job, output, files, plan, timer)
         note_unused(output.input_title, files)
     with timer("writing"):
-        dropped = _store(job, output, clouds)
+        is_ranked = result.ranked and job.mark is None and _order(job, output) == "importance"
+        dropped = _store(job, output, clouds, is_ranked)
     note_left_out(output.targets[-1], dropped)
     note_units(output.input_title, preview, job.options.unit)
     for note in _notes(result, job.options):
@@ -85,7 +86,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         "method": result.method.name,
         "parameters": dataclasses.asdict(result.method),
         "readings": plan.readings,
-        **record_of_run(result.diagnostics, result.seconds),
+        **record_of_run(result.diagnostics, timer.seconds),
     }
     return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
 
@@ -169,7 +170,7 @@ def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
     return counts
 
 
-def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
+def _store(job: Job, output: Output, clouds: list[PointCloud], is_ranked: bool) -> list[str]:
     """Write all files of an output, which replace others only when all are complete; return what they do not hold."""
     dropped: list[str] = []
     with ExitStack() as stack:
@@ -177,7 +178,8 @@ def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
             if output.makes_folders:
                 target.parent.mkdir(parents=True, exist_ok=True)
             file = stack.enter_context(io.whole_output(target, job.force))
-            dropped = io.store_in(file, target, cloud, io.format_to_write(target, output.format), job.lossy)
+            chosen = io.format_to_write(target, output.format, is_ranked=is_ranked)
+            dropped = io.store_in(file, target, cloud, chosen, job.lossy)
     return dropped
 
 
@@ -224,7 +226,7 @@ def _effect(noise: float, options: Options) -> str:
 def _notes(result: Result, options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
     kept, fraction = len(result.indices), len(result.indices) / result.points_in
-    if isinstance(options.size, int) and kept < options.size and options.group is None:
+    if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:

@@ -23,7 +23,7 @@ from gppcs.clouds.columns import COLOUR, Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of, read_header
+from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, kind_of, read_header
 from gppcs.io.laz import checked_chunks, points_of
 from gppcs.io.rows import BLOCK, at_most
 
@@ -119,7 +119,7 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file of a cloud that `stored` has returned."""
     import laspy
 
-    las = header_of(cloud)
+    las = dated(header_of(cloud))
     with (
         reported_writing(),
         laspy.LasWriter(file, las, compressed, closefd=False, encoding_errors="surrogateescape") as writer,
@@ -194,7 +194,7 @@ def to_laspy(cloud: PointCloud) -> laspy.LasData:
     fit = FORMATS[0].fit(cloud)
     if fit.values:
         raise InputError(f"expected what LAS can hold, found {', '.join(fit.values)}; convert or drop it")
-    las = deepcopy(header_of(fit.cloud))
+    las = dated(header_of(fit.cloud))
     block = records_of(fit.cloud, las)
     las.update(laspy.PackedPointRecord(block, las.point_format))
     return laspy.LasData(las, laspy.ScaleAwarePointRecord(block, las.point_format, las.scales, las.offsets))
@@ -281,6 +281,7 @@ def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasH
     is_new = best.id >= 6 or len(cloud) >= 2**32
     las = laspy.LasHeader(version="1.4" if is_new else "1.2", point_format=best)
     las.global_encoding.wkt = best.id >= 6
+    las.creation_date = None
     las.scales = np.zeros(3)  # which no coordinates fit, so that `scale_and_offset` looks for better ones
     return las
 

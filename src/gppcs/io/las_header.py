@@ -6,10 +6,11 @@ The chunks of the points are checked in laz.py (`checked_chunks`).
 from __future__ import annotations
 
 import logging
+import os
 import struct
 from copy import deepcopy
 from dataclasses import dataclass
-from datetime import date
+from datetime import UTC, date, datetime
 from decimal import Decimal
 from io import BufferedReader, BytesIO
 from typing import TYPE_CHECKING
@@ -57,15 +58,16 @@ class LasHeader(Header):
         las.mins = np.zeros(3)
         las.start_of_waveform_data_packet_record = 0
         las.are_points_compressed = False
-        las.generating_software, las.creation_date = "gppcs", date.today()  # as it is written
+        las.generating_software = "gppcs"  # as it is written
         return cls(las)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LasHeader) and self._content() == other._content()
 
     def _content(self) -> bytes:
-        """Return the header as it is written."""
+        """Return the header as it is written, but for its date."""
         las = deepcopy(self.las)
+        las.creation_date = date.min
         with BytesIO() as file:
             las.write_to(file, encoding_errors="surrogateescape")
             if las.evlrs:
@@ -76,6 +78,14 @@ class LasHeader(Header):
         """Return the content of a record of the coordinate system; no bytes if there is none."""
         records = [*self.las.vlrs, *(self.las.evlrs or [])]
         return next((r.record_data_bytes() for r in records if kind_of(r) == (_PROJECTION, number)), b"")
+
+    def with_crs_of(self, other: Header | None) -> LasHeader:
+        """Return this header, with the coordinate system of another if it has none."""
+        if self.crs or not isinstance(other, LasHeader):
+            return self
+        las = deepcopy(self.las)
+        las.vlrs += [record for record in (*other.las.vlrs, *(other.las.evlrs or [])) if record.user_id == _PROJECTION]
+        return LasHeader(las)
 
     @property
     def wkt(self) -> str:
@@ -133,6 +143,15 @@ class LasHeader(Header):
             *([f"coordinate system {crs}"] if crs else []),
             *([f"{n_others} variable-length record{'s' * (n_others > 1)}"] if n_others else []),
         ]
+
+
+def dated(header: laspy.LasHeader) -> laspy.LasHeader:
+    """Return a copy of a header that is to be written, with its date, or else that of SOURCE_DATE_EPOCH or today."""
+    header = deepcopy(header)
+    if header.creation_date is None:
+        epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+        header.creation_date = datetime.fromtimestamp(int(epoch), UTC).date() if epoch.isdecimal() else date.today()
+    return header
 
 
 def kind_of(record: laspy.VLR) -> tuple[str, int]:

@@ -23,9 +23,9 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import coordinate_type, default_names
+from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, shortened, write_rows
+from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
 
 GENERATOR = "gppcs"  # of glTF files whose node turns y up
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -71,6 +71,7 @@ def open_obj(file: BufferedReader) -> Reader:
     vertices: list[str] = []
     face_lines: list[tuple[int, str]] = []  # with the number of vertices before them
     n_others = {"vn": 0, "vt": 0}
+    other = ""
     for line in lines_of(file):
         keyword, _, text = line.partition(" ")
         if keyword not in ("v", "f"):  # few lines begin with blanks, or have tabs
@@ -81,6 +82,10 @@ def open_obj(file: BufferedReader) -> Reader:
             face_lines.append((len(vertices), text))
         elif keyword in n_others:
             n_others[keyword] += 1
+        elif is_row(line):
+            other = other or line.strip()
+    if other and not vertices:
+        raise FileFormatError(f"expected lines of vertices of an OBJ file, such as 'v 0 0 0', found {shortened(other)}")
 
     def polygon(n_vertices: int, line: str) -> list[int]:
         indices = [int(field.partition("/")[0]) for field in line.split()]
@@ -304,7 +309,7 @@ def stored_of(
             columns = dict(zip((*COLOUR, "alpha"), colours.T, strict=False))
             stored = replace(stored, attributes={**stored.attributes, **columns})
     if not single:
-        return stored
+        return with_digits(stored)
     origin = origin_of(stored.points)
     with np.errstate(over="ignore"):
         return replace(stored, points=(stored.points - origin).astype(np.float32).astype(np.float64) + origin)

@@ -294,8 +294,13 @@ def texts_of(values: Column) -> list[str]:
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype != np.float64:
-        return list(map(str, values))  # str of a NumPy number is the shortest text for its own type
-    return list(map(repr, values.tolist()))
+        texts = list(map(str, values))  # str of a NumPy number is the shortest text for its own type
+    else:
+        texts = list(map(repr, values.tolist()))
+    for i, text in enumerate(texts):
+        if "e" in text and 1e-20 < abs(values[i]) < 1e20:  # some programs read no exponents
+            texts[i] = np.format_float_positional(values[i], trim="0")
+    return texts
 
 
 def _quoted(text: str) -> str:

@@ -40,7 +40,7 @@ def plain_input(path: Path) -> Any:
         return file
     with file:
         try:
-            return _copied(gzip.GzipFile(fileobj=file))
+            return _copied(gzip.GzipFile(fileobj=file), file)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
 
@@ -53,11 +53,16 @@ def _standard_input() -> Any:
         return _copied(stream)
 
 
-def _copied(stream: Any) -> Any:
-    """Return a temporary file with the content of a stream."""
+def _copied(stream: Any, packed: Any = None) -> Any:
+    """Return a temporary file with the content of a stream, which may unpack a file."""
     with ExitStack() as stack:
         copy = stack.enter_context(tempfile.TemporaryFile())
-        shutil.copyfileobj(stream, copy)
+        while block := stream.read(1 << 20):
+            copy.write(block)
+            if packed and copy.tell() > 200 * packed.tell() + (1 << 24):
+                raise FileFormatError(
+                    "expected at most 200 times the bytes of the gzip file, found more; unpack it first"
+                )
         copy.seek(0)
         stack.pop_all()
     return copy

@@ -22,7 +22,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import coordinate_names
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import columns_of, default_names, with_byte_colours
+from gppcs.io.columns import columns_of, default_names, with_byte_colours, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import (
     MISSING,
@@ -183,7 +183,7 @@ def _with_decimals(cloud: PointCloud) -> PointCloud:
     """Return a cloud whose coordinates have the digits of their file: 0.41 in place of 41 times 0.01."""
     decimals = cloud.header.decimals if cloud.header else None
     if decimals is None or not all(0 <= n <= 15 for n in decimals):
-        return cloud
+        return with_digits(cloud)
     rounded = np.column_stack([np.round(values, n) for values, n in zip(cloud.points.T, decimals, strict=True)])
     shift = np.abs(rounded - cloud.points)
     return replace(cloud, points=np.where(shift <= 2 * np.spacing(np.abs(cloud.points)), rounded, cloud.points))

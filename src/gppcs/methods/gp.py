@@ -85,24 +85,24 @@ class LocalGP(Method):
         from gppcs.gp.local.algorithm import choose, choose_denoised
 
         timer, count = task.timer, task.n_points
-        if task.spacing is not None:
-            with timer("tree"):
-                count = _number_at(task)
         if count < len(task.points) and self.denoise:
             ranking = choose_denoised(
                 task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
             )
         elif count < len(task.points):
             ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail
-            )
+                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail,
+                task.settled, task.scale,
+            )  # fmt: skip
         else:
             return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
-        return Selection(
-            ranking.indices, {"noise_in_spacings": ranking.noise_in_spacings}, moved, attributes, normals=normals
-        )
+        diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}
+        return Selection(ranking.indices, diagnostics, moved, attributes, normals=normals, scale=ranking.scale)
+
+    def number_at(self, area: float, spacing: float) -> int:
+        return max(1, round(min(area / spacing / spacing, 1e18)))
 
     def memory(self, n: int, n_points: int) -> int:
         from gppcs.gp.local.candidates import sample_size
@@ -113,16 +113,3 @@ class LocalGP(Method):
         ranked = 300 * min(n, round(1.5 * self.candidates * n_points))  # 1.5 cells for each on slopes
         placed = 130 * min(n, CELL_POINTS * n_points)
         return 16 * n + max(sampled + ranked, placed)
-
-
-def _number_at(task: Task) -> int:
-    """Return how many points have a spacing on the surface, whose area is that of a sample."""
-    from gppcs.gp.local.candidates import sample
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.spacing import surface_area
-
-    assert task.spacing is not None
-    points = task.points
-    indices = sample(points, 1)
-    area = surface_area(KdTree.build(points if len(indices) == len(points) else points[indices]))
-    return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task
 from gppcs.methods.parameters import parameter
@@ -15,14 +16,15 @@ class Random(Method):
     name = "random"
     summary = "random points, all equally likely, or evenly over the surface"
     description = (
-        "Chooses the first points of a random permutation, so a smaller selection is the start of a larger one. Even "
-        "density comes from exponential random numbers divided by areas (Efraimidis and Spirakis 2006)."
+        "Chooses the points of the smallest random numbers, so a smaller selection is the start of a larger one. A "
+        "number depends on the seed and on where the point lies in the cloud. Even density comes from exponential "
+        "random numbers divided by areas (Efraimidis and Spirakis 2006)."
     )
     source = "baseline"
     supports = {Feature.RANKING: RANKING}
     _bytes_per_point = 60
 
-    seed: int = parameter(0, "Seed of the permutation.", minimum=0)
+    seed: int = parameter(0, "Seed of the random numbers.", minimum=0)
     even: bool = parameter(
         False,
         "Whether points are likely in proportion to the area that each stands for, so that the kept points lie equally "
@@ -34,10 +36,11 @@ class Random(Method):
 
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.nearest import squared_radii
+        from gppcs.spatial.samples import point_hashes
 
-        with task.timer("permutation"):
-            rng, points = np.random.default_rng(self.seed), task.points
+        with task.timer("random numbers"):
+            numbers: Any = point_hashes(task.points, self.seed)
             if self.even:
-                areas = squared_radii(KdTree.build(points))
-                return Selection(np.argsort(rng.exponential(size=len(points)) / areas)[: task.n_points])
-            return Selection(rng.permutation(len(points))[: task.n_points])
+                numbers = -np.log((numbers + 1.0) / 2.0**64) / squared_radii(KdTree.build(task.points))
+            chosen = np.argpartition(numbers, task.n_points - 1)[: task.n_points]
+            return Selection(chosen[np.argsort(numbers[chosen])])

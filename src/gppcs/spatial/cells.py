@@ -2,24 +2,44 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import RANGES, on_ranges
+from gppcs.spatial.samples import hash_of_place
 from gppcs.spatial.scaling import bounds
 
 POINTS_PER_PART = 1 << 14  # hashes are looked up in parts of this size, so that a part's table stays in the CPU cache
 EMPTY = np.uint64(2**64 - 1)  # an empty slot; entries end in a point's index, which is never all ones
 
 
+class Numbering(NamedTuple):
+    """The cells of a box, which are numbered row by row."""
+
+    lowest: tuple[float, float, float]
+    along: tuple[float, float]  # cells along y and z; 0 if they are too many to have numbers
+
+
+class Grid(NamedTuple):
+    """What tells places apart: the cells of a cubic grid, or positions."""
+
+    scale: float  # one over the edge of a cell; 0 if positions count
+    numbering: Numbering
+
+
+UNNUMBERED = Numbering((0.0, 0.0, 0.0), (0.0, 0.0))
+POSITIONS = Grid(0.0, UNNUMBERED)
+
+
 def first_occurrences(points: Floats) -> Flags:
     """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
-        no_grid, no_values = np.zeros(6), np.empty(0, dtype=np.float32)  # compare coordinates, keep the first point
-        _mark(np.ascontiguousarray(points), no_grid, no_values, marks)
+        _mark(np.ascontiguousarray(points), POSITIONS, np.empty(0, dtype=np.uint64), marks)
     return marks
 
 
@@ -37,21 +57,20 @@ def distinct_in_single(points: Floats) -> Ints:
     return distinct[first_occurrences(np.floor(points[distinct] * scale))]
 
 
-def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.float32]) -> Ints:
-    """Choose the point of greatest value, (N,), in each cell of a cubic grid, in O(N) by hashing."""
+def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.uint64]) -> Ints:
+    """Choose the point of greatest value, (N,), of several the first, in each cell of a cubic grid, by hashing."""
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points, scale = np.ascontiguousarray(points), 1.0 / edge
         lower, upper = np.floor(np.multiply(bounds(points), scale))
         counts = np.minimum(upper - lower + 1.0, 2.0**64)  # so that their product does not overflow
         numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), 53)  # a float64 holds 53 bits exactly
-        # One over the edge, the lowest cell, and the cells along y and z, or zeros if these are too many.
-        grid = np.array([scale, *lower, *(counts[1:] if numbered else (0.0, 0.0))])
-        _mark(points, grid, np.ascontiguousarray(values), marks)
+        numbering = Numbering(tuple(lower.tolist()), tuple(counts[1:].tolist())) if numbered else UNNUMBERED
+        _mark(points, Grid(scale, numbering), np.ascontiguousarray(values), marks)
     return np.flatnonzero(marks)
 
 
-def _mark(points: Floats, grid: Floats, values: NDArray[np.float32], marks: Flags) -> None:
+def _mark(points: Floats, grid: Grid, values: NDArray[np.uint64], marks: Flags) -> None:
     """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false."""
     # Entries are hashes whose last bits are the point's index. They are sorted by their first bits into parts, each
     # small enough for a small hash table.
@@ -103,11 +122,11 @@ def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks)
         table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
-@kernel
+@kernel(inline="always")
 def _mark_part(points, grid, values, spare, entries, table, marks):
     """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
-    numbered = grid[4] > 0.0
+    numbered = grid.numbering.along[0] > 0.0
     table[:] = EMPTY
     count = 0
     for entry in entries:
@@ -134,7 +153,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
     return table
 
 
-@kernel
+@kernel(inline="always")
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.empty(2 * len(table), dtype=np.uint64)
@@ -154,8 +173,8 @@ def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
         a, b = points[i, axis], points[j, axis]
-        if grid[0] > 0.0:
-            a, b = np.floor(a * grid[0]), np.floor(b * grid[0])
+        if grid.scale > 0.0:
+            a, b = np.floor(a * grid.scale), np.floor(b * grid.scale)
         if a != b:
             return False
     return True
@@ -165,11 +184,12 @@ def _same(points, i, j, grid):
 def _hash(points, i, grid, spare):
     """Return a 64-bit hash of one of the points, (N, 3); only its first `spare` bits are used."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
-    if grid[0] > 0.0:
-        x, y, z = np.floor(x * grid[0]), np.floor(y * grid[0]), np.floor(z * grid[0])
-    if grid[4] == 0.0:
-        return _mixed(x, y, z)
-    number = ((x - grid[1]) * grid[4] + (y - grid[2])) * grid[5] + (z - grid[3])
+    if grid.scale > 0.0:
+        x, y, z = np.floor(x * grid.scale), np.floor(y * grid.scale), np.floor(z * grid.scale)
+    (u, v, w), (along_y, along_z) = grid.numbering
+    if along_y == 0.0:
+        return hash_of_place(x, y, z)
+    number = ((x - u) * along_y + (y - v)) * along_z + (z - w)
     return _scrambled(np.uint64(number), np.uint64(spare)) << np.uint64(64 - spare)
 
 
@@ -180,19 +200,3 @@ def _scrambled(number, bits):
     h = (number * np.uint64(0x9E3779B97F4A7C15)) & mask
     h = ((h ^ (h >> half)) * np.uint64(0xBF58476D1CE4E5B9)) & mask
     return h ^ (h >> half)
-
-
-@kernel
-def _mixed(x, y, z):
-    """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
-    a, b, c = (
-        np.float64(x + 0.0).view(np.uint64),
-        np.float64(y + 0.0).view(np.uint64),
-        np.float64(z + 0.0).view(np.uint64),
-    )
-    h = a * np.uint64(0x9E3779B97F4A7C15)
-    h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
-    h ^= c ^ ((h ^ c) >> np.uint64(32))  # whole numbers differ only in the first bits of their floats
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0x94D049BB133111EB)
-    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
-    return h ^ (h >> np.uint64(32))

@@ -35,38 +35,43 @@ def farthest_points(
 ) -> tuple[Ints, Floats]:
     """Choose points, (N, 3), each the farthest from all before it, (m, 3) of which are chosen already.
 
-    Ties go to the smallest index. A step skips every box that lies farther from the new point than all of the box's
-    points lie from earlier ones. Returns the indices and the distances to the points before, down to a minimum.
+    Ties go to the first in the order of the tree. A step skips every box that lies farther from the new point than all
+    points of the box lie from earlier ones. Returns the indices and the distances to the points before, down to a
+    minimum.
     """
     tree = tree or KdTree.build(points)
-    squared = np.full(len(points), np.inf)
+    squared, start = np.full(len(points), np.inf), None
     if before is not None and len(before):
-        squared = KdTree.build(before).nearest_of(points, 1)[1][tree.order, 0]
+        squared = KdTree.build(before).nearest_of(np.ascontiguousarray(tree.points.T), 1)[1][:, 0]
     elif first is None:
-        first = int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))
+        start = int(np.argmin(_squared_from(tree, tree.points.mean(axis=1))))
+    if first is not None:
+        start = int(np.flatnonzero(tree.order == first)[0])
     chosen = np.empty(n_points, dtype=np.int64)
     distances = np.empty(n_points, dtype=np.float64)
-    position = tree.positions()
-    if first is not None:
-        chosen[0], distances[0] = first, squared[position[first]]
-        x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2
-        squared = np.minimum(squared, x + y + z)
-        squared[position[first]] = -1.0
+    if start is not None:
+        chosen[0], distances[0] = start, squared[start]
+        squared = np.minimum(squared, _squared_from(tree, tree.points[:, start]))
+        squared[start] = -1.0
     farthest = np.empty(len(tree.lower), dtype=np.float64)
     candidate = np.empty(len(tree.lower), dtype=np.int64)
-    greatest_of_all(tree.order, squared, farthest, candidate)
+    greatest_of_all(squared, farthest, candidate)
     for begin in range(0, n_points, PICKS_PER_CALL):
         end = min(begin + PICKS_PER_CALL, n_points)
-        _choose(
-            tree.points, tree.order, tree.lower, tree.upper, position,
-            squared, farthest, candidate, chosen, distances, max(begin, int(first is not None)), end,
-        )  # fmt: skip
+        of_choice = squared, farthest, candidate, chosen, distances
+        _choose(*tree.arrays, *of_choice, max(begin, int(start is not None)), end)
         if on_progress:
             on_progress(end - begin)
         if distances[end - 1] < minimum * minimum:
             n_points = int(np.argmax(distances[:end] < minimum * minimum))
             break
-    return chosen[:n_points], np.sqrt(distances[:n_points])
+    return tree.order[chosen[:n_points]], np.sqrt(distances[:n_points])
+
+
+def _squared_from(tree: KdTree, place: Floats) -> Floats:
+    """Return the squared distances of the points of a tree from a place, (3,), in tree order. Shapes: returns (N,)."""
+    x, y, z = (tree.points - place[:, np.newaxis]) ** 2
+    return np.asarray(x + y + z)
 
 
 def fill_gaps(points: Floats, kept: Floats, gap: float) -> tuple[Ints, float]:
@@ -84,20 +89,20 @@ def fill_gaps(points: Floats, kept: Floats, gap: float) -> tuple[Ints, float]:
 
 
 @kernel
-def _choose(points, order, lower, upper, position, squared, farthest, candidate, chosen, distances, begin, end):
-    """Fill `chosen` and `distances`, (M,), from `begin` to `end`; `squared` is (N,) in tree order."""
+def _choose(points, lower, upper, squared, farthest, candidate, chosen, distances, begin, end):
+    """Fill `chosen`, positions in tree order, and `distances`, (M,), from `begin` to `end`; `squared` is (N,)."""
     leaves = first_leaf(lower)
     n = points.shape[1]
     visited = np.empty(leaves, dtype=np.int64)
     for m in range(begin, end):
-        index = candidate[1]
-        chosen[m] = index
+        new = candidate[1]
+        chosen[m] = new
         distances[m] = farthest[1]
-        x, y, z = points[:, position[index]]
-        squared[position[index]] = -1.0  # below every distance, so that a chosen point is no candidate again
+        x, y, z = points[:, new]
+        squared[new] = -1.0  # below every distance, so that a chosen point is no candidate again
         node, inner = 1, 0
         while node:
-            if squared_distance_to_box(lower[node], upper[node], x, y, z) < farthest[node] or candidate[node] == index:
+            if squared_distance_to_box(lower[node], upper[node], x, y, z) < farthest[node] or candidate[node] == new:
                 if node < leaves:
                     visited[inner] = node
                     inner += 1
@@ -105,7 +110,7 @@ def _choose(points, order, lower, upper, position, squared, farthest, candidate,
                     continue
                 run = slice(*leaf_range(n, leaves, node))
                 approach(points[0, run], points[1, run], points[2, run], squared[run], x, y, z)
-                greatest_in_leaf(node, order, squared, farthest, candidate)
+                greatest_in_leaf(node, squared, farthest, candidate)
             node = after(node, 1)
         for v in range(inner - 1, -1, -1):  # children before their parents
             greater_child(visited[v], farthest, candidate)

@@ -26,7 +26,8 @@ class KdTree:
 
     The points are sorted so that each node holds a contiguous range: tree order. Node 1 is the root, and node n has the
     children 2n and 2n + 1. Of the L nodes of a depth, the j-th (from 0) holds the points from N j // L to N (j + 1) //
-    L.
+    L. The tree and the order depend on where the points lie, not on the order in which they come; so does a sum in
+    tree order, to the last digit.
     """
 
     order: Ints  # (N,), index in the input of each point in tree order
@@ -137,23 +138,56 @@ def _split_nodes(begin, end, depth, records, lower, upper):
 @kernel
 def _grow(begin, end, top, depth, records, numbers, order, points, lower, upper):
     """Sort the records, (N, 4), below nodes of the depth `top`, and fill the arrays of the tree."""
+    keys = np.empty((3, LEAF_SIZE), dtype=np.float64)
     for node in range((1 << top) + begin, (1 << top) + end):  # the records of one such node fit into the CPU cache
         for d in range(depth - top):
             for below in range(node << d, (node + 1) << d):
                 _split(records, below, top + d, lower, upper)
         for leaf in range(node << (depth - top), (node + 1) << (depth - top)):
-            _fill_leaf(records, numbers, leaf, depth, order, points, lower, upper)
+            _fill_leaf(records, numbers, leaf, depth, keys, order, points, lower, upper)
 
 
 @kernel(allocates=False)
-def _fill_leaf(records, numbers, leaf, depth, order, points, lower, upper):
-    """Copy a leaf's records, (N, 4), to `order` (N,) and `points` (3, N), and fill its box in `lower` and `upper`."""
+def _fill_leaf(records, numbers, leaf, depth, keys, order, points, lower, upper):
+    """Sort a leaf's records, (N, 4), into `order` (N,) and `points` (3, N), and fill its box in `lower` and `upper`.
+
+    The longest side decides, then the others. `keys`, (3, LEAF_SIZE), is scratch memory.
+    """
     begin, end = leaf_range(len(records), 1 << depth, leaf)
     _bound(records, begin, end, lower[leaf], upper[leaf])
-    for i in range(begin, end):
-        order[i] = numbers[i, 3]
-        for axis in range(3):
-            points[axis, i] = records[i, axis]
+    axis, count = _longest_side(lower[leaf], upper[leaf]), end - begin
+    for rank in range(3):
+        for i in range(count):
+            keys[rank, i] = records[begin + i, (axis + rank) % 3]
+    first, second, third = keys[0, :count], keys[1, :count], keys[2, :count]
+    for i in range(count):
+        key, earlier, ties = first[i], 0, 0
+        for j in range(len(first)):
+            earlier += 1 if first[j] < key else 0
+            ties += 1 if first[j] == key else 0
+        slot = begin + earlier + (_earlier_ties(first, second, third, i) if ties > 1 else 0)
+        order[slot] = numbers[begin + i, 3]
+        for a in range(3):
+            points[a, slot] = records[begin + i, a]
+
+
+@kernel(allocates=False)
+def _earlier_ties(first, second, third, i):
+    """Count the points, (n,) each axis, that have the first coordinate of the i-th but come before it."""
+    a, b, c, count = first[i], second[i], third[i], 0
+    for j in range(len(first)):
+        third_decides = (third[j] < c) | ((third[j] == c) & (j < i))
+        count += (first[j] == a) & ((second[j] < b) | ((second[j] == b) & third_decides))
+    return count
+
+
+@kernel(allocates=False)
+def _longest_side(lower, upper):
+    """Return the axis of the longest side of a box, of several the first. Shapes: lower, upper (3,)."""
+    axis = 0
+    for a in range(1, 3):
+        axis = a if upper[a] - lower[a] > upper[axis] - lower[axis] else axis
+    return axis
 
 
 @kernel
@@ -161,10 +195,7 @@ def _split(records, node, depth, lower, upper):
     """Fill a node's box in `lower` and `upper`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = leaf_range(len(records), 1 << depth, node)
     _bound(records, begin, end, lower[node], upper[node])
-    axis, longest = 0, -1.0
-    for a in range(3):
-        if upper[node, a] - lower[node, a] > longest:
-            axis, longest = a, upper[node, a] - lower[node, a]
+    axis = _longest_side(lower[node], upper[node])
     _part(records, axis, begin, leaf_range(len(records), 2 << depth, 2 * node)[1], end)
 
 
@@ -203,20 +234,28 @@ def join_boxes(lower, upper):
             upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
 
 
-@kernel
+@kernel(inline="always")
 def _part(records, axis, begin, middle, end):
-    """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least."""
-    sample = np.empty(SAMPLED, dtype=np.float64)
+    """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least.
+
+    Of equal keys, the next axes decide, so which records come first depends on where these lie only.
+    """
+    sample, last = np.empty(SAMPLED, dtype=np.float64), axis + 2
     while begin < middle < end:
-        pivot = _pivot(records, axis, begin, middle, end, sample)
-        parted = _move_forward(records, axis, begin, end, pivot, False)
+        pivot = _pivot(records, axis % 3, begin, middle, end, sample)
+        parted = _move_forward(records, axis % 3, begin, end, pivot, False)
         if parted > begin:
             begin, end = (begin, parted) if middle < parted else (parted, end)
         else:  # the pivot is the lowest key
-            parted = _move_forward(records, axis, begin, end, pivot, True)
+            parted = _move_forward(records, axis % 3, begin, end, pivot, True)
             if parted == begin:  # the pivot is NaN
                 return
-            begin = parted
+            if parted <= middle:
+                begin = parted
+            elif axis < last:
+                axis, end = axis + 1, parted
+            else:  # exact repeats
+                return
 
 
 @kernel(allocates=False)
@@ -381,37 +420,32 @@ def points_near(points, lower, upper, leaves, box_lower, box_upper, squared_radi
 
 
 @kernel
-def greatest_of_all(order, values, greatest, holder):
-    """Fill each node with the greatest value, (N,), among its points, and with the index of that point, `holder`."""
+def greatest_of_all(values, greatest, holder):
+    """Fill each node with the greatest value, (N,), among its points, and the first of these positions, `holder`."""
     leaves = first_leaf(greatest)
     for node in range(2 * leaves - 1, 0, -1):
         if node >= leaves:
-            greatest_in_leaf(node, order, values, greatest, holder)
+            greatest_in_leaf(node, values, greatest, holder)
         else:
             greater_child(node, greatest, holder)
 
 
-@kernel(fastmath={"nnan", "nsz"})
-def greatest_in_leaf(node, order, values, greatest, holder):
-    """Update the greatest value of one leaf, and the index of its point."""
-    n = len(values)
-    leaves = first_leaf(greatest)
-    begin, end = leaf_range(n, leaves, node)
-    of_leaf, indices = values[begin:end], order[begin:end]  # loops over slices are vectorised
-    best = -np.inf
+@kernel(fastmath={"nnan", "nsz"}, allocates=False)
+def greatest_in_leaf(node, values, greatest, holder):
+    """Update the greatest value of one leaf, and its position."""
+    begin, end = leaf_range(len(values), first_leaf(greatest), node)
+    of_leaf, best = values[begin:end], -np.inf  # loops over slices are vectorised
     for j in range(len(of_leaf)):
         best = max(best, of_leaf[j])
-    index = n
-    for j in range(len(of_leaf)):
-        if of_leaf[j] == best:
-            index = min(index, indices[j])
-    greatest[node], holder[node] = best, index
+    while values[begin] < best:
+        begin += 1
+    greatest[node], holder[node] = best, begin
 
 
 @kernel(allocates=False)
 def greater_child(node, greatest, holder):
-    """Update the greatest value of one inner node from its two children."""
+    """Update the greatest value of one inner node, and its position, from its two children."""
     a, b = 2 * node, 2 * node + 1
-    if greatest[b] > greatest[a] or (greatest[b] == greatest[a] and holder[b] < holder[a]):
+    if greatest[b] > greatest[a]:
         a = b
     greatest[node], holder[node] = greatest[a], holder[a]

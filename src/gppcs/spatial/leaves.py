@@ -93,7 +93,7 @@ def look_around(points, lower, upper, box_lower, box_upper, squared_radius, sear
     return pack(points, search.buffer, count)
 
 
-@kernel(fastmath=False)
+@kernel(inline="always")
 def steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search):
     """Find the k points nearest to (x, y, z), from the shared search if it is wide enough."""
     k, packed, positions = len(search.gaps), search.buffer.packed, search.buffer.positions
@@ -182,7 +182,7 @@ def _radius_holding(squared, k, squared_radius):
     return -1.0
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+@kernel(inline="always", fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _within(squared, limit):
     """Return how many of the squared distances, (m,), are at most `limit`."""
     count = 0.0

@@ -1,4 +1,4 @@
-"""Samples of points: even ones, and random ones of points that come in chunks."""
+"""Samples of points: even ones, and random ones by where points lie."""
 
 from __future__ import annotations
 
@@ -10,54 +10,53 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.scaling import bounds
 
-HASHES = float(2**64)
+HASHES = 2.0**64
 
 
-def point_hashes(points: Floats, seed: int = 0) -> NDArray[np.uint64]:
-    """Return a random number for each point, which depends on its coordinates only. Shapes: points (n, 3)."""
-    mixed = np.full(len(points), np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
-    for bits in np.ascontiguousarray(points.T).view(np.uint64):
-        mixed = hashes(mixed ^ bits)
-    return mixed
+def point_hashes(points: Floats, seed: int = 0, bits: int = 64, size: float | None = None) -> NDArray[np.uint64]:
+    """Return a random number of so many bits for each point, (n, 3), whatever the order of the points.
 
-
-def hashes(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return a random number for each value, (n,) (SplitMix64; Steele, Lea and Flood 2014)."""
-    result = np.empty_like(values)
-    on_ranges(_hash_all, len(values), values, result, minimum=1 << 14)
+    It depends on where points lie in units of a size: by default that of their largest coordinate.
+    """
+    start = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
+    if size is None:
+        size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
+    result = np.empty(len(points), dtype=np.uint64)
+    on_ranges(_hash_all, len(points), points, size or 1.0, start, np.uint64(64 - bits), result, minimum=1 << 14)
     return result
 
 
 @kernel(allocates=False)
-def _hash_all(begin, end, values, result):
-    """Fill `result`, (n,), with the random numbers of a range of values."""
+def _hash_all(begin, end, points, size, start, shift, result):
+    """Fill a range of `result`, (n,), with the first bits of the hashes of points, (n, 3), in units of a size."""
     for i in range(begin, end):
-        result[i] = _hash(values[i])
+        place = hash_of_place(points[i, 0] / size, points[i, 1] / size, points[i, 2] / size)
+        result[i] = _scrambled(place ^ start) >> shift
 
 
 @kernel(allocates=False)
-def _hash(value):
-    """Return the random number of a value."""
+def hash_of_place(x, y, z):
+    """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
+    a, b, c = (
+        np.float64(x + 0.0).view(np.uint64),
+        np.float64(y + 0.0).view(np.uint64),
+        np.float64(z + 0.0).view(np.uint64),
+    )
+    h = a * np.uint64(0x9E3779B97F4A7C15)
+    h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
+    h ^= c ^ ((h ^ c) >> np.uint64(32))  # whole numbers differ only in the first bits of their floats
+    h = (h ^ (h >> np.uint64(30))) * np.uint64(0x94D049BB133111EB)
+    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
+    return h ^ (h >> np.uint64(32))
+
+
+@kernel(allocates=False)
+def _scrambled(value):
+    """Return the random number of a value (SplitMix64; Steele, Lea and Flood 2014)."""
     mixed = (value + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return mixed ^ (mixed >> np.uint64(31))
-
-
-def is_drawn(indices: Ints, fraction: float) -> Flags:
-    """Mark the points of a random sample, which depends on their indices only. Shapes: indices (n,); returns (n,)."""
-    drawn = np.ones(len(indices), dtype=np.bool_)
-    if fraction < 1.0:
-        limit = fraction * HASHES
-        on_ranges(_mark_drawn, len(indices), np.ascontiguousarray(indices), limit, drawn, minimum=1 << 14)
-    return drawn
-
-
-@kernel(allocates=False)
-def _mark_drawn(begin, end, indices, limit, drawn):
-    """Fill `drawn`, (n,), for a range of indices: whether their random numbers are below a limit."""
-    for i in range(begin, end):
-        drawn[i] = _hash(np.uint64(indices[i])) < limit
 
 
 def even_sample(points: Floats, usable: Flags, step: int) -> Ints:

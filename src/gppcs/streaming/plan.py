@@ -49,9 +49,9 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if options.workers is not None and files.reads_standard_input:
         raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
-    format_name, size = files.at_once
-    if format_name and limit is not None and PROGRAM + size > limit:  # before it is read
-        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {format_name} files are read as a whole", limit)
+    size = files.at_once[1]
+    if size and limit is not None and PROGRAM + size > limit:  # before it is read
+        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as the files are unpacked as a whole", limit)
     preview, n = files.preview, files.n_points
     if files.query and not n:
         raise files.query.nothing_found()
@@ -75,7 +75,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
 def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
     """Return the plan with the points on disk, given that in memory and the bytes of a point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
-    per_point = 50 if options.group is not None else 2 if options.quotas else 0
+    per_point = 2 if options.quotas else 0
     kept = (2 * row + 120) * n_kept  # held twice with their attributes
     fixed = PROGRAM + 60_000_000 + kept + per_point * n  # with the sample, and what is chosen in it
     per_thread = 95_000_000

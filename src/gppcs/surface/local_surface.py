@@ -148,7 +148,7 @@ def _find_nearest(points, lower, upper, here, k, count, squared_radius, search, 
     return search.gaps[k - 1]
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _select(positions, squared, radius, near):
     """Fill `near` with the positions, (n,), within a squared radius; return the largest squared distance, of (n,)."""
     slot, farthest = 0, 0.0
@@ -159,7 +159,7 @@ def _select(positions, squared, radius, near):
     return farthest
 
 
-@kernel
+@kernel(inline="always")
 def _is_fan(points, normals, i, near, farthest, inverse, index, corners):
     """Fill the corners (MAX_TRIANGLES, 2) around point i by neighbours; return whether more would not change them."""
     count = lay_out(points.T, normals, i, near, ANY_NORMAL, SIN_MAX_SLOPE, inverse, index)
@@ -167,7 +167,7 @@ def _is_fan(points, normals, i, near, farthest, inverse, index, corners):
     return wrap(inverse, index, count, i, 0.0, corners) and _widest(points, i, corners) <= np.sqrt(farthest)
 
 
-@kernel
+@kernel(inline="always")
 def _widest(points, i, corners):
     """Return the largest diameter of the circles through the triangles of a fan."""
     widest = 0.0

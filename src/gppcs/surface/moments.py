@@ -63,7 +63,7 @@ def add_shifted(moments, x, y, z, total):
     total[9] += moments[9] + 2.0 * z * sz + n * z * z
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def flattest(xx, xy, xz, yy, yz, zz, normal):
     """Find the smallest eigenvalue of a symmetric 3 x 3 matrix (Smith 1961), and its eigenvector, `normal`, (3,)."""
     trace = xx + yy + zz
@@ -94,7 +94,7 @@ def flattest_of(moments, normal):
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _null_vector(xx, xy, xz, yy, yz, zz, normal):
     """Fill `normal`, (3,), with a unit vector that a singular symmetric matrix maps to zero."""
     crosses = (

@@ -68,7 +68,7 @@ def _fit_leaves(first, last, runs, tree, queries, k, shared, fitted):
         mean = total / (end - begin)
 
 
-@kernel(fastmath=False)
+@kernel(inline="always")
 def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
     """Fit a quadric to the nearest points of a query, of (3, m); return for how many up to `end` it is taken."""
     k, full = len(search.gaps), search.local.shape[1]
@@ -132,7 +132,7 @@ def fill_equations(terms, equations):
         equations[a, a] += 1e-8  # solvable if the points lie on a line or a conic
 
 
-@kernel(fastmath=False)
+@kernel(inline="always")
 def _turn(coefficients, step, s, t, normal):
     """Turn the plane's normal, (3,), into the quadric's below a step; return the distance to the quadric along it."""
     u, v = dot(step, s), dot(step, t)
@@ -149,7 +149,7 @@ def _turn(coefficients, step, s, t, normal):
     return height / length
 
 
-@kernel(fastmath=False)
+@kernel(inline="always")
 def solve(equations):
     """Solve symmetric positive definite equations, (n, n + 1), in place, without pivots; see the last column."""
     n = len(equations)

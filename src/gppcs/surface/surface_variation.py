@@ -196,7 +196,7 @@ def _finish(moments, indices, variation, normals, neighbours):
             normals[index, 0], normals[index, 1], normals[index, 2] = direction[0], direction[1], direction[2]
 
 
-@kernel
+@kernel(inline="always")
 def _around(group, lower, upper, moments, squared_radius, near, shared):
     """Fill `near` with the leaves within the radius of a node, and `shared`, (10,), by nodes that are so as a whole."""
     leaves = first_leaf(lower)

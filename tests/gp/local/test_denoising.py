@@ -9,6 +9,7 @@ from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
+from scans import sample
 
 NOISE = 0.01
 
@@ -56,7 +57,7 @@ def test_kept_points_come_nearer_to_the_surface_by_a_factor(shape):
 
 
 def test_outliers_do_not_widen_the_neighbourhood():
-    with_outliers = gppcs.sample("statue", 100_000, noise=0.002, outliers=0.05)
+    with_outliers = sample("statue", 100_000, noise=0.002, outliers=0.05)
     assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY_POINTS
 
 
@@ -105,7 +106,6 @@ def test_the_result_does_not_depend_on_threads():
         ({"max_gap": "1%"}, "`denoise` without `max_gap`, found both"),
         ({"keep": [1]}, "`denoise` without `keep`, found both"),
         ({"quota": {"z > 0": 5}}, "`denoise` without `quota`, found both"),
-        ({"group": "number"}, "`denoise` without `group`, found both"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused(options, told):

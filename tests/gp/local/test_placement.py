@@ -178,7 +178,7 @@ def test_fewer_points_go_back_beside_a_parallel_sheet():
     after = surface_in_order(single.tree.points.T + 0.004 * rng.standard_normal((100, 3)))
     owners = single.tree.nearest_of(one, 1)[0][:, 0].astype(np.int32)
     assert (
-        len(farther(single, after, cells_of(owners, 100), moved[:100], np.ascontiguousarray(one.T), np.zeros(100))) > 90
+        len(farther(single, after, cells_of(owners, 100), moved[:100], np.ascontiguousarray(one.T), np.zeros(100))) > 80
     )
 
 

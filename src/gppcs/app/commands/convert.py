@@ -29,8 +29,11 @@ def convert(
     only: options.Only = None,
     resolution: options.Resolution = None,
     levels_by: Annotated[
-        Literal["order", "random"] | None,
-        option("Points on the coarse levels of a .copc.laz file: the first ones, as by default, or random ones."),
+        Literal["order", "even"] | None,
+        option(
+            "Points on the coarse levels of a .copc.laz file: the first ones, or evenly spread ones. By default even, "
+            "but by the attribute rank if the points have one."
+        ),
     ] = None,
     invalid: options.Invalid = "error",
     assume_same_crs: Annotated[

@@ -16,9 +16,9 @@ EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
 
 
 def _names() -> list[str]:
-    from gppcs.scans import SCANS, SCENES
+    from gppcs.scans import SCANS
 
-    return [*SCANS, *SCENES]
+    return list(SCANS)
 
 
 def sample(
@@ -26,8 +26,7 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan, statue, sphere, horse, moth, case, plate, gears or plant; or a scene as a "
-            "sensor sees it: room, street, terrain, forest or plot.",
+            help="medallion, bracket, fan, sphere, fresco, road or village.",
             show_default=False,
             autocompletion=_names,
         ),

@@ -18,7 +18,7 @@ EPILOG = (
     "gppcs simplify scan.ply -o small.ply --tolerance 0.5%\n\n"
     "gppcs simplify scan.laz -o small.laz --spacing 50cm --only 'classification != 7'\n\n"
     "gppcs simplify scan.ply -o 'scan_{level}.ply' --levels 10%,3%,1%\n\n"
-    "gppcs simplify scans -o '{parent}/{stem}_small.ply' --points 5k\n\n"
+    "gppcs simplify scans -o small/ --points 5k\n\n"
     f"[bold]Methods[/bold] (gppcs methods NAME explains one): {', '.join(METHODS.built_in)}"
 )
 
@@ -29,7 +29,7 @@ def simplify(
         str,
         option(
             "The file to write; several inputs are then one cloud. For a result of each input: a folder, with a slash "
-            "behind a new one, or a pattern with {stem} (the name without suffix), {name}, {suffix} or {parent}.",
+            "behind a new one.",
             None,
             "--output",
             "-o",
@@ -55,7 +55,6 @@ def simplify(
     weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
     quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
-    group: Annotated[str | None, from_field("group", CHOICE, "NAME")] = None,
     invalid: options.Invalid = "error",
     drop_outliers: Annotated[bool, from_field("drop_outliers", CHOICE, None, "--drop-outliers")] = False,
     method: Annotated[
@@ -162,7 +161,7 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
     """Check that the options go together of which the library does not know."""
     if arguments["mark"] == "":
         raise ParameterError("expected --mark with the name of an attribute, found nothing")
-    sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota", "group")
+    sizes = ("ratio", "n_points", "tolerance", "spacing", "max_gap", "quota")
     for name, excluded in {"mark": ("index", "rank", "order", "normals", "scores"), "levels": (*sizes, "mark")}.items():
         for other in excluded:
             if arguments[name] and arguments[other]:

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import Stage, cells_for, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
+from gppcs.gp.local.scale import FieldScale, Scale
 from gppcs.gp.local.settings import (
     DENSITY_POWER,
     GRADATION,
@@ -28,6 +29,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import point_hashes
 from gppcs.surface.noise import Noise
 from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -42,21 +44,23 @@ def choose(
     fixed: int = 0,
     weights: Floats | None = None,
     attributes: NDArray[np.float32] | None = None,
+    settled: Flags | None = None,
+    scale: Scale | None = None,
 ) -> Ranking:
     """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
 
     The first `fixed` points are chosen from the start. `candidate_density` is the number of candidate cells in a square
     whose side is the target spacing; weights multiply the density of the chosen points; attributes count beside the
-    shape.
-    Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
+    shape. `settled` points only show where the surface is; `scale` is that of a cloud of which these are a part.
+    Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k), settled (N,).
     """
     candidate_density *= 1.0 if weights is None else refinement(weights)
     candidate_density = cells_for(candidate_density, len(points), n_points, criterion.density_power)
-    surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
+    surveyed = survey(points, n_points, candidate_density, timer, attributes, scale)  # step 1
     noise, detail = surveyed.noise, surveyed.detail
     with timer("candidates"):
         stages = nested_candidates(
-            points, surveyed.sharpness, n_points, surveyed.area, candidate_density, fixed
+            points, surveyed.ranks, n_points, surveyed.area, candidate_density, fixed, scale and scale.largest_gap
         )  # step 2
     sheets, last = None, stages[-1]
     if not noise.thick:
@@ -75,27 +79,38 @@ def choose(
         # Step 5, Eq. (7).
         candidates = Candidates.observed(last.indices, points, noise, weights, detail, sheets, at_candidates)
     # Steps 3 to 6 and 8, Eqs. (2) to (9).
-    ranking = choose_in_stages(points, candidates, stages, criterion, timer, fixed)
-    area = last.area
+    ranking = choose_in_stages(points, candidates, stages, criterion, timer, fixed, settled, scale)
+    area, largest_gap = last.area, last.largest_gap
     del candidates, stages, last  # as large as what the placement needs
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
         indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted, normals)
-    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
+    measured = Scale(replace(noise, tree=None), largest_gap, ranking.stages)
+    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings, scale=scale or measured)
 
 
 def choose_in_stages(
-    points: Floats, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
+    points: Floats,
+    candidates: Candidates,
+    stages: list[Stage],
+    criterion: Criterion,
+    timer: Timer,
+    fixed: int,
+    settled: Flags | None = None,
+    scale: Scale | None = None,
 ) -> Ranking:
     """Choose among points, (N, 3), in all stages, each of which ends with about twice as many as the one before."""
     ranking = Ranking.of_fixed(fixed)
     for stage in stages:
         with timer("features"):
-            tree, field = field_of(points, candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
+            tree, field, measured = field_of(
+                points, candidates, stage, criterion, scale
+            )  # steps 3 and 4, Eqs. (2) to (6)
         with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
             # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
-            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
+            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress, settled)
+        ranking = ranking._replace(stages=(measured, *ranking.stages))
         del tree, field  # as large as those of the next stage
     return ranking
 
@@ -112,10 +127,11 @@ def choose_denoised(
     """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
-    indices = sample(points, n_points)
-    observed = points[indices]
+    indices = sample(point_hashes(points, bits=RANDOM_BITS), n_points)
     with timer("denoising"):
-        surface = denoised(observed, n_points)  # Eqs. (11) to (13)
+        tree = KdTree.build(points[indices])
+        indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)
+        surface = denoised(tree.in_own_order(), n_points)  # Eqs. (11) to (13)
         trusted = np.flatnonzero(surface.trusted)
     candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
     indices = indices[candidates]
@@ -203,6 +219,8 @@ class Ranking(NamedTuple):
     deviations: Floats  # (M,), posterior standard deviations, in units of the prior's
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
     surface: Denoised | None = None  # Where the chosen points go, if they are denoised
+    stages: tuple[FieldScale, ...] = ()  # What was measured of the candidates of each stage, the finest first
+    scale: Scale | None = None
 
     @classmethod
     def of_fixed(cls, count: int) -> Ranking:
@@ -217,6 +235,7 @@ def choose_in_stage(
     stage: Stage,
     criterion: Criterion,
     on_progress: Callable[[int], None],
+    settled: Flags | None = None,
 ) -> Ranking:
     """Return the ranking with the points of one more stage, each of the largest score (Eqs. (8) and (9)).
 
@@ -228,16 +247,25 @@ def choose_in_stage(
     chosen = np.flatnonzero(is_chosen[indices])
     n_added = stage.target - len(ranking.indices)
     added, scores, deviations = extend(
-        field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
+        field,
+        tree,
+        chosen,
+        n_added,
+        criterion.neighbours,
+        criterion.error_weight,
+        on_progress=on_progress,
+        settled=None if settled is None else np.flatnonzero(settled[indices]),
     )
-    return Ranking(
+    return ranking._replace(
         indices=np.concatenate([ranking.indices, indices[added]]),
         scores=np.concatenate([ranking.scores, scores]),
         deviations=np.concatenate([ranking.deviations, deviations]),
     )
 
 
-def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
+def field_of(
+    points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion, scale: Scale | None
+) -> tuple[KdTree, LocalField, FieldScale]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order.
 
     Shapes: points (N, 3), of which the candidates are some.
@@ -250,7 +278,8 @@ def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Cr
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     criterion = criterion.with_thin_parts(float(np.mean(candidates.beside_sheets)))
     variances = candidates.variances / stage.spacing**2
-    return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
+    detail, weights = candidates.detail, candidates.weights
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -266,23 +295,6 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     return features
 
 
-class FieldScale(NamedTuple):
-    """What the field at a candidate needs to know of all candidates of the stage, where it has only some."""
-
-    mean: float  # Of the surface variation
-    deviation: float  # Of the surface variation
-    roundness: float  # From 1 for a cloud that is equally rough everywhere to 0 for flat faces and edges only
-    density: float  # Mean of the desired density
-    spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
-
-    @classmethod
-    def from_variation(cls, variation: Floats, criterion: Criterion, detail: Floats | float = 0.0) -> FieldScale:
-        """Measure candidates, by their surface variation and the roughness of their detail, (n,)."""
-        roundness = roundness_of(np.sqrt(variation))
-        density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
-        return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
-
-
 def local_field(
     tree: KdTree,
     features: Features,
@@ -290,26 +302,31 @@ def local_field(
     criterion: Criterion,
     detail: Detail | None = None,
     weights: Floats | None = None,
-    scale: FieldScale | None = None,
-) -> LocalField:
+    spacing: float = 1.0,
+    scale: Scale | None = None,
+) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
-    The weights come after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the
-    observations, in units of the prior's, weights (n,).
+    Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
+    after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
+    of the prior's, weights (n,).
     """
     variation = features.surface_variation
-    roundness = scale.roundness if scale else roundness_of(np.sqrt(variation))
+    known = None if scale is None else scale.at(spacing)
+    roundness = known.roundness if known else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
-    spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
+    mean_density = known.density if known else float(np.mean(density))
+    spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
         spacings *= weights ** (-0.5 * WEIGHT_POWER)
-    spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
+    factor = known.factor if known else float(np.sqrt(np.mean(spacings**-2.0)))
+    spacings *= factor
+    mean, deviation = (known.mean, known.deviation) if known else (float(np.mean(variation)), float(np.std(variation)))
     y = np.zeros(len(variances))
-    if criterion.error_weight > 0.0:  # otherwise nothing depends on it
-        mean, deviation = (scale.mean, scale.deviation) if scale else (np.mean(variation), np.std(variation))
-        y = (variation - mean) / deviation if deviation > ROUNDING else y
-    return LocalField(
+    if criterion.error_weight > 0.0 and deviation > ROUNDING:  # otherwise nothing depends on it
+        y = (variation - mean) / deviation
+    field = LocalField(
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals.T),
         spacings=spacings,
@@ -319,3 +336,4 @@ def local_field(
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness,
     )
+    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor)

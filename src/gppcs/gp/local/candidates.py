@@ -1,12 +1,13 @@
 """A survey of the whole cloud, and from it the candidates of each stage (research/local-field.md, steps 1 and 2).
 
-The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes the first point of each cell.
+The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes a random point of each cell.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
+from gppcs.gp.local.scale import Scale
 from gppcs.gp.local.settings import (
     FEWEST_CELLS,
     FIRST_STAGE,
@@ -31,13 +33,17 @@ from gppcs.gp.local.settings import (
     SAMPLED_PER_POINT,
     WANTED_FROM,
 )
-from gppcs.spatial.cells import first_occurrences, greatest_in_cells
+from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, leaf_range
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 ALIKE = 0.8  # A ball whose radius is at least this fraction of that for planes is enlarged to that radius.
+RANDOM_BITS = 32  # Of a rank. The bits before them are those of a float32 that is not negative: its order is theirs.
+
+Ranks = NDArray[np.uint64]
 
 
 class Survey(NamedTuple):
@@ -45,42 +51,54 @@ class Survey(NamedTuple):
 
     area: float  # Of the surface
     noise: Noise
-    # (N,), surface variation in a ball about as wide as a candidate cell, and that of the detail; 0 elsewhere.
-    sharpness: NDArray[np.float32]
+    # (N,), by which the candidate of a cell is chosen: surface variation in a ball about as wide as the cell, and that
+    # of the detail, where both are measured; then a random number.
+    ranks: Ranks
     detail: Detail | None
     tree: KdTree  # Over the n points
     normals: Floats | None  # (n, 3), of these balls, in tree order, if the placement can take them
 
 
 def survey(
-    points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
+    points: Floats,
+    n_points: int,
+    candidate_density: float,
+    timer: Timer,
+    attributes: NDArray[np.float32] | None = None,
+    scale: Scale | None = None,
 ) -> Survey:
-    """Measure a cloud, (N, 3), or a sample of it. Shapes: attributes (N, k)."""
+    """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k)."""
     with timer("sample"):
-        indices = sample(points, n_points)
+        ranks = point_hashes(points, bits=RANDOM_BITS)
+        indices = sample(ranks, n_points)
         sampled = points if len(indices) == len(points) else points[indices]
     with timer("tree"):
         tree = KdTree.build(sampled)
-        alike = np.zeros(len(sampled), dtype=np.float32)
-        area, _ = thinned(sampled, alike, n_points, surface_area(tree), candidate_density)
+        if scale is None:
+            area, _ = thinned(sampled, ranks[indices], n_points, surface_area(tree), candidate_density)
+        else:
+            area = scale.stages[0].spacing ** 2 * n_points
     with timer("noise"):
-        noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
-    sharpness, normals = np.zeros(len(points), dtype=np.float32), None
+        if scale is None:
+            noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
+        else:
+            noise = replace(scale.noise, tree=None if scale.noise.is_negligible else tree)
+    of_tree, sharpness, normals = indices[tree.order], np.zeros(len(indices), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
             plane = radius_of_plane(area / len(sampled))
             radius = radius_of_sharpness(cell_edge(area, candidate_density * n_points), plane)
             features = features_in_radius(tree.in_own_order(), radius)
-            of_tree = tree.order if sampled is points else indices[tree.order]
-            sharpness[of_tree] = sharpness_of(features.surface_variation)
+            sharpness += sharpness_of(features.surface_variation)
             if sampled is points and plane <= radius <= plane / ALIKE:
                 normals = features.normals
     detail = None
     if attributes is not None:
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
-            sharpness += 0.0 if detail is None else detail.variation
-    return Survey(area, noise, sharpness, detail, tree, normals)
+            sharpness += 0.0 if detail is None else detail.variation[of_tree]
+    ranks[of_tree] |= sharpness.view(np.uint32).astype(np.uint64) << np.uint64(RANDOM_BITS)
+    return Survey(area, noise, ranks, detail, tree, normals)
 
 
 def sample_size(n_points: int) -> int:
@@ -88,15 +106,12 @@ def sample_size(n_points: int) -> int:
     return max(SAMPLE_SIZE, SAMPLED_PER_POINT * n_points)
 
 
-def sample(points: Floats, n_points: int, size: int | None = None) -> Ints:
-    """Return all indices, or those of a random sample of a large cloud without the repeats among them, ascending."""
-    n, size = len(points), size or sample_size(n_points)
+def sample(ranks: Ranks, n_points: int) -> Ints:
+    """Return all indices, or those of a random sample of a large cloud, ascending, by random ranks, (N,)."""
+    n, size = len(ranks), sample_size(n_points)
     if n <= 1.5 * size:  # to draw most of the points would cost more than it saves
         return np.arange(n)
-    draws = round(-n * math.log1p(-size / n))  # with replacement: some points are drawn twice
-    drawn = np.sort(np.random.default_rng(0).integers(0, n, draws))
-    indices = drawn[np.diff(drawn, prepend=-1) > 0]  # by sorting, as `np.unique` hashes, in 20 times as long
-    return indices[first_occurrences(points[indices])]
+    return np.flatnonzero(ranks < np.uint64(size / n * 2**RANDOM_BITS))
 
 
 def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> float:
@@ -125,6 +140,7 @@ class Stage(NamedTuple):
     thinned: bool  # Whether they are one in each cell; otherwise those of the next finer stage, or all points
     area: float  # Area of the surface, corrected by the number of occupied cells
     tree: KdTree | None = None  # Over the candidates, in units of the target spacing, if there is one
+    largest_gap: float = math.inf  # Distance from all others, in target spacings, beyond which points are excluded
 
     @property
     def spacing(self) -> float:
@@ -133,27 +149,36 @@ class Stage(NamedTuple):
 
 
 def nested_candidates(
-    points: Floats, sharpness: NDArray[np.float32], n_points: int, area: float, candidate_density: float, fixed: int = 0
+    points: Floats,
+    ranks: Ranks,
+    n_points: int,
+    area: float,
+    candidate_density: float,
+    fixed: int = 0,
+    largest: float | None = None,
 ) -> list[Stage]:
     """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
-    The candidate of a grid's cell is its sharpest point, and of several the first. Outliers are excluded. If that
-    leaves too few, a stage takes the candidates of the finer stage, and the last stage takes all points. The first
-    `fixed` points are candidates of each stage, which aims at more. Shapes: points (N, 3), sharpness (N,).
+    The candidate of a grid's cell is its point of the highest rank. Outliers are excluded. If that leaves too few, a
+    stage takes the candidates of the finer stage, and the last stage takes all points. The first `fixed` points are
+    candidates of each stage, which aims at more. Shapes: points (N, 3), ranks (N,).
     """
-    area, indices = thinned(points, sharpness, n_points, area, candidate_density)
+    thin = thinned if largest is None else sharpest_in_cells  # of a part, whose area is measured in the whole
+    area, indices = thin(points, ranks, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
         tree = KdTree.build(points[indices] / cell_edge(area, n_points))
         gaps = gaps_of_isolated(tree, 1.0)
-        stays = gaps <= largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+        if largest is None:
+            largest = largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+        stays = gaps <= largest
         indices = indices[stays]
-        stages = [Stage(n_points, indices, True, area, tree if stays.all() else None)]
+        stages = [Stage(n_points, indices, True, area, tree if stays.all() else None, largest)]
     else:
         indices = np.arange(len(points))
         stages = [Stage(n_points, indices, False, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
-        area, kept = thinned(points[indices], sharpness[indices], target, area, candidate_density)
+        area, kept = thin(points[indices], ranks[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
@@ -222,10 +247,15 @@ def vanishes(area: float) -> bool:
     return area <= 1e-200
 
 
-def thinned(
-    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, candidate_density: float
+def sharpest_in_cells(
+    points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float
 ) -> tuple[float, Ints]:
-    """Return the area, doubled or halved until the occupied cells fit it, and their sharpest points.
+    """Return the area, and the points of the highest ranks in the cells that fit it."""
+    return area, greatest_in_cells(points, cell_edge(area, candidate_density * target), ranks)
+
+
+def thinned(points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float) -> tuple[float, Ints]:
+    """Return the area, doubled or halved until the occupied cells fit it, and their points of the highest ranks.
 
     The estimate is too small for points on curves, and too large for a cloud with most points in one spot.
     """
@@ -233,42 +263,40 @@ def thinned(
 
     def coarsened(area: float) -> tuple[float, Ints]:
         """Double the area until there are not too many occupied cells."""
-        return next((grown, kept) for grown, kept in _grids(points, sharpness, area, cells) if len(kept) <= many)
+        return next((grown, kept) for grown, kept in _grids(points, ranks, area, cells) if len(kept) <= many)
 
     grown, kept = coarsened(area)
     if grown == area and len(kept) < MIN_CANDIDATES * target and len(points) > many:
-        return coarsened(_halved(points, sharpness, target, area, candidate_density))
+        return coarsened(_halved(points, ranks, target, area, candidate_density))
     return grown, kept
 
 
-def _halved(
-    points: Floats, sharpness: NDArray[np.float32], target: int, area: float, candidate_density: float
-) -> float:
+def _halved(points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float) -> float:
     """Return the area, halved until enough cells hold points: first by a sample, then by all points."""
     few, cells = MIN_CANDIDATES * target, candidate_density * target
-    step = len(points) // int(MAX_CELLS * cells)
-    sampled, sharp = np.ascontiguousarray(points[::step]), sharpness[::step]
+    is_sampled = ranks % np.uint64(len(points) // int(MAX_CELLS * cells)) == 0
+    sampled, sampled_ranks = points[is_sampled], ranks[is_sampled]
     halvings = 1
     while not vanishes(area * 0.5**halvings):
-        if len(greatest_in_cells(sampled, cell_edge(area * 0.5**halvings, cells), sharp)) >= few:
+        if len(greatest_in_cells(sampled, cell_edge(area * 0.5**halvings, cells), sampled_ranks)) >= few:
             break
         halvings += 4  # the loop below takes back what is too much
     result = area * 0.5**halvings
-    for _, (coarser, kept) in zip(range(halvings), _grids(points, sharpness, result, cells), strict=False):
+    for _, (coarser, kept) in zip(range(halvings), _grids(points, ranks, result, cells), strict=False):
         if len(kept) >= few:
             result = coarser
     return result
 
 
-def _grids(points: Floats, sharpness: NDArray[np.float32], area: float, cells: float) -> Iterator[tuple[float, Ints]]:
-    """Yield an area and the sharpest points of its cells, then twice the area, and so on."""
+def _grids(points: Floats, ranks: Ranks, area: float, cells: float) -> Iterator[tuple[float, Ints]]:
+    """Yield an area and the points of the highest ranks in its cells, then twice the area, and so on."""
     finer = last = None
     while True:
-        edge = cell_edge(area, cells)  # twice that of two steps before, whose sharpest points hold those of this grid
+        edge = cell_edge(area, cells)  # twice that of two steps before, whose points hold those of this grid
         if finer is None:
-            kept = greatest_in_cells(points, edge, sharpness)
+            kept = greatest_in_cells(points, edge, ranks)
         else:
-            kept = finer[greatest_in_cells(points[finer], edge, sharpness[finer])]
+            kept = finer[greatest_in_cells(points[finer], edge, ranks[finer])]
         finer, last = last, kept
         yield area, kept
         area *= 2.0

@@ -35,26 +35,26 @@ class Denoised(NamedTuple):
         return Denoised(self.points[indices], self.normals[indices], self.trusted[indices])
 
 
-def denoised(points: Floats, n_points: int) -> Denoised:
-    """Return where points, (n, 3), lie on the surface that they observe; they stay where there is no noise.
+def denoised(tree: KdTree, n_points: int) -> Denoised:
+    """Return where the n points of a tree lie on the surface that they observe; they stay where there is no noise.
 
     If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised.
     """
-    tree = KdTree.build(points)
+    n = len(tree.order)
     k, noisy = neighbourhood(tree)
-    step_max, step_max_thick = len(points) // (16 * n_points), len(points) // (4 * n_points)
+    step_max, step_max_thick = n // (16 * n_points), n // (4 * n_points)
     thick = k > MANY_POINTS
     step = max(1, min(k // MIN_POINTS, step_max_thick)) if thick else 1
     # With more rounds, weights follow the noise of the normals; where the noise is thick, the second does so.
     rounds = 1 if thick else 2 if noisy else 0
     feet, normals = _first_feet(tree, k, step)
     on_surface = feet if noisy else tree.points
-    selected, total_weight = np.zeros(len(points), dtype=bool), np.ones(len(points))
+    selected, total_weight = np.zeros(n, dtype=bool), np.ones(n)
     selected[:: max(step, step_max)] = True
     for _ in range(rounds):
         new, turned, total_weight = _round(KdTree.over(on_surface), normals, tree.points, k, selected)
         on_surface, normals = np.where(selected, new, on_surface), np.where(selected, turned, normals)
-    result = Denoised(np.empty_like(points), np.empty_like(points), np.empty(len(points), dtype=bool))
+    result = Denoised(np.empty((n, 3)), np.empty((n, 3)), np.empty(n, dtype=bool))
     result.points[tree.order], result.normals[tree.order] = on_surface.T, normals.T
     # Where the weights sum up to less than a quarter of the median, the variance of the posterior is large.
     is_trusted = selected & (total_weight >= 0.25 * np.median(total_weight[selected]))

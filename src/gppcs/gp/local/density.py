@@ -27,7 +27,7 @@ def density_of(roughness: Floats, power: float) -> Floats:
 
 def refinement(weights: Floats) -> float:
     """Return how many times as many candidates are needed as without weights, (N,)."""
-    return min(float(weights.max() / weights.mean()), MAX_REFINEMENT)
+    return min(float(weights.max() / np.sort(weights).mean()), MAX_REFINEMENT)  # a sum of any order of points
 
 
 def roundness_of(roughness: Floats) -> float:

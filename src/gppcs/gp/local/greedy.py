@@ -63,14 +63,15 @@ def extend(
     error_weight: float,
     threshold: float = 0.0,
     on_progress: Callable[[int], None] = lambda steps: None,
+    settled: Ints | None = None,
 ) -> tuple[Ints, Floats, Floats]:
     """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points, or down to a threshold.
 
     Where parts choose at once, the order is that of falling scores, and the result is not exactly that of one choice
     after another: a new point may raise a score, since posteriors are conditioned only on the nearest points. Shapes:
-    chosen (m,), in any order; returns added, scores, deviations (n_added,).
+    chosen (m,), in any order, settled (k,), which are never chosen; returns added, scores, deviations (n_added,).
     """
-    state = _begin_state(field, tree, chosen, neighbours, error_weight)
+    state = _begin_state(field, tree, chosen, settled, neighbours, error_weight)
     cloud, count = _divide(state, 1), 1
     while 2 * count <= min(tree.leaves, len(field.y) // PART_POINTS, len(chosen) // neighbours):
         count *= 2
@@ -88,17 +89,20 @@ def extend(
     return added, scores, np.sqrt(state.variances[added])
 
 
-def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int, error_weight: float) -> GreedyState:
+def _begin_state(
+    field: LocalField, tree: KdTree, chosen: Ints, settled: Ints | None, neighbours: int, error_weight: float
+) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
     _, variances, scores = posterior_of_all(field, conditioning, error_weight)
     count = len(tree.lower)
     state = GreedyState(
-        tree.order, conditioning, variances, scores, conditioning.squared[:, -1].copy(),
+        conditioning, variances, scores, conditioning.squared[:, -1].copy(),
         np.zeros(len(scores), dtype=bool), np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
-    state.scores[chosen] = state.ranges[chosen] = TAKEN
+    for taken in (chosen,) if settled is None else (chosen, settled):
+        state.scores[taken] = state.ranges[taken] = TAKEN
     on_ranges(_begin_leaves, tree.leaves, field.spacings, state, minimum=256)
     _renew_upper(state, tree.leaves)
     return state
@@ -273,7 +277,7 @@ def _choose_in_part(part, threshold, computed, maximum, field, error_weight, sta
         set_score(state, root, deferred[which], scores[which])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _take(new, part, state, parts):
     """Choose a point for a part."""
     slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
@@ -282,7 +286,7 @@ def _take(new, part, state, parts):
     state.scores[new] = state.ranges[new] = TAKEN
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_deferred(new, part, deferred, field, state, parts):
     """Return whether a better point, outside or deferred itself, may affect a point of a part or be affected by it."""
     for other in deferred:
@@ -294,11 +298,11 @@ def _is_deferred(new, part, deferred, field, state, parts):
     return False
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _affected(new, root, field, state, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(state.scores), first_leaf(state.best)
-    score, index = state.scores[new], state.order[new]
+    score = state.scores[new]
     x, y, z, spacing = field.positions[0, new], field.positions[1, new], field.positions[2, new], field.spacings[new]
     node = root
     while node:
@@ -310,7 +314,7 @@ def _affected(new, root, field, state, parts):
             node *= 2
             continue
         for other in range(*leaf_range(n, leaves, node)):
-            better = parts.seen[other] > score or (parts.seen[other] == score and state.order[other] < index)
+            better = parts.seen[other] > score or (parts.seen[other] == score and other < new)
             if better and _gap(field, new, other) < squared:
                 return True
         node = after(node, root)

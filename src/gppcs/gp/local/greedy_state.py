@@ -24,7 +24,6 @@ UNSCORED = -2.0  # Score of a point that a new point has changed, until it is co
 class GreedyState(NamedTuple):
     """The state of a choice among n points, in tree order."""
 
-    order: Ints  # (n,), index in the tree's input of each point
     conditioning: Conditioning
     variances: Floats  # (n,), posterior variance; of a chosen point, that before its choice
     scores: Floats  # (n,)
@@ -34,7 +33,7 @@ class GreedyState(NamedTuple):
     # (nodes, 8), one line of memory each: lower and upper corner, largest squared range, largest squared spacing.
     boxes: Floats
     best: Floats  # (nodes,), the largest score in the node
-    holder: Ints  # (nodes,), the point with this score; of several that with the smallest index in the tree's input
+    holder: Ints  # (nodes,), the point with this score, of several the first
 
 
 class Workspace(NamedTuple):
@@ -66,7 +65,7 @@ def computed_from(threshold, error_weight):
     return 0.9 * threshold if error_weight == 0.0 else 0.0
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def observe(new, root, computed, field, error_weight, state, workspace):
     """Condition the points below a node on a new chosen point; update nodes, and scores from `computed` on."""
     nodes, points = condition_on(new, root, computed, field, state, workspace, 0)
@@ -129,7 +128,7 @@ def is_in_range(boxes, node, x, y, z, spacing, squared):
     return dx * dx + dy * dy + dz * dz <= squared * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -165,7 +164,7 @@ def set_score(state, root, i, score):
         renew_inner(node, state)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def renew(node, state):
     """Update score, holder and range of a node, from its children or from its points."""
     if node < first_leaf(state.best):
@@ -178,7 +177,7 @@ def renew(node, state):
 def renew_inner(node, state):
     """Update score, holder and range of a node from its children."""
     best, holder, a, b = state.best, state.holder, 2 * node, 2 * node + 1
-    if best[b] > best[a] or (best[b] == best[a] and state.order[holder[b]] < state.order[holder[a]]):
+    if best[b] > best[a]:
         best[node], holder[node] = best[b], holder[b]
     else:
         best[node], holder[node] = best[a], holder[a]
@@ -195,7 +194,4 @@ def renew_leaf(node, state):
         squared = max(squared, state.ranges[i])
     while state.scores[holder] < best:
         holder += 1
-    for i in range(holder + 1, end):
-        if state.scores[i] == best and state.order[i] < state.order[holder]:
-            holder = i
     state.best[node], state.boxes[node, 6], state.holder[node] = best, squared, holder

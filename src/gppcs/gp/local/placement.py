@@ -35,7 +35,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.kdtree import KdTree, nearest_in_tree
 from gppcs.spatial.nearest import nearest_of_each
-from gppcs.spatial.samples import is_drawn
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.triangles import approach, dot, minus, nearest_in_triangle, row, squared_distance
 from gppcs.surface.error_quadrics import NUMBERS, add_plane, value
 from gppcs.surface.local_surface import LocalSurface
@@ -67,7 +67,7 @@ def place(
     stays, old = np.arange(len(chosen)) < fixed, None if detail is None else detail.take(chosen, axis=0)
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
-        drawn = np.flatnonzero(is_drawn(np.arange(len(points)), fraction))
+        drawn = np.flatnonzero(point_hashes(points, seed=1, bits=32) < np.uint64(fraction * 2**32))
         detail = None if detail is None else detail.take(drawn, axis=0)
         cells = KdTree.build(points[drawn])
         new = replacements(points[chosen], stays, cells, area / len(drawn), noise, old, detail)
@@ -296,7 +296,7 @@ def _best_with_attributes(observed, chosen, v, cell, widest, current, errors):
     return best, max(0.0, before - after)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _next_point(points, cell, errors, limit, widest):
     """Return the point of least error, below a limit, that is near all of its cell, and this error; -1 if none is."""
     while True:
@@ -360,7 +360,7 @@ def _squared_difference(attributes, other):
     return squared
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _covers(points, vertex, cell, widest):
     """Return whether no point of a cell is farther from a point than so much, squared."""
     for q in cell:
@@ -538,7 +538,7 @@ def _is_beside_a_sheet(vertices, normals, near):
     return along
 
 
-@kernel
+@kernel(inline="always")
 def _is_beyond(a, b, c, limit):
     """Return whether a plane keeps a triangle farther than so much from the origin."""
     middle = a[0] + b[0] + c[0], a[1] + b[1] + c[1], a[2] + b[2] + c[2]

@@ -84,23 +84,19 @@ def _stage(
     on_ranges(_weigh, tree.leaves, *tree.arrays, radius, limit, weights, minimum=4)
     heaviest = np.empty(len(tree.lower), dtype=np.float64)
     candidate = np.empty(len(tree.lower), dtype=np.int64)
-    greatest_of_all(tree.order, weights, heaviest, candidate)
+    greatest_of_all(weights, heaviest, candidate)
     pending = np.zeros(len(tree.lower), dtype=np.float64)
-    position = tree.positions()
     removed = np.empty(len(points) - n_points, dtype=np.int64)
     batch = 16384  # removals, after which progress is reported
     for begin in range(0, len(removed), batch):
         of_batch = removed[begin : begin + batch]
-        count = _remove(
-            tree.points, tree.order, tree.lower, tree.upper, position, radius, limit,
-            weights, heaviest, candidate, pending, of_batch,
-        )  # fmt: skip
+        count = _remove(*tree.arrays, radius, limit, weights, heaviest, candidate, pending, of_batch)
         if on_progress:
             on_progress(count)
         if count < len(of_batch):
-            removed = removed[: begin + count]
+            removed = tree.order[removed[: begin + count]]
             return removed, max(4.0 * area, surface_area(KdTree.build(np.delete(points, removed, axis=0))))
-    return removed, area
+    return tree.order[removed], area
 
 
 @kernel(fastmath=False)
@@ -156,8 +152,8 @@ def _within_radius(lower, upper, n, leaf, radius, limit):
 
 
 @kernel
-def _remove(points, order, lower, upper, position, radius, limit, weights, heaviest, candidate, pending, removed):
-    """Fill `removed`, (n,), with the heaviest points, as long as any has weight; return their number.
+def _remove(points, lower, upper, radius, limit, weights, heaviest, candidate, pending, removed):
+    """Fill `removed`, (n,), with positions of the heaviest points, as long as any has weight; return their number.
 
     All points of a node within the limit lose the same weight, which waits in `pending`, (nodes,). `heaviest`,
     (nodes,), includes what is pending at its node and below, but not above.
@@ -168,13 +164,13 @@ def _remove(points, order, lower, upper, position, radius, limit, weights, heavi
     for m in range(len(removed)):
         if not heaviest[1] > 0.0:
             return m
-        index = removed[m] = candidate[1]
-        point = points[:, position[index]].copy()
-        weights[position[index]] = REMOVED
+        heavy = removed[m] = candidate[1]
+        point = points[:, heavy].copy()
+        weights[heavy] = REMOVED
         node, inner = 1, 0
         while node:
             span = squared_span_of_boxes(lower[node], upper[node], point, point)
-            if span < limit * limit and candidate[node] != index:
+            if span < limit * limit and candidate[node] != heavy:
                 pending[node] += of_near
                 heaviest[node] -= of_near
             elif squared_distance_of_boxes(lower[node], upper[node], point, point) <= radius * radius:
@@ -184,7 +180,7 @@ def _remove(points, order, lower, upper, position, radius, limit, weights, heavi
                     node *= 2
                     continue
                 _lighten(node, points, leaves, weights, point, radius, limit)
-                greatest_in_leaf(node, order, weights, heaviest, candidate)
+                greatest_in_leaf(node, weights, heaviest, candidate)
                 heaviest[node] -= pending[node]
             node = after(node, 1)
         for v in range(inner - 1, -1, -1):  # children before their parents

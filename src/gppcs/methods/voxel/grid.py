@@ -81,7 +81,8 @@ def representatives(
     Shapes: points (N, 3); returns (cells,), (cells, 3).
     """
     cells = np.floor(points / edge).T
-    order = np.lexsort(cells)
+    turns = np.argsort(point_hashes(points))  # in each cell, so that no sum depends on the order of the input
+    order = turns[np.argsort(point_hashes(cells.T)[turns], kind="stable")]
     begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))
     sizes = np.diff(np.append(begins, len(points)))
     means = np.add.reduceat(points[order], begins) / sizes[:, None]
@@ -92,7 +93,7 @@ def representatives(
     else:
         best = worth[order] == np.repeat(np.maximum.reduceat(worth[order], begins), sizes)
     candidates = np.flatnonzero(best)
-    indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell, since the sort is stable
+    indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell
     ascending = np.argsort(indices)
     ascending = ascending[sizes[ascending] >= min_points]
     return indices[ascending], means[ascending]

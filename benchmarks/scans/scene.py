@@ -10,9 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.cloud import NORMALS
+from gppcs.clouds.columns import COLOUR
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.threads import on_ranges
-from gppcs.scans.scenes.surfaces import Surface
+from gppcs.scans.patch import Measured
+from scans.surfaces import Surface
 
 NO_SURFACE = -1
 BLOCK = 1 << 16  # rays that are followed at once: their arrays stay in the processor's cache
@@ -29,7 +32,7 @@ class Rays(NamedTuple):
         return Rays(*(vectors.T.take(indices, axis=1).T for vectors in self))
 
 
-Measured = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
+Seen = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,18 @@ class Scene:
     rays: Callable[[tuple[int, ...], Ints], Rays]  # of these numbers in the grid
     measured: Callable[[Rays, Floats, np.random.Generator], Floats]
 
-    def scan(self, n_points: int, rng: np.random.Generator) -> Measured:
+    def measure(self, n_points: int, uneven: float, rng: np.random.Generator) -> Measured:
+        """Return points as the sensor sees them, with their attributes."""
+        points, normals, colours, classification = self.scan(n_points, rng)
+        attributes = {
+            **dict(zip(NORMALS, normals.T, strict=True)),
+            "classification": classification,
+            **dict(zip(COLOUR, colours.T, strict=True)),
+        }
+        lower, upper = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+        return points, attributes, (lower, upper)
+
+    def scan(self, n_points: int, rng: np.random.Generator) -> Seen:
         """Return points, true normals towards the sensor (0 for leaves), colours and classes, in its order."""
         grid = self.grid(4096)
         _, met = self.follow(self.rays(grid, np.arange(math.prod(grid))), rng)
@@ -60,11 +74,11 @@ class Scene:
         )
         return points, normals, colours, classes
 
-    def _blocks(self, grid: tuple[int, ...], rng: np.random.Generator) -> list[Measured]:
+    def _blocks(self, grid: tuple[int, ...], rng: np.random.Generator) -> list[Seen]:
         """Return what the sensor measures with a grid of rays, block by block, each with random numbers of its own."""
         n_rays = math.prod(grid)
         generators = rng.spawn(-(-n_rays // BLOCK))
-        blocks: dict[int, Measured] = {}
+        blocks: dict[int, Seen] = {}
 
         def measure(first: int, last: int) -> None:
             for i in range(first, last):
@@ -101,7 +115,7 @@ class Scene:
             distances[indices], met[indices] = nearest, first
         return distances, met
 
-    def _seen(self, rays: Rays, distances: Floats, met: Ints, rng: np.random.Generator) -> Measured:
+    def _seen(self, rays: Rays, distances: Floats, met: Ints, rng: np.random.Generator) -> Seen:
         """Return what the sensor measures of the points that its rays meet."""
         true = rays.origins + distances[:, None] * rays.directions
         normals = np.empty_like(true)

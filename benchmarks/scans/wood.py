@@ -3,8 +3,8 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.scans.scenes.scene import Rays, Scene, from_the_air, with_noise
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, cylinder, foliage, polygon, sphere
+from scans.scene import Rays, Scene, from_the_air, with_noise
+from scans.surfaces import Look, Place, Surface, cylinder, foliage, polygon, sphere
 
 HALF, SLOPE = 25.0, 0.25  # half the side of the square, and how the ground rises along x
 TRIPODS = np.array([(-6.0, -4.0), (7.0, 6.0)])

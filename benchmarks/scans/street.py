@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 
 from gppcs.engine.arrays import Ints
-from gppcs.scans.scenes.scene import Rays, Scene, with_noise
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, foliage, joined, polygon, sphere
+from scans.scene import Rays, Scene, with_noise
+from scans.surfaces import Look, Place, Surface, box, cylinder, foliage, joined, polygon, sphere
 
 KERB, FACADE = 3.5, 6.5  # distances of the kerbs and the façades from the middle
 KERB_HEIGHT = 0.12

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.implicit import Limb, both, either, limbs, mirrored, scan_of, slab
+from scans.implicit import Limb, both, either, limbs, mirrored, scan_of, slab
 
 THICKNESS = 0.9  # of the wings
 BODY: list[Limb] = [

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.implicit import both, either, rounded, scan_of, slab
+from scans.implicit import both, either, rounded, scan_of, slab
 
 HALF, HEIGHT, CORNER = (50.0, 32.0), 28.0, 7.0
 WALL = 2.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.implicit import both, either, limbs, scan_of, slab
+from scans.implicit import both, either, limbs, scan_of, slab
 
 THICKNESS = 0.7  # of a leaf
 LEAVES = 11

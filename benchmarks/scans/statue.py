@@ -3,11 +3,14 @@
 Its radius is a function of height and angle. Lengths are in millimetres.
 """
 
+import dataclasses
+
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.jets import Jet
-from gppcs.scans.patch import Patch, Scan, flat
+from gppcs.scans.painted import coloured, laid_over
+from gppcs.scans.patch import Attributes, Patch, Scan, flat
 
 HEIGHT = 100.0
 FRONT = -np.pi / 2.0  # angle of the face, which looks along -y
@@ -55,6 +58,25 @@ def _in_base(x: Floats, y: Floats) -> Flags:
     return inside
 
 
+def _dressed(points: Floats, rng: np.random.Generator) -> Attributes:
+    """Paint the statue: a robe with a pattern, a belt, a hem with a zigzag, skin and hair."""
+    height, angle = points[:, 2] / 100.0, np.arctan2(points[:, 1], points[:, 0])
+    zigzag = 0.13 + 0.16 * np.abs((3.0 * angle / np.pi) % 1.0 - 0.5)
+    turns, heights = (angle / np.pi * 4.0) % 1.0 - 0.5, (height * 7.0) % 1.0 - 0.5
+    from_dot = np.hypot(turns * 0.8, heights)
+    robe = (height > 0.29) & (height < 0.47)
+    return coloured(laid_over(
+        len(points), (150, 40, 40),
+        (robe & (from_dot < 0.3), (235, 225, 200)),
+        (robe & (from_dot < 0.15), (40, 90, 60)),
+        (height < 0.12, (45, 60, 130)),
+        (np.abs(height - zigzag) < 0.012, (225, 190, 80)),
+        (np.abs(height - 0.5 - 0.03 * np.sin(angle)) < 0.02, (225, 190, 80)),
+        (height > 0.86, (222, 178, 145)),
+        (height > 0.935, (70, 45, 30)),
+    ))  # fmt: skip
+
+
 STATUE = Scan(
     (
         # The bound of the area element is its maximum on a fine grid, and a little more.
@@ -63,3 +85,4 @@ STATUE = Scan(
     ),
     ((LEFT, FACE, 0.0), (RIGHT, BACK, HEIGHT)),
 )
+PAINTED = dataclasses.replace(STATUE, paint=_dressed)

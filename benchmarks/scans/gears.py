@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.implicit import both, either, scan_of, slab
+from scans.implicit import both, either, scan_of, slab
 
 PITCH = 3.0  # mm of the pitch diameter per tooth
 TEETH = 20, 12

@@ -1,6 +1,6 @@
 """The horse: a smooth body on thin legs."""
 
-from gppcs.scans.implicit import Limb, limbs, mirrored, scan_of
+from scans.implicit import Limb, limbs, mirrored, scan_of
 
 BODY: list[Limb] = [
     [-30, 0, 55, 12, 22, 0, 55, 11.5],

@@ -3,8 +3,8 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.scans.scenes.scene import Rays, Scene, midpoints
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, box, cylinder, joined, polygon, sphere
+from scans.scene import Rays, Scene, midpoints
+from scans.surfaces import Look, Place, Surface, box, cylinder, joined, polygon, sphere
 
 CAMERA = np.array([3.7, 0.35, 1.55])
 LOOKS_AT = np.array([1.2, 2.6, 0.75])

@@ -30,6 +30,7 @@ class Solid:
     edge: float
     colour: Colour
 
+    code = None
     weight = 1.0  # a solid is the only part of a scan, so the size of its area does not matter
 
     @cached_property

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.implicit import both, either, rounded, scan_of, slab
+from scans.implicit import both, either, rounded, scan_of, slab
 
 HALF, CORNER = (55.0, 35.0), 8.0
 THICKNESS = 1.5

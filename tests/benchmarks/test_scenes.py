@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.scans import SCENES
-from gppcs.scans.scenes import room, street, terrain
-from gppcs.scans.scenes.scene import NO_SURFACE, Rays
-from gppcs.scans.scenes.surfaces import Look, box, cylinder, foliage, polygon, relief, sphere
+from scans import SCENES, room, sample, street, terrain
+from scans.scene import NO_SURFACE, Rays
+from scans.surfaces import Look, box, cylinder, foliage, polygon, relief, sphere
 
 EVERY = pytest.mark.parametrize("name", SCENES)
 LOOK = Look((200, 100, 50), 64)
@@ -146,32 +145,32 @@ def test_without_noise_the_points_are_where_the_rays_end_and_normals_look_back(n
 @pytest.mark.slow
 @EVERY
 def test_a_scene_has_what_a_scan_has(name):
-    cloud = gppcs.sample(name, 1001, seed=2)
+    cloud = sample(name, 1001, seed=2)
     assert len(cloud) == 1001
     assert {key: values.dtype.name for key, values in cloud.attributes.items()} == {
         **dict.fromkeys(("nx", "ny", "nz"), "float32"),
         **dict.fromkeys(("red", "green", "blue", "classification"), "uint8"),
     }
     assert set(np.unique(cloud.attributes["classification"])) <= {2, 5, 6, 11, 14, 15, 64}
-    again = gppcs.sample(name, 1001, seed=2)
+    again = sample(name, 1001, seed=2)
     assert again.points.tobytes() == cloud.points.tobytes()
-    assert gppcs.sample(name, 1001, seed=3).points.tobytes() != cloud.points.tobytes()
-    assert len(gppcs.sample(name, 1)) == 1
+    assert sample(name, 1001, seed=3).points.tobytes() != cloud.points.tobytes()
+    assert len(sample(name, 1)) == 1
 
 
 def test_a_scene_of_several_blocks_is_the_same_for_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr("gppcs.scans.scenes.scene.BLOCK", 500)
+    monkeypatch.setattr("scans.scene.BLOCK", 500)
     clouds = []
     for threads in (1, 3):
         gppcs.set_threads(threads)
-        clouds.append(gppcs.sample("forest", 2_001))
+        clouds.append(sample("forest", 2_001))
     gppcs.set_threads(None)
     assert len(clouds[0]) == 2_001
     assert clouds[0].points.tobytes() == clouds[1].points.tobytes()
 
 
 def test_depths_of_the_room_are_multiples_of_a_step_and_their_noise_grows_with_distance():
-    cloud = gppcs.sample("room", 20_000)
+    cloud = sample("room", 20_000)
     axis = unit(room.LOOKS_AT - room.CAMERA)
     depth = (cloud.points - room.CAMERA) @ axis
     disparity = 1.0 / (2.85e-3 * depth)

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.scans.scenes.scene import Scene, from_the_air, with_noise
-from gppcs.scans.scenes.surfaces import Look, Place, Surface, cylinder, foliage, polygon, relief
+from scans.scene import Scene, from_the_air, with_noise
+from scans.surfaces import Look, Place, Surface, cylinder, foliage, polygon, relief
 
 HALF = 60.0  # half the side of the square, in x and y
 
