@@ -18,6 +18,7 @@ from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
+from gppcs.gp.local.placement.cells import Fits
 from gppcs.gp.local.scale import FieldScale, Scale
 from gppcs.gp.local.settings import (
     DENSITY_POWER,
@@ -85,7 +86,8 @@ def choose(
     with timer("placement"):
         values = None if detail is None else detail.values
         # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, area, noise, values, tree, fitted, normals)
+        fits = None if tree is None else Fits(tree, fitted, normals)
+        indices = place(points, ranking.indices, fixed, area, noise, values, fits)
     measured = Scale(replace(noise, tree=None), largest_gap, ranking.stages)
     return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings, scale=scale or measured)
 
