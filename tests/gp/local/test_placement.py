@@ -8,7 +8,7 @@ import pytest
 import gppcs
 from dense import distances_to_triangles
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import cells_of
+from gppcs.gp.local.placement.cells import Measured, cells_of
 from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
@@ -40,7 +40,7 @@ def mean_distance(points, places):
 
 
 def placed(points, chosen, fixed=0, noise=QUIET, passes=2, detail=None):
-    return place(points, chosen, fixed, 2 * np.pi * 0.5, noise, detail, passes=passes)
+    return place(points, chosen, fixed, Measured(2 * np.pi * 0.5, noise, detail), passes)
 
 
 def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():

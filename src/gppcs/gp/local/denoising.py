@@ -35,10 +35,11 @@ class Denoised(NamedTuple):
         return Denoised(self.points[indices], self.normals[indices], self.trusted[indices])
 
 
-def denoised(tree: KdTree, n_points: int) -> Denoised:
+def denoised(tree: KdTree, n_points: int, required: Ints) -> Denoised:
     """Return where the n points of a tree lie on the surface that they observe; they stay where there is no noise.
 
-    If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised.
+    If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised, and
+    those that are required, whose positions in the tree are (m,).
     """
     n = len(tree.order)
     k, noisy = neighbourhood(tree)
@@ -51,6 +52,7 @@ def denoised(tree: KdTree, n_points: int) -> Denoised:
     on_surface = feet if noisy else tree.points
     selected, total_weight = np.zeros(n, dtype=bool), np.ones(n)
     selected[:: max(step, step_max)] = True
+    selected[required] = True
     for _ in range(rounds):
         new, turned, total_weight = _round(KdTree.over(on_surface), normals, tree.points, k, selected)
         on_surface, normals = np.where(selected, new, on_surface), np.where(selected, turned, normals)

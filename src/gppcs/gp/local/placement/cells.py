@@ -19,12 +19,15 @@ from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import features_in_radius
 
 
-class Fits(NamedTuple):
-    """A tree over n points, and what is fitted around each: quadrics if noise matters, otherwise planes, or nothing."""
+class Measured(NamedTuple):
+    """What is measured of a surface and around its points: what is missing, the placement fits itself."""
 
-    tree: KdTree
-    quadrics: Quadrics | None = None  # In tree order
-    normals: Floats | None = None  # (n, 3), of the planes, in tree order
+    area: float
+    noise: Noise
+    attributes: NDArray[np.float32] | None = None  # (N, k), of all points
+    tree: KdTree | None = None  # Over all points
+    quadrics: Quadrics | None = None  # Around all points, in tree order
+    normals: Floats | None = None  # (N, 3), of the planes of all points, in tree order
 
 
 class Observed(NamedTuple):
@@ -36,15 +39,16 @@ class Observed(NamedTuple):
     attributes: NDArray[np.float32]  # (n, k), none without detail
 
     @classmethod
-    def from_fits(cls, fits: Fits, area: float, noise: Noise, attributes: NDArray[np.float32]) -> Observed:
-        """Fit what is missing to the points of a tree, each of which stands for an area."""
-        points = fits.tree.points
+    def around(cls, tree: KdTree, measured: Measured, attributes: NDArray[np.float32]) -> Observed:
+        """Return the surface around the points of a tree; attributes are in its order."""
+        points, noise = tree.points, measured.noise
         if noise.is_negligible:
-            normals = fits.normals
+            normals = measured.normals
             if normals is None:
-                normals = features_in_radius(fits.tree.in_own_order(), radius_of_plane(area)).normals
+                radius = radius_of_plane(measured.area / len(tree.order))
+                normals = features_in_radius(tree.in_own_order(), radius).normals
             return cls(points, points, normals, attributes)
-        quadrics = noise.fitted(fits.tree) if fits.quadrics is None else fits.quadrics
+        quadrics = noise.fitted(tree) if measured.quadrics is None else measured.quadrics
         return cls(points, projected(points, quadrics), quadrics.normals.T.astype(np.float64, order="C"), attributes)
 
 
