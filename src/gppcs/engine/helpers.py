@@ -49,7 +49,7 @@ def call_helpers() -> None:
     if not _blocks or not may_start_processes():
         return
     parts, stack = _blocks.pop()
-    count = min(len(parts), number_of_threads() - 1, available_memory() // MEMORY)
+    count = min(len(parts), number_of_threads() - 1, (available_memory() or 0) // MEMORY)
     if stack.enter_context(kernel_cache.lock("helpers", 0.0)):
         for first in range(count):
             with contextlib.suppress(OSError):  # no process can start
@@ -70,7 +70,7 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
         finally:
             idle.put(helper)
 
-    count = min(number_of_threads(), available_memory() // MEMORY) if may_start_processes() else 0
+    count = min(number_of_threads(), (available_memory() or 0) // MEMORY) if may_start_processes() else 0
     with ThreadPoolExecutor(max(1, count)) as pool, contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # no process can start
             for _ in range(count):
