@@ -82,7 +82,6 @@ _NAMES = {
     "errors": "GppcsError InputError ParameterError",
     "evaluation.comparison": "compare",
     "evaluation.judge": "evaluate evaluate_mesh",
-    "evaluation.mesh_comparison": "compare_meshes",
     "evaluation.report": "Report",
     "io": "read write",
     "io.mesh_files": "read_mesh write_mesh",
