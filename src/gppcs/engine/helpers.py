@@ -49,7 +49,7 @@ def call_helpers() -> None:
     if not _blocks or not may_start_processes():
         return
     parts, stack = _blocks.pop()
-    count = min(len(parts), number_of_threads() - 1, (available_memory() or MEMORY) // MEMORY)
+    count = min(len(parts), number_of_threads() - 1, (available_memory() or 0) // MEMORY)
     if stack.enter_context(kernel_cache.lock("helpers", 0.0)):
         for first in range(count):
             with contextlib.suppress(OSError):  # no process can start
@@ -70,8 +70,7 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
         finally:
             idle.put(helper)
 
-    n_threads, memory = number_of_threads(), available_memory()
-    count = 0 if not may_start_processes() else n_threads if memory is None else min(n_threads, memory // MEMORY)
+    count = min(number_of_threads(), (available_memory() or 0) // MEMORY) if may_start_processes() else 0
     with ThreadPoolExecutor(max(1, count)) as pool, contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # no process can start
             for _ in range(count):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
@@ -160,6 +161,11 @@ class CloudFiles:
                 size += max(memory, opened.size if n is None else 24 * n)
             size = max(size, memory)
         return name, size
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
+        return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
 
     @property
     def reads_standard_input(self) -> bool:

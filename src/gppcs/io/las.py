@@ -73,7 +73,8 @@ def open_las(
                 begins.append(end)
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-    return Reader(chunks, las.point_count, skipped=skipped, spans=spans)
+    bounds = np.array([las.mins, las.maxs])
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:

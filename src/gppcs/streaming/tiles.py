@@ -219,7 +219,7 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    task = replace(task, settled=is_done[indices], scale=tiling.scale)
+    task = replace(task, settled=None if tiling.scale is None else is_done[indices], scale=tiling.scale)
     if tiling.spacing is not None:
         task = replace(task, spacing=tiling.spacing)
     else:
@@ -229,9 +229,11 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         n_new = tiling.n_points * float(guide.mass[waits].sum())
         n_new += SURPLUS * n_new + math.sqrt(n_new)
         n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
-        task = replace(task, n_points=min(task.fixed + max(0, math.ceil(n_new)), len(task.points)))
-    if task.spacing is None and not task.fixed < task.n_points < len(task.points):
-        selection = Selection(np.arange(task.n_points), ranked=False)
+        task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
+    is_free = ~is_done[indices]
+    is_free[: task.fixed] = True
+    if task.spacing is None and not task.fixed < task.n_points < np.count_nonzero(is_free):
+        selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
     return replace(selection, indices=indices[selection.indices])
