@@ -49,8 +49,7 @@ def farthest_points(
     position = tree.positions()
     if first is not None:
         chosen[0], distances[0] = first, squared[position[first]]
-        x, y, z = (tree.points - tree.points[:, position[first], None]) ** 2
-        squared = np.minimum(squared, x + y + z)
+        squared = np.minimum(squared, sum((axis - axis[position[first]]) ** 2 for axis in tree.points))
         squared[position[first]] = -1.0
     farthest = np.empty(len(tree.lower), dtype=np.float64)
     candidate = np.empty(len(tree.lower), dtype=np.int64)
