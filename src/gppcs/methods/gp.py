@@ -84,7 +84,10 @@ class LocalGP(Method):
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
+        from gppcs.engine.helpers import helped
         from gppcs.gp.local.algorithm import choose, choose_denoised
+        from gppcs.gp.local.first_run import compile_choice, compile_placement
+        from gppcs.gp.local.greedy import PART_POINTS
 
         timer, count = task.timer, task.n_points
         if count < len(task.points) and self.denoise:
@@ -92,10 +95,12 @@ class LocalGP(Method):
                 task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
             )
         elif count < len(task.points):
-            ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail,
-                task.settled, task.scale,
-            )  # fmt: skip
+            candidates = min(round(self.candidates * count), len(task.points), 2 * PART_POINTS)
+            with helped((compile_choice, candidates), (compile_placement,)):  # at a first run
+                ranking = choose(
+                    task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail,
+                    task.settled, task.scale,
+                )  # fmt: skip
         else:
             return Selection(np.arange(len(task.points)), ranked=False)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
