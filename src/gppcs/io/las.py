@@ -221,6 +221,18 @@ def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, wi
     return PointCloud(points, attributes, header=LasHeader.from_laspy(las))
 
 
+def in_thousandths(cloud: PointCloud, unit: str, metres: str) -> PointCloud:
+    """Return a cloud whose coordinates are multiples of 0.001 in LAS 1.4, in a local system of a unit."""
+    import laspy
+
+    las = laspy.LasHeader(version="1.4", point_format=7)
+    las.scales, las.creation_date, las.global_encoding.wkt = np.full(3, 0.001), None, True
+    wkt = f'LOCAL_CS["sample",UNIT["{unit}",{metres}]]'
+    las.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    points = multiples(cloud.points, 0.001, 0.0)
+    return PointCloud(points, cloud.attributes, header=LasHeader.from_laspy(las))
+
+
 @cache
 def _dimensions() -> dict[str, DimensionInfo]:
     """Return the dimensions of all point formats by their names without underscores."""

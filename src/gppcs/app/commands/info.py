@@ -24,6 +24,7 @@ def info(
     inside: options.Inside = None,
     only: options.Only = None,
     resolution: options.Resolution = None,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
     """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
@@ -41,7 +42,7 @@ def info(
             note_unused(file, clouds, are_faces_used=True)  # they are counted
             if clouds.query:
                 note_empty(file, clouds, summary.points)
-        emit({"file": str(file), **asdict(summary), "faces": faces}, as_json, False, str(file), _table(summary, faces))
+        emit({"file": str(file), **asdict(summary), "faces": faces}, as_json, quiet, str(file), _table(summary, faces))
 
     for_each(sources_of(files), show_info)
 
