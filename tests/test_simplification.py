@@ -214,6 +214,13 @@ def test_every_step_is_reported_in_small_ones(method):
         assert all(after[0] - before[0] <= 0.4 * number for before, after in itertools.pairwise(steps))
 
 
+def test_a_result_is_an_array_and_options_may_be_flags_of_numpy():
+    result = gppcs.simplify(np.eye(3), n_points=2, method="random", assume_same_crs=np.False_, normals=np.False_)
+    assert np.array(result).tolist() == result.points.tolist()
+    with pytest.raises(ValueError, match="copy"):
+        np.array(result, copy=False)
+
+
 def test_a_timer_of_two_runs_does_not_change_the_first_result():
     timer = gppcs.Timer()
     first = gppcs.simplify(np.eye(3), n_points=2, method="random", timer=timer)

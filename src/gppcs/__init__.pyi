@@ -11,7 +11,6 @@ from gppcs.errors import ParameterError as ParameterError
 from gppcs.evaluation.comparison import compare as compare
 from gppcs.evaluation.judge import evaluate as evaluate
 from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
-from gppcs.evaluation.mesh_comparison import compare_meshes as compare_meshes
 from gppcs.evaluation.report import Report as Report
 from gppcs.io import read as read
 from gppcs.io import write as write

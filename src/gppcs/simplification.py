@@ -87,6 +87,8 @@ class Result(ComparedByValue):
         return len(self.indices)
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("expected that a copy may be made of the points of a Result, found copy=False")
         return np.asarray(self.points, dtype)  # which are a copy
 
     def __repr__(self) -> str:

@@ -78,7 +78,8 @@ def test_points_to_keep_by_a_condition_and_without_invalid_ones():
     points = CLOUD.points.copy()
     points[7] = np.nan
     cloud = gppcs.PointCloud(points, {"kind": (np.arange(len(points)) < 20).astype(np.uint8)})
-    result = gppcs.simplify(cloud, n_points=100, keep="kind == 1", invalid="drop")
+    with pytest.warns(UserWarning, match="1 of the points to keep are dropped"):
+        result = gppcs.simplify(cloud, n_points=100, keep="kind == 1", invalid="drop")
     assert result.indices[:19].tolist() == [row for row in range(20) if row != 7]
 
 

@@ -1,4 +1,4 @@
-"""Golden indices: what each method chooses of clouds that stay the same.
+"""Golden indices: what each method, and each option of `gp`, chooses of clouds that stay the same.
 
 A change of numerics changes hashes. `python tests/golden/test_indices.py` writes the table anew; look at the tables of
 quality before you commit it.
@@ -6,7 +6,6 @@ quality before you commit it.
 
 import hashlib
 import json
-import os
 from functools import cache
 from pathlib import Path
 
@@ -18,36 +17,49 @@ import gppcs
 from scans import sample
 
 TABLE = Path(__file__).with_name("indices.json")
-DATA = Path(os.environ.get("GPPCS_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SAMPLES = {
-    "bracket": {"n_points": 12_000},
-    "medallion": {"n_points": 12_000, "noise": 0.0005},
-    "fan": {"n_points": 12_000},
-    "statue": {"n_points": 12_000, "uneven": 0.9},
-    "sphere": {"n_points": 12_000, "noise": 0.003},
-    "room": {"n_points": 12_000},
-    "street": {"n_points": 12_000},
-    "terrain": {"n_points": 12_000, "outliers": 0.02},
+    "bracket": {},
+    "medallion": {"noise": 0.0005},
+    "fan": {},
+    "statue": {"uneven": 0.9},
+    "sphere": {"noise": 0.003},
+    "plate": {},
+    "room": {},
+    "street": {},
+    "forest": {},
+    "terrain": {"outliers": 0.02},
 }
-SCANS = ("bunny", "anchor_dense", "lion_takanawa", "nyu_basement")
-METHODS = ("gp", "gp-spectral", "fps", "voxel", "hc", "qem")
+METHODS = ("gp", "gp-spectral", "fps", "voxel", "sample-elimination", "random", "hc", "qem")
+PAINTED, LARGE = ("painted", 12_000, {}), ("painted", 36_000, {})  # of which four parts choose at once
+OPTIONS = {
+    "parts": (LARGE, {"ratio": 0.05}),
+    "parts, detail": (LARGE, {"ratio": 0.05, "detail": "rgb"}),
+    "parts, weight": (LARGE, {"ratio": 0.05, "weight": "red"}),
+    "cells of some points": (("statue", 150_000, {}), {"ratio": 0.002}),  # and a survey of a sample
+    "few outliers": (("bracket", 12_000, {"outliers": 0.0005}), {"ratio": 0.02}),
+    "thick noise": (("sphere", 12_000, {"noise": 0.02}), {"ratio": 0.05}),
+    "denoised": (("medallion", 12_000, {"noise": 0.002}), {"ratio": 0.05, "denoise": True}),
+    "detail": (PAINTED, {"ratio": 0.05, "detail": {"rgb": 0.5, "nx": 1.0}}),
+    "weight": (PAINTED, {"ratio": 0.05, "weight": "red"}),
+    "keep": (PAINTED, {"ratio": 0.05, "keep": range(0, 12_000, 60)}),
+    "quota": (PAINTED, {"ratio": 0.05, "quota": {"nz > 0": "80%"}}),
+    "error": (PAINTED, {"ratio": 0.05, "method": gppcs.LocalGP(feature_weight=0.8)}),
+    "many points": (PAINTED, {"ratio": 0.5}),
+    "tolerance": (PAINTED, {"tolerance": "0.5%"}),
+    "spacing": (PAINTED, {"spacing": "2%"}),
+    "largest gap": (PAINTED, {"max_gap": "4%"}),
+    "outliers dropped": (("terrain", 12_000, {"outliers": 0.02}), {"ratio": 0.05, "drop_outliers": True}),
+}
 
 
 @cache
-def cloud_of(name):
-    """A sample, or at most 20,000 points of a real scan."""
-    if name in SAMPLES:
-        return sample(name, **SAMPLES[name])
-    points = gppcs.read(DATA / f"{name}.ply").points
-    return gppcs.PointCloud(points[:: max(1, len(points) // 20_000)])
+def cloud_of(name, n_points, **flaws):
+    return sample(name, n_points=n_points, **flaws)
 
 
-def digest(indices):
+def digest(cloud, options):
+    indices = gppcs.simplify(cloud, **options).indices
     return hashlib.sha256(np.ascontiguousarray(indices, dtype="<i8").tobytes()).hexdigest()[:16]
-
-
-def in_memory(name, method):
-    return digest(gppcs.simplify(cloud_of(name), ratio=0.05, method=method).indices)
 
 
 def blas():
@@ -57,21 +69,25 @@ def blas():
 
 
 def cases():
-    return [(name, method) for name in (*SAMPLES, *SCANS) for method in METHODS]
+    """The name of a cloud, what is asked for, and both as arguments."""
+    for name, flaws in SAMPLES.items():
+        for method in METHODS:
+            yield pytest.param(name, method, (name, 12_000, flaws), {"ratio": 0.05, "method": method})
+    for name, (cloud, options) in OPTIONS.items():
+        yield pytest.param("options of gp", name, cloud, options)
 
 
-@pytest.mark.parametrize(("name", "method"), cases())
-def test_a_method_chooses_what_it_chose(name, method):
+@pytest.mark.parametrize(("of", "which", "cloud", "options"), list(cases()))
+def test_the_same_points_are_chosen_as_ever(of, which, cloud, options):
     golden = json.loads(TABLE.read_text())
-    if name in SCANS and not DATA.is_dir():
-        pytest.skip(f"no real clouds at {DATA}; set GPPCS_DATA to their folder")
-    if method == "gp-spectral" and blas() != golden["blas"]:
+    if which == "gp-spectral" and blas() != golden["blas"]:
         pytest.skip(f"its hashes were made with BLAS for {golden['blas']}, this is {blas()}")
-    assert in_memory(name, method) == golden[name][method]
+    name, n_points, flaws = cloud
+    assert digest(cloud_of(name, n_points, **flaws), options) == golden[of][which]
 
 
 if __name__ == "__main__":
     table = {"blas": blas()}
-    for name, method in cases():
-        table.setdefault(name, {})[method] = in_memory(name, method)
+    for of, which, (name, n_points, flaws), options in (case.values for case in cases()):
+        table.setdefault(of, {})[which] = digest(cloud_of(name, n_points, **flaws), options)
     TABLE.write_text(json.dumps(table, indent=2) + "\n")

@@ -71,6 +71,8 @@ def test_what_is_no_cloud_is_refused(tmp_path, content, message):
 def test_bare_records(tmp_path, name, names):
     table = np.arange(2 * (3 + len(names)), dtype="<f4").reshape(2, -1) / 8
     table.tofile(tmp_path / "scan.bin")
+    with pytest.raises(FileFormatError, match=r"`format='kitti'` or `format='points3d\.bin'`"):
+        read(tmp_path / "scan.bin")
     cloud = read(tmp_path / "scan.bin", name)
     assert (cloud.points.tolist(), cloud.coordinate_dtype) == (table[:, :3].tolist(), np.float32)
     assert {key: values.tolist() for key, values in cloud.attributes.items()} == dict(

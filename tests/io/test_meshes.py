@@ -143,6 +143,32 @@ def test_the_vertices_of_obj_files_are_those_of_the_file_whatever_their_faces_sa
     assert found.faces.tolist() == [[0, 2, 3], [0, 3, 2]]
 
 
+def test_obj_files_with_colours_at_some_vertices_are_read_without_them(mesh):
+    path = mesh(".obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n")
+    with CloudFiles([path]) as files:
+        assert files.read() == gppcs.PointCloud([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        assert files.skipped() == ["colours, which only some vertices have (2 of 3)"]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl_ascii", ".obj", ".off"])
+def test_lines_may_end_in_carriage_returns_alone(mesh, suffix):
+    ball = trimesh.creation.icosphere(1)
+    content = ball.export(file_type=suffix[1:], **({"encoding": "ascii"} if suffix == ".ply" else {}))
+    content = content if isinstance(content, bytes) else content.encode()
+    path = mesh(suffix.removesuffix("_ascii"), content.replace(b"\n", b"\r"))
+    assert len(gppcs.read_mesh(path).vertices) == len(ball.vertices)
+
+
+def test_infinite_vertices_of_gltf_warn_of_nothing_and_a_scene_is_needed(mesh):
+    ball = trimesh.creation.icosphere(1)
+    ball.vertices *= np.float32(3e38)
+    scene = trimesh.Scene()
+    scene.add_geometry(ball, transform=np.diag([9.0, 9.0, 9.0, 1.0]))
+    gppcs.read(mesh(".glb", scene.export(file_type="glb")))
+    with pytest.raises(FileFormatError, match="a scene"):
+        gppcs.read(mesh(".glb", glb({"asset": {"version": "2.0"}}, b"")))
+
+
 def test_polygons_of_any_size_become_fans(mesh):
     faces = "2 0 1\n5 0 1 2 3 4\n3 2 1 0 255 0 0\n4 4 3 2 1\n"
     found = gppcs.read_mesh(mesh(".off", "OFF\n5 4 0\n0 0 0\n1 0 0\n2 1 0\n1 2 0\n0 1 0\n" + faces)).faces

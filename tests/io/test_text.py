@@ -128,6 +128,7 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("1 2 3x\n", "line 1: expected numbers such as 1.5, or names of columns, .* with x, y, z, found '1 2 3x'"),
         ("# id lon lat\n1 2 3\n", "line 1: expected names of columns, each once, with x, y, z, found '# id lon lat'"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
+        ("1 " * 20_000 + "\n", "line 1: expected at most 4,096 columns, found 20,000"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
         ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),
         ("x,y,z,label\n1,2,3,a\n4,5,6\n", "point 2: expected 4 columns, found '4,5,6'"),

@@ -30,14 +30,15 @@ def test_points_that_float32_does_not_tell_apart_are_one(distance):
 def cells(points, edge, values):
     greatest = {}
     for i, cell in enumerate(map(tuple, np.floor(points * (1.0 / edge)))):
-        if cell not in greatest or values[i] > values[greatest[cell]]:
-            greatest[cell] = i
-    return np.sort(list(greatest.values()))
+        rank = values[i], *-points[i]  # ties go to the smallest coordinates
+        if cell not in greatest or rank > greatest[cell][0]:
+            greatest[cell] = rank, i
+    return np.sort([i for _, i in greatest.values()])
 
 
 def valued(n, kinds, seed):
     """Values with many ties, or all alike."""
-    return np.random.default_rng(seed).integers(0, kinds, n).astype(np.uint64)
+    return np.random.default_rng(seed).integers(0, kinds, n).astype(np.uint32)
 
 
 @given(

@@ -25,7 +25,7 @@ from gppcs.methods.method import selected
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import short_hashes
 from gppcs.spatial.spacing import surface_area
 
 AREA_SAMPLE = 100_000  # Points on which an area is measured, as a tree over millions takes longer than the choice.
@@ -161,7 +161,7 @@ def task_of(
 def area_of(points: Floats) -> float:
     """Estimate the area of the surface of points, (N, 3), of many by a sample."""
     if len(points) > 1.5 * AREA_SAMPLE:
-        points = points[point_hashes(points, bits=32) < AREA_SAMPLE / len(points) * 2.0**32]
+        points = points[short_hashes(points, 32) < AREA_SAMPLE / len(points) * 2.0**32]
     return surface_area(KdTree.build(points))
 
 

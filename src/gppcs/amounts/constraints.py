@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -36,7 +37,10 @@ class Constraints:
     @classmethod
     def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
         """Look up what the options require of the points of a cloud at some indices, (n,)."""
-        keep = _keep_mask(cloud, options.keep)[indices]
+        mask = _keep_mask(cloud, options.keep)
+        keep = mask[indices]
+        if n_dropped := np.count_nonzero(mask) - np.count_nonzero(keep):
+            warnings.warn(f"{n_dropped:,} of the points to keep are dropped: outliers or not finite", stacklevel=2)
         weights, labels, usable = None, None, indices
         if options.weight is not None:
             weights = _weights(cloud, options.weight)[indices]

@@ -137,7 +137,7 @@ class Options:
         one_of("invalid", self.invalid, ("error", "drop"))
         one_of("order", self.order, ("importance", "input", "gps_time"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
-            flag(name, getattr(self, name))
+            object.__setattr__(self, name, flag(name, getattr(self, name)))
         self._check_size()
         self._check_features()
         if self.unit is not None:
@@ -234,19 +234,6 @@ class Options:
         """Whether anything is asked of single points; see `Constraints`."""
         by_name = self.details or self.quotas or self.algorithm.reads_attribute
         return self.keep is not None or self.weight is not None or bool(by_name)
-
-    @property
-    def needs_memory(self) -> str | None:
-        """The option for which all points have to be in memory, if any."""
-        reasons = {
-            "tolerance": self.tolerance is not None,
-            "max_gap": self.max_gap is not None,
-            "denoise": self.denoises,
-            "normals": self.normals,
-            "keep": self.keep is not None and not isinstance(self.keep, str),
-            "weight": self.weight is not None and not isinstance(self.weight, str),
-        }
-        return next((f"`{name}`" for name, is_set in reasons.items() if is_set), None)
 
     def check_in_memory(self) -> None:
         """Check that no option is given that is only for clouds in files."""

@@ -35,7 +35,7 @@ def parts() -> list[Part]:
         (_read_only,),
         (_mesh, "fan", 30_000, {"n_faces": 2_000, "fill_holes": "5%"}),  # triangles cut others; a hole is filled
         (_mesh, "fan", 10_000, {"n_points": 1_000, "moved": True}),  # some triangles of which relax
-        (_mesh, "medallion", PREPARATION_POINTS, {"tolerance": "2%"}),
+        (_mesh, "medallion", 6_000, {"tolerance": "5%"}),
         (_mesh, "bracket", PREPARATION_POINTS, {"n_points": 500}),  # whose drilled holes are tried as small handles
     ]
 
@@ -77,7 +77,7 @@ def _options() -> None:
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(scan, tolerance="2%", keep="curvature > 0", weight=abs(scan.attributes["curvature"]))
-    simplify(stray, ratio=0.02, denoise=True)
+    simplify(sample("sphere", 30_000, noise=0.003), ratio=0.02, denoise=True)  # whose noise is found
     simplify(scan, ratio=0.1, detail="rgb")
     hierarchical_clusters(scan.points, size=10, variation=0.1)
 

@@ -15,12 +15,13 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
-from gppcs.engine import kernel_cache
+from gppcs.engine import kernel_cache, timer
+from gppcs.engine.memory import available_memory
 from gppcs.engine.threads import number_of_threads, set_threads
 
-Part: TypeAlias = tuple[
-    Callable[..., object], *tuple[Any, ...]
-]  # a function of a module, and its arguments, as JSON has them
+Part: TypeAlias = tuple[Callable[..., object], *tuple[Any, ...]]  # a function of a module; its arguments, as in JSON
+
+MEMORY = 500_000_000  # Bytes that a process that compiles may take, with a margin.
 
 _is_helper = False
 _blocks: list[tuple[tuple[Part, ...], contextlib.ExitStack]] = []  # the one that runs, until it has called helpers
@@ -37,7 +38,7 @@ def may_start_processes() -> bool:
 def helped(*parts: Part) -> Iterator[None]:
     """While the block runs, let idle cores compile what these parts call, from the first kernel on that is missing."""
     with contextlib.ExitStack() as stack:
-        if not _blocks and may_start_processes():
+        if not _blocks:
             _blocks.append((parts, stack))
             stack.callback(_blocks.clear)
         yield
@@ -45,20 +46,18 @@ def helped(*parts: Part) -> Iterator[None]:
 
 def call_helpers() -> None:
     """Start a helper on each other core for the block that runs, unless another process has some already."""
-    while _blocks:
-        parts, stack = _blocks.pop()
-        count = min(len(parts), number_of_threads() - 1)
-        if stack.enter_context(kernel_cache.lock("helpers", 0.0)):
-            for first in range(count):
-                with contextlib.suppress(OSError):  # no process can start
-                    stack.enter_context(_Helper()).send(*parts[first::count])
+    if not _blocks or not may_start_processes():
+        return
+    parts, stack = _blocks.pop()
+    count = min(len(parts), number_of_threads() - 1, available_memory() // MEMORY)
+    if stack.enter_context(kernel_cache.lock("helpers", 0.0)):
+        for first in range(count):
+            with contextlib.suppress(OSError):  # no process can start
+                stack.enter_context(_Helper()).send(*parts[first::count])
 
 
 def run_all(parts: Sequence[Part]) -> Iterator[int]:
     """Run parts in other processes, one on each core, or else in this one; yield how many kernels each compiled."""
-    if not may_start_processes():
-        yield from map(_run, parts)
-        return
     idle: SimpleQueue[_Helper] = SimpleQueue()
 
     def run_in_helper(part: Part) -> int | None:
@@ -71,14 +70,20 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
         finally:
             idle.put(helper)
 
-    with ThreadPoolExecutor(number_of_threads()) as pool, contextlib.ExitStack() as stack:
+    count = min(number_of_threads(), available_memory() // MEMORY) if may_start_processes() else 0
+    with ThreadPoolExecutor(max(1, count)) as pool, contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # no process can start
+            for _ in range(count):
+                idle.put(stack.enter_context(_Helper()))
+        if idle.empty():
+            yield from map(_run, parts)
+            return
         stack.callback(pool.shutdown, wait=False, cancel_futures=True)
-        for _ in range(number_of_threads()):
-            idle.put(stack.enter_context(_Helper()))
         started = {pool.submit(run_in_helper, part): part for part in parts}
         for future in as_completed(started):
-            count = future.result()
-            yield _run(started[future]) if count is None else count
+            compiled = future.result()
+            timer.compile_timer.kernels += compiled or 0
+            yield _run(started[future]) if compiled is None else compiled
 
 
 class _Helper:

@@ -9,7 +9,6 @@ can have written it. Processes that need the same kernel at once compile it once
 from __future__ import annotations
 
 import contextlib
-import errno
 import functools
 import hashlib
 import os
@@ -20,10 +19,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-if sys.platform == "win32":
-    import msvcrt
-else:
+try:
     import fcntl
+except ImportError:  # on Windows, where processes may compile the same twice
+    fcntl = None  # type: ignore[assignment]
 
 PACKAGE = Path(__file__).parents[1]
 SHIPPED = PACKAGE / "compiled"  # what `make dist` adds to the wheel
@@ -120,45 +119,36 @@ def write(path: Path, code: bytes) -> None:
 @contextlib.contextmanager
 def lock(name: str, patience: float = PATIENCE) -> Iterator[bool]:
     """Wait until no other process holds the lock of that name, and hold it; false if that takes too long."""
-    file, end = _locks(), time.monotonic() + patience
-    offset = int.from_bytes(hashlib.blake2b(name.encode(), digest_size=4).digest()) >> 2
-    is_held = file is not None and _is_lockable(file, offset)
-    while file is not None and not is_held and time.monotonic() < end:
+    byte = int.from_bytes(hashlib.blake2b(name.encode(), digest_size=4).digest()) >> 2
+    end = time.monotonic() + patience
+    while not (is_held := _set_lock(byte, True)) and time.monotonic() < end:
         time.sleep(0.02)
-        is_held = _is_lockable(file, offset)
     try:
         yield is_held
     finally:
-        if file is not None and is_held:
-            with contextlib.suppress(OSError):
-                _set_lock(file, offset, False)
+        if is_held:
+            _set_lock(byte, False)
+
+
+def _set_lock(byte: int, is_held: bool) -> bool:
+    """Lock or unlock a byte of the file of all locks; return whether no other process has locked it."""
+    try:
+        if (file := _locks()) is not None:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB if is_held else fcntl.LOCK_UN, 1, byte)
+    except (BlockingIOError, PermissionError):
+        return False
+    except OSError:  # this kind of file has no locks
+        pass
+    return True
 
 
 @functools.cache
 def _locks() -> int | None:
-    """Open the file of all locks. To close it anywhere in this process would end all locks that this holds."""
+    """Open the file of all locks, if there can be one. To close it anywhere in this process would end its locks."""
     folder = folder_to_write()
     with contextlib.suppress(OSError):
-        return os.open(folder / "locks", os.O_RDWR | os.O_CREAT, 0o644) if folder else None
+        return os.open(folder / "locks", os.O_RDWR | os.O_CREAT, 0o644) if folder and fcntl else None
     return None
-
-
-def _is_lockable(file: int, offset: int) -> bool:
-    """Lock a byte of a file if no other process has, or if this kind of file has no locks."""
-    try:
-        _set_lock(file, offset, True)
-    except OSError as error:
-        return error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
-    return True
-
-
-def _set_lock(file: int, offset: int, is_held: bool) -> None:
-    """Lock a byte of a file, or release it, without waiting."""
-    if sys.platform == "win32":
-        os.lseek(file, offset, os.SEEK_SET)
-        msvcrt.locking(file, msvcrt.LK_NBLCK if is_held else msvcrt.LK_UNLCK, 1)
-    else:
-        fcntl.lockf(file, (fcntl.LOCK_EX | fcntl.LOCK_NB) if is_held else fcntl.LOCK_UN, 1, offset)
 
 
 def _checksum(name: str, code: bytes) -> bytes:

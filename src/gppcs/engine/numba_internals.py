@@ -30,18 +30,17 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
-from numba.core.types import Omitted, unliteral
+from numba.core.types import Omitted, none, unliteral
 from numba.core.typing.typeof import typeof
 
-from gppcs.engine import kernel_cache
+from gppcs.engine import kernel_cache, timer
 from gppcs.engine.helpers import call_helpers
-from gppcs.engine.timer import compile_timer
 
 # The processor for which shipped code is compiled: of x86-64, any since 2013 with these features.
 X86 = "+avx,+avx2,+bmi,+bmi2,+cmov,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
 SHIPPED_FOR, FEATURES = ("x86-64-v3", X86) if machine().lower() in ("x86_64", "amd64") else ("generic", "")
 
-# Passes for contexts, literals, and branches by constants, none of which kernels have.
+# Passes for contexts, literals, and branches by constants, none of which kernels have, except branches on None.
 NEEDLESS_PASSES = {
     "LiteralPropagation",
     "Rewrite dynamic raises",
@@ -71,7 +70,7 @@ def _keep(dispatcher: Any, cache: _KernelCache) -> None:
     dispatcher._cache, compile_now = cache, dispatcher._compiler.compile
 
     def compile_once(types: Any, return_type: Any) -> CompileResult:
-        compile_timer.start()
+        timer.compile_timer.start()
         try:
             call_helpers()
             with kernel_cache.lock(cache.name(types, dispatcher.targetctx)):
@@ -80,10 +79,11 @@ def _keep(dispatcher: Any, cache: _KernelCache) -> None:
                     dispatcher._cache_misses[tuple(types)] -= 1
                 else:
                     result = compile_now(types, return_type)
+                    timer.compile_timer.kernels += 1
                     cache.write(types, result)
                 return result
         finally:
-            compile_timer.stop()
+            timer.compile_timer.stop()
 
     dispatcher._compiler.compile = compile_once
 
@@ -115,7 +115,8 @@ class _KernelCompiler(Compiler):
         self.state.func_id.unique_id = self._digest[:24]
         self.state.func_id.unique_name = f"{self.state.func_id.func_qualname}${self._digest[:24]}"
         (steps,) = super().define_pipelines()
-        steps.passes = [(step, name) for step, name in steps.passes if step._name not in NEEDLESS_PASSES]
+        needless = NEEDLESS_PASSES - {"dead_branch_prune"} if none in self.state.args else NEEDLESS_PASSES
+        steps.passes = [(step, name) for step, name in steps.passes if step._name not in needless]
         return [steps]
 
 

@@ -243,7 +243,7 @@ class CloudFiles:
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:
         """Yield an open file; errors in the block name it."""
-        with np.errstate(invalid="ignore"):  # of a signalling NaN
+        with np.errstate(invalid="ignore"):
             opened = self._open(path)
             with naming(path):
                 yield opened
@@ -254,7 +254,7 @@ class CloudFiles:
             plain = [path for path, opened in self._opened.items() if not opened.is_copy]
             if len(plain) >= 64:  # a process may not open many more
                 self._opened.pop(plain[0]).close()
-            with naming(path), ExitStack() as stack:
+            with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
                 file = stack.enter_context(plain_input(path))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))
@@ -273,7 +273,7 @@ class CloudFiles:
 
 def _check_free(size: int) -> None:
     """Check that there is memory for some bytes."""
-    if size > (free := available_memory()):
+    if (free := available_memory()) is not None and size > free:
         raise InputError(
             f"expected {size_of(size)} of free memory to unpack the points, found {size_of(free)}; read a part with "
             "`inside` or `only`, or use a machine with more memory"

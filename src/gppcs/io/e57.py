@@ -85,10 +85,14 @@ def _opened(file: BufferedReader) -> Iterator[tuple[Any, list[Any]]]:
     with reported("libE57Format", "a whole E57 file", errors):
         opened = pye57.E57(os.path.abspath(file.name) if is_named else f"/dev/fd/{file.fileno()}")
         root = opened.root
-        scans = [opened.get_header(i) for i in range(len(root["data3D"]) if root.isDefined("data3D") else 0)]
+        nodes = root["data3D"] if root.isDefined("data3D") else []
+        scans = [opened.get_header(i) for i in range(len(nodes)) if nodes[i].isDefined("points")]
+        scans = [scan for scan in scans if scan.point_count or scan.point_fields]
+        if not scans:
+            raise FileFormatError(f"expected a scan of points in the E57 file, found {len(nodes)} without")
         count = sum(scan.point_count for scan in scans)
         n_values = sum(scan.point_count * len(scan.point_fields) for scan in scans)
-        if not scans or count > 8 * size or n_values > 16 * size:  # those of constant fields take no bytes
+        if count > 8 * size or n_values > 16 * size:  # those of constant fields take no bytes
             raise FileFormatError(
                 f"expected scans that fit into {size:,} bytes, found {len(scans)} of {count:,} points and {n_values:,} "
                 "values"
@@ -110,6 +114,7 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
+    skipped += [f"names and poses of scans ({len(scans):,})"] if len(scans) > 1 else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped
 

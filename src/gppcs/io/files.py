@@ -104,4 +104,5 @@ def _named(name: str, formats: Sequence[Format]) -> Format:
     listed = " ".join(suffix for file_format in formats for suffix in file_format.suffixes)
     suffix = Path(name).suffix or (name if name.startswith(".") else "")
     actual = shown(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"expected one of the formats {listed}, found {actual}")
+    hint = "; name its format, such as `format='kitti'` or `format='points3d.bin'`" if suffix == ".bin" else ""
+    raise FileFormatError(f"expected one of the formats {listed}, found {actual}{hint}")

@@ -23,7 +23,7 @@ from gppcs.clouds.columns import COLOUR, Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, kind_of, read_header
+from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.laz import checked_chunks, points_of
 from gppcs.io.rows import BLOCK, at_most
 
@@ -47,7 +47,12 @@ def open_las(
             f"expected finite scales and offsets, found {las.scales} and {las.offsets}; the file may be damaged"
         )
     header = LasHeader.from_laspy(las)
-    skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
+    skipped = [
+        f"the mark of no data of attribute {name} ({' '.join(map(str, value))} is read as a number, with its scale)"
+        for name, value in no_data_of(las).items()
+        if las.point_format.dimension_by_name(name).is_scaled
+    ]
+    skipped += ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         """Read the points in chunks, the first of which has no points."""
@@ -310,9 +315,14 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
                 dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
                 extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
     standard.dimensions += extra
+    no_data = no_data_of(las)
     if standard != las.point_format:
         with reported_writing():
             las.point_format = standard
+        for description in descriptions_of(las):
+            name = description.format_name()
+            if name in no_data and any(dimension is dimensions[name] for dimension in extra):
+                description.no_data = no_data[name]
     return kept
 
 

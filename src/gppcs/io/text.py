@@ -38,6 +38,8 @@ from gppcs.io.rows import (
     write_rows,
 )
 
+MAX_COLUMNS = 4096  # pandas takes a millisecond for each
+
 _NAMES = "names of columns, each once, with x, y, z"
 # By these, a comment names columns.
 _COLUMNS = {"lon", "lat", "longitude", "latitude", "easting", "northing", "height", "time", "intensity", "red"}
@@ -139,6 +141,11 @@ def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callabl
     if width < 3:
         raise FileFormatError(
             f"line {preview.line}: expected at least three numbers, found {shortened(' '.join(preview.fields))}"
+        )
+    if width > MAX_COLUMNS:
+        raise FileFormatError(
+            f"line {preview.line}: expected at most {MAX_COLUMNS:,} columns, found {width:,}; write a table with one "
+            "point in each line, or a file of another format"
         )
     names = preview.names
     if names is None:

@@ -49,6 +49,8 @@ class LocalGP(Method):
         Feature.SCORES: "The score, and the standard deviation relative to the prior, when the point was chosen.",
     }
 
+    points_per_kept = 48.0
+
     feature_weight: float = parameter(
         0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1.", minimum=0, maximum=1
     )

@@ -34,7 +34,7 @@ class SpectralGP(Method):
         "worse than a constant, which can happen if the chosen points are not typical."
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
-    _bytes_per_point = 1000
+    _bytes_per_point = 300
 
     neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", minimum=3)
     eigenfunctions: int = parameter(

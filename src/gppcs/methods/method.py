@@ -177,6 +177,7 @@ class Method(ABC):
     source: ClassVar[str]
     supports: ClassVar[Mapping[Feature, str]] = {}
     by_cells: ClassVar[bool] = False  # whether it chooses, with a spacing, from each cell of a grid for itself
+    points_per_kept: ClassVar[float] = 256.0  # of more points for each kept one, tiles of a large cloud look at so many
     _bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:

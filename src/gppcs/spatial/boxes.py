@@ -40,12 +40,12 @@ class Boxes:
     upper: Floats  # (2 nodes, 3)
 
     @classmethod
-    def from_sample(cls, sample: Floats) -> Boxes:
-        """Divide space so that each box holds about as many points of a sample, (n, 3)."""
+    def from_sample(cls, sample: Floats, lowest: Floats, highest: Floats) -> Boxes:
+        """Divide the box between two corners, (3,), into boxes with about as many points of a sample, (n, 3), each."""
         count = 1 << min(BOXES, max(1, len(sample) // SAMPLED_PER_BOX)).bit_length() - 1
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         lower, upper = np.empty((2, 2 * count, 3))
-        lower[1], upper[1] = sample.min(axis=0), sample.max(axis=0)
+        lower[1], upper[1] = lowest, highest
         inside = {1: sample}
         for node in range(1, count):
             points = inside.pop(node)
@@ -84,9 +84,6 @@ class Boxes:
 
     def meeting(self, lower: Floats, upper: Floats) -> Ints:
         """Return the boxes, ascending, that may hold points between two corners, (3,)."""
-        corners = np.array([lower, upper])
-        # The outermost boxes also hold what lies beyond the sample.
-        lower, upper = np.clip(corners, self.lower[1], self.upper[1])
         own_lower, own_upper = self.lower[len(self) :], self.upper[len(self) :]
         return np.flatnonzero(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
 

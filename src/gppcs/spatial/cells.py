@@ -39,7 +39,7 @@ def first_occurrences(points: Floats) -> Flags:
     """Mark the points that do not repeat an earlier point, in O(N) by hashing. Shapes: points (N, 3); returns (N,)."""
     marks = np.ones(len(points), dtype=np.bool_)
     if len(points):
-        _mark(np.ascontiguousarray(points), POSITIONS, np.empty(0, dtype=np.uint64), marks)
+        _mark(np.ascontiguousarray(points), POSITIONS, np.empty(0, dtype=np.uint32), marks)
     return marks
 
 
@@ -57,8 +57,8 @@ def distinct_in_single(points: Floats) -> Ints:
     return distinct[first_occurrences(np.floor(points[distinct] * scale))]
 
 
-def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.uint64]) -> Ints:
-    """Choose the point of greatest value, (N,), of several the first, in each cell of a cubic grid, by hashing."""
+def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.uint32]) -> Ints:
+    """Choose the point of greatest value, (N,), in each cell of a cubic grid by hashing; ties go by coordinates."""
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points, scale = np.ascontiguousarray(points), 1.0 / edge
@@ -70,7 +70,7 @@ def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.uint64]) -
     return np.flatnonzero(marks)
 
 
-def _mark(points: Floats, grid: Grid, values: NDArray[np.uint64], marks: Flags) -> None:
+def _mark(points: Floats, grid: Grid, values: NDArray[np.uint32], marks: Flags) -> None:
     """Fill `marks`, (N,): the greatest of each cell becomes true or, without values, all but the first false."""
     # Entries are hashes whose last bits are the point's index. They are sorted by their first bits into parts, each
     # small enough for a small hash table.
@@ -108,7 +108,7 @@ def _write_hashes(begin, end, points, grid, spare, bits, slots, entries):
             slots[c, part] += 1
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _part(h, bits):
     """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
@@ -144,13 +144,24 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
                 table = _grown(table, shift)
         elif not len(values):
             marks[entry & indices] = False
-        elif values[entry & indices] > values[other & indices]:
+        elif _is_greater(points, values, entry & indices, other & indices):
             table[slot] = entry
     if len(values):
         for entry in table:
             if entry != EMPTY:
                 marks[entry & indices] = True
     return table
+
+
+@kernel(allocates=False)
+def _is_greater(points, values, i, j):
+    """Return whether the value of one of the points, (N, 3), is greater, or the same and the point comes before."""
+    if values[i] != values[j]:
+        return values[i] > values[j]
+    for axis in range(3):
+        if points[i, axis] != points[j, axis]:
+            return points[i, axis] < points[j, axis]
+    return False
 
 
 @kernel(inline="always")
@@ -168,7 +179,7 @@ def _grown(table, shift):
     return larger
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
@@ -188,12 +199,12 @@ def _hash(points, i, grid, spare):
         x, y, z = np.floor(x * grid.scale), np.floor(y * grid.scale), np.floor(z * grid.scale)
     (u, v, w), (along_y, along_z) = grid.numbering
     if along_y == 0.0:
-        return hash_of_place(x, y, z)
+        return hash_of_place(x, y, z, np.uint64(0))
     number = ((x - u) * along_y + (y - v)) * along_z + (z - w)
     return _scrambled(np.uint64(number), np.uint64(spare)) << np.uint64(64 - spare)
 
 
-@kernel
+@kernel(inline="always")
 def _scrambled(number, bits):
     """Permute the numbers of `bits` bits: distinct numbers have distinct results."""
     mask, half = (np.uint64(1) << bits) - np.uint64(1), bits >> np.uint64(1)

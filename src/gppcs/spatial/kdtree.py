@@ -190,7 +190,7 @@ def _longest_side(lower, upper):
     return axis
 
 
-@kernel
+@kernel(inline="always")
 def _split(records, node, depth, lower, upper):
     """Fill a node's box in `lower` and `upper`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = leaf_range(len(records), 1 << depth, node)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,50 +15,50 @@ from gppcs.spatial.scaling import bounds
 HASHES = 2.0**64
 
 
-def point_hashes(points: Floats, seed: int = 0, bits: int = 64, size: float | None = None) -> NDArray[np.uint64]:
-    """Return a random number of so many bits for each point, (n, 3), whatever the order of the points.
+def point_hashes(points: Floats, seed: int = 0, size: float | None = None) -> NDArray[np.uint64]:
+    """Return a random number for each point, (n, 3), whatever the order of the points.
 
     It depends on where points lie in units of a size: by default that of their largest coordinate.
     """
+    result = np.empty(len(points), dtype=np.uint64)
+    _fill_hashes(points, seed, 64, size, result)
+    return result
+
+
+def short_hashes(points: Floats, bits: int) -> NDArray[np.uint32]:
+    """Return the first bits, 32 at most, of `point_hashes`."""
+    result = np.empty(len(points), dtype=np.uint32)
+    _fill_hashes(points, 0, bits, None, result)
+    return result
+
+
+def _fill_hashes(
+    points: Floats, seed: int, bits: int, size: float | None, result: NDArray[np.unsignedinteger[Any]]
+) -> None:
+    """Fill `result`, (n,), with the first bits of random numbers of points, (n, 3)."""
     start = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
     if size is None:
         size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
-    result = np.empty(len(points), dtype=np.uint64)
     on_ranges(_hash_all, len(points), points, size or 1.0, start, np.uint64(64 - bits), result, minimum=1 << 14)
-    return result
 
 
 @kernel(allocates=False)
 def _hash_all(begin, end, points, size, start, shift, result):
     """Fill a range of `result`, (n,), with the first bits of the hashes of points, (n, 3), in units of a size."""
     for i in range(begin, end):
-        place = hash_of_place(points[i, 0] / size, points[i, 1] / size, points[i, 2] / size)
-        result[i] = _scrambled(place ^ start) >> shift
+        result[i] = hash_of_place(points[i, 0] / size, points[i, 1] / size, points[i, 2] / size, start) >> shift
 
 
 @kernel(allocates=False)
-def hash_of_place(x, y, z):
-    """Return a 64-bit hash of three floats; zero and minus zero have the same hash."""
-    a, b, c = (
-        np.float64(x + 0.0).view(np.uint64),
-        np.float64(y + 0.0).view(np.uint64),
-        np.float64(z + 0.0).view(np.uint64),
-    )
-    h = a * np.uint64(0x9E3779B97F4A7C15)
-    h = (h ^ (h >> np.uint64(29)) ^ b) * np.uint64(0xBF58476D1CE4E5B9)
-    h ^= c ^ ((h ^ c) >> np.uint64(32))  # whole numbers differ only in the first bits of their floats
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0x94D049BB133111EB)
-    h = (h ^ (h >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
+def hash_of_place(x, y, z, seed):
+    """Return a 64-bit hash of three floats and a seed; zero and minus zero have the same hash."""
+    h = seed
+    for part in (x, y, z):
+        h ^= np.float64(part + 0.0).view(np.uint64)
+        h = (h ^ (h >> np.uint64(32))) * np.uint64(0x9E3779B97F4A7C15)  # whole numbers differ in the first bits only
+        h ^= h >> np.uint64(29)
+    h *= np.uint64(0xBF58476D1CE4E5B9)
     return h ^ (h >> np.uint64(32))
-
-
-@kernel(allocates=False)
-def _scrambled(value):
-    """Return the random number of a value (SplitMix64; Steele, Lea and Flood 2014)."""
-    mixed = (value + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-    mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return mixed ^ (mixed >> np.uint64(31))
 
 
 def even_sample(points: Floats, usable: Flags, step: int) -> Ints:

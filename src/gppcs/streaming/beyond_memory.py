@@ -23,7 +23,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.methods import Selection
+from gppcs.methods import Feature, Selection
 from gppcs.spatial.boxes import Boxes, Tile, neighbours_before
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import HASHES, point_hashes
@@ -46,10 +46,9 @@ from gppcs.streaming.tiles import Guide, Kept, Tiling, choose_in_tile
 
 T = TypeVar("T")
 
-TILE = 3 << 18  # Points of a tile at most, without its halo.
+TILE = 1 << 19  # Points of a tile at most, without its halo.
 SAMPLED_PER_CHOSEN = 26  # Points of the sample for each point of the first choice, at least.
 FIRST = 0.05  # Fraction of the kept points that all tiles keep from the first choice.
-POINTS_PER_KEPT = 256  # Of more points, a sample takes part in the choice.
 HALO = 6.0  # In target spacings.
 PILOT, BLOCK = 1 << 19, 400  # Points of the pilot choice, about, and kept points of each of its blocks.
 REREADINGS = 3  # Of files whose points lie near each other, rather than to sort them once.
@@ -77,7 +76,7 @@ class Survey:
         check_constraints(options, int(overview.keep.sum()), overview.weights)
         assert overview.sample is not None
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
-        boxes = Boxes.from_sample(overview.sample.points)
+        boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
         direct = _lie_together(parts, overview, boxes)
         pieces = parts if direct else sorted_once(parts, boxes, folder, run_on, timer)
         source = Source(pieces, np.empty(0, dtype=np.int64))
@@ -151,12 +150,15 @@ class Survey:
         Returns the diagnostics of that, too.
         """
         chosen, selection = self.choose(self.sample, min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1))
-        self.write_guide(chosen, min(int(FIRST * n_points), len(chosen) // 2))
+        mass = self._mass(chosen)
         if len(chosen) < n_points and selection.scale is not None:
-            finer = self._pilot(n_points)
-            selection = replace(finer, scale=selection.scale.refined(finer.scale))
+            finer, ratios = self._pilot(n_points, mass)
+            mass *= ratios
+            if finer.scale is not None:
+                selection = replace(finer, scale=selection.scale.refined(finer.scale))
+        self.write_guide(chosen, mass, min(int(FIRST * n_points), len(chosen) // 2))
         halo = self.frame.lengths(np.full(3, HALO * math.sqrt(self.area / n_points)))
-        fraction = min(1.0, POINTS_PER_KEPT * n_points / self.overview.n_places)
+        fraction = min(1.0, self.options.algorithm.points_per_kept * n_points / self.overview.n_places)
         tiling = self.tiling(halo, fraction, n_points=n_points, scale=selection.scale)
         return tiling, selection.diagnostics
 
@@ -170,24 +172,46 @@ class Survey:
         selection = self.options.algorithm(replace(task, n_points=max(1, n_points)))
         return indices[selection.indices], selection
 
-    def _pilot(self, n_points: int) -> Selection:
-        """Choose in blocks spread over the cloud, as densely as in the whole: a sample is too sparse for that."""
+    def _mass(self, chosen: Ints) -> Floats:
+        """Return how many of the chosen points of the sample each of its points stands for, (n,)."""
+        points = self.frame.local(self.sample.points)
+        nearest = KdTree.build(points[chosen]).nearest_of(points, 1)[0][:, 0]
+        return 1.0 / np.bincount(nearest, minlength=len(chosen))[nearest]
+
+    def _pilot(self, n_points: int, mass: Floats) -> tuple[Selection, Floats]:
+        """Choose in blocks spread over the cloud, as densely as in the whole: a sample is too sparse for that.
+
+        Returns also by which factor more points are chosen than by the choice in the sample where each of its points
+        is, (n,), up to a common one: what is measured in the blocks, and a power of the density elsewhere.
+        """
         fraction = min(1.0, SAMPLED_PER_CHOSEN * n_points / self.overview.n_places)
         blocks = self.nodes(BLOCK * self.overview.n_usable / n_points)
-        step = max(1, round(fraction * self.overview.n_usable / PILOT))
-        rows = Rows.joined(self.source.read(block.lower, block.upper) for block in blocks[step // 2 :: step])
+        n_drawn = math.ceil(len(blocks) * min(1.0, PILOT / (fraction * self.overview.n_usable)))
+        drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
+        rows = Rows.joined(self.source.read(blocks[i].lower, blocks[i].upper) for i in drawn)
         rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
-        return self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))[1]
+        chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
+        block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
+        of_sample, of_chosen = (
+            block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
+        )
+        size, expected, actual = (
+            np.bincount(of_point, weights, len(blocks)).clip(1e-3)
+            for of_point, weights in ((of_sample, None), (of_sample, mass), (of_chosen, None))
+        )
+        density, ratio = np.log(expected / size), np.log(actual / expected)
+        if n_drawn > 2:
+            ratio[:] = np.poly1d(np.polyfit(density[drawn], ratio[drawn], 1, w=np.sqrt(expected[drawn])))(density)
+        ratio[drawn] = np.log(actual[drawn] / expected[drawn])
+        return selection, np.exp(ratio - ratio.max())[of_sample]
 
-    def write_guide(self, chosen: Ints, n_first: int) -> None:
+    def write_guide(self, chosen: Ints, mass: Floats, n_first: int) -> None:
         """Write what tiles need to know of the choice in the sample."""
         from gppcs.surface.normals import estimate_normals
 
         sample = self.sample
-        points = self.frame.local(sample.points)
-        nearest = KdTree.build(points[chosen]).nearest_of(points, 1)[0][:, 0]
-        mass = 1.0 / np.bincount(nearest, minlength=len(chosen))[nearest]
-        normals = estimate_normals(points) if self.options.normals else None
+        normals = estimate_normals(self.frame.local(sample.points)) if self.options.normals else None
+        mass = mass / mass.sum()
         guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
         guide.write(self.folder / "guide.npz")
 
@@ -213,7 +237,8 @@ def choose(survey: Survey) -> tuple[Kept, Mapping[str, float]]:
         added, of_gaps = _in_gaps(survey, choice, survey.scale.inside(max_gap))
         more, diagnostics = [*more, *added], {**diagnostics, **of_gaps}
     kept = Kept.joined([*map(choice.kept, range(len(choice.tiling.tiles))), *more])
-    return kept.take(np.lexsort([kept.indices, kept.ranks])), diagnostics
+    is_ranked = Feature.RANKING in options.algorithm.supports
+    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices])), diagnostics
 
 
 # What stays of the tiles, what is added besides, and diagnostics.
@@ -224,11 +249,13 @@ def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:
     """Choose a number of points, those to keep among them, by quotas if there are some."""
     options, overview = survey.options, survey.overview
     if options.quotas:
-        numbers = numbers_of(options.quotas, overview.labels, overview.keep, count)
+        n_parts = len(options.quotas) + 1
+        of_parts = numbers_of(options.quotas, overview.labels[:n_parts], overview.keep[:n_parts], count)
     else:
         check_count(count, n_keep, overview.n_usable)
-        numbers = np.zeros(256, dtype=np.int64)
-        numbers[0] = count
+        of_parts = np.array([count])
+    numbers = np.zeros(256, dtype=np.int64)
+    numbers[: len(of_parts)] = of_parts
     needed = np.where(numbers < overview.labels, numbers, 0)  # all points of a quota need no ranking
     length = max(1, count - n_keep)
     while True:
@@ -267,7 +294,7 @@ def _spaced(survey: Survey, spacing: float) -> Chosen:
     algorithm, overview = survey.options.algorithm, survey.overview
     if (count := algorithm.number_at(survey.area, spacing)) is not None:
         return _numbered(survey, min(count, overview.n_places), 0)
-    survey.write_guide(np.zeros(1, dtype=np.int64), 0)
+    survey.write_guide(np.zeros(1, dtype=np.int64), np.ones(len(survey.sample)), 0)
     halo = survey.frame.lengths(np.multiply(algorithm.halo, spacing))
     tiling = survey.tiling(halo, n_points=overview.n_usable, spacing=spacing)
     counts = survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before)
@@ -277,24 +304,23 @@ def _spaced(survey: Survey, spacing: float) -> Chosen:
 
 
 def _cells(survey: Survey, count: int) -> Tiling:
-    """Return tiles with the spacing that makes the method choose a number of points, and few more."""
-    lower, upper, spacing = 0.0, math.inf, math.sqrt(survey.area / count)
-    best, best_number = None, math.inf
-    for _ in range(40):
+    """Return tiles with the spacing that makes the method choose a number of points, and few more, or all places."""
+    lower, upper, spacing = 0.0, math.inf, math.sqrt(survey.area / count) or 1.0
+    best, best_number = None, 0
+    for _ in range(60):
         choice = _spaced(survey, spacing)[0]
         number = int(choice.n_staying.sum())
-        if count <= number < best_number:
+        if best is None or (number >= count, -abs(number - count)) > (best_number >= count, -abs(best_number - count)):
             best, best_number = choice.tiling, number
-        if count <= number <= 1.001 * count + 1:
+        if count <= number <= 1.001 * count + 1 or spacing < 1e-12:
             break
         lower, upper = (spacing, upper) if number > count else (lower, spacing)
-        guess = spacing * math.sqrt(number / (1.0005 * count))
-        middle = (lower + upper) / 2.0 if math.isfinite(upper) and lower else guess
-        spacing = guess if lower < guess < upper else middle
-    if best is None:
-        raise InputError(
-            f"expected {count:,} cells with enough points at different places, found fewer; ask for fewer points"
-        )
+        guess = spacing * math.sqrt(max(number, 1) / (1.0005 * count))
+        middle = (lower + upper) / 2.0 if lower else spacing / 16.0
+        spacing = guess if number and lower < guess < upper else middle
+    if best_number < min(count, 0.9 * survey.overview.n_places):
+        raise InputError(f"expected {count:,} cells with enough points, found {best_number:,}; ask for fewer points")
+    assert best is not None
     return best
 
 
@@ -348,8 +374,10 @@ def _in_gaps(survey: Survey, choice: Choice, gap: float) -> tuple[list[Kept], Ma
 def _lie_together(parts: Sequence[Part], overview: Overview, boxes: Boxes) -> bool:
     """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
     assert overview.sample is not None
-    if any(part.files.has_copies for part in parts):
-        return False
+    for part in parts:
+        with part.files as files:
+            if files.has_copies:
+                return False
     counts = np.bincount(boxes.box_of(overview.sample.points), minlength=len(boxes))
     tiles = boxes.tiles(counts * (overview.n_usable / len(overview.sample)), TILE)
     margins = [0.1 * (tile.upper - tile.lower) for tile in tiles]

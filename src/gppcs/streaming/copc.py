@@ -54,7 +54,8 @@ def write_beyond_memory(
     preview = files.preview
     size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
     size = size * files.n_points // max(1, len(preview))
-    if PROGRAM + 3 * size <= (memory or available_memory() // 2):
+    limit = memory or (available_memory() or 0) // 2
+    if not limit or PROGRAM + 3 * size <= limit:
         return None
     rng = None if levels_by == "order" else np.random.default_rng(0)
     with scratch_folder(None, 2 * size) as folder, whole_output(target, force) as file:

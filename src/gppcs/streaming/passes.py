@@ -55,7 +55,7 @@ def outliers_in_tile(tiling: Tiling, number: int) -> Rows:
         return own
     sampled = points[:: max(1, len(points) // 1024)]
     radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(NEIGHBOURS + 1, len(points)))[1][:, -1])
-    tile, margin = tiling.tiles[number], 2.5 * float(np.quantile(radii, 0.99))
+    tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
     rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
     rows = rows.only(outliers_among(tiling.frame.local(rows.points)))
     return rows.only(tiling.tile_of(rows.points) == number)

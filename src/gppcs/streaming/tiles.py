@@ -29,7 +29,7 @@ from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Source
 
-SURPLUS = 1.02  # Points that tiles choose for each that stays: the least important go at the end.
+SURPLUS = 0.01  # Of points that tiles choose, besides a root of their number: the least important go at the end.
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Guide:
     """What a first choice, in a sample of the whole cloud, tells all tiles."""
 
     points: Floats  # (n, 3), the sample
-    mass: Floats  # (n,), how many of the chosen points each stands for; they sum up to their number
+    mass: Floats  # (n,), fraction of the kept points for which each stands
     chosen: Ints  # (m,), indices of the chosen points in the cloud, in the order of choice
     chosen_points: Floats  # (m, 3)
     n_first: int  # number of these, the first, that all tiles keep
@@ -185,9 +185,10 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     guide = tiling.guide
     earlier = [Kept.read(tiling.file(i)).indices for i in tiling.before[number]]
     fixed = rows.keep | np.isin(rows.indices, np.concatenate([guide.chosen[: guide.n_first], *earlier]))
-    if tiling.spacing is not None:  # what neighbours will see is no matter of this tile
-        taken = np.flatnonzero(fixed & is_done | is_own)
-        rows, fixed, is_own, is_done = rows.take(taken), fixed[taken], is_own[taken], is_done[taken]
+    taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
+    if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
+        taken = fixed | ~is_done | (tiling.scale is not None)
+    rows, fixed, is_own, is_done = rows.only(taken), fixed[taken], is_own[taken], is_done[taken]
     return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, fixed, is_done))
 
 
@@ -217,7 +218,8 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         guide = tiling.guide
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
-        n_new = SURPLUS * tiling.n_points * float(guide.mass[waits].sum()) / len(guide.chosen)
+        n_new = tiling.n_points * float(guide.mass[waits].sum())
+        n_new += SURPLUS * n_new + math.sqrt(n_new)
         n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
         task = replace(task, n_points=min(task.fixed + max(0, math.ceil(n_new)), len(task.points)))
     if task.spacing is None and not task.fixed < task.n_points < len(task.points):

@@ -41,7 +41,7 @@ def with_step(sums, one, x, y, z):
     )  # fmt: skip
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def middle(lower, upper):
     """Return the middle of a box. Shapes: lower, upper (3,)."""
     return 0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), 0.5 * (lower[2] + upper[2])

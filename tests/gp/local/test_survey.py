@@ -5,7 +5,7 @@ from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, nested_candidates, sample, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import short_hashes
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
@@ -17,12 +17,12 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
     area, noise, ranks, *_ = survey(sphere, 1_000, 8.0, Timer())
     assert area == pytest.approx(4 * np.pi, rel=0.1)
     assert noise.is_negligible
-    assert (ranks >> np.uint64(32) > 0).all()
+    assert (ranks >> RANDOM_BITS > 0).all()
     noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
     _, noise, ranks, *_ = survey(noisy, 1_000, 8.0, Timer())
     assert not noise.is_negligible
     assert noise.sigma == pytest.approx(0.01, rel=0.3)
-    assert (ranks >> np.uint64(32) == 0).all()
+    assert (ranks >> RANDOM_BITS == 0).all()
 
 
 def test_noise_and_stages_share_one_area(sphere):
@@ -42,7 +42,7 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
         points[::2] = points[::2, [2, 1, 0]]
         points[:, 1] -= 0.5
         variation = sharpness_of(features_in_radius(KdTree.build(points), edge).surface_variation)
-        sharpness = variation.astype(np.float32).view(np.uint32).astype(np.uint64)
+        sharpness = variation.astype(np.float32).view(np.uint32)
         for off, values in ((by_chance, np.zeros_like(sharpness)), (chosen, sharpness)):
             kept = greatest_in_cells(points, edge, values)
             distance = np.maximum(points[kept, 0], points[kept, 2])
@@ -63,7 +63,7 @@ def test_area_and_noise_of_millions_are_judged_by_some():
     points = np.column_stack([rng.random((200_000, 2)), 0.0005 * rng.standard_normal(200_000)])
 
     def sampled(n_points):
-        rows = sample(point_hashes(points, bits=RANDOM_BITS), n_points)
+        rows = sample(short_hashes(points, RANDOM_BITS), n_points)
         assert (np.diff(rows) > 0).all()
         return KdTree.build(points[rows])
 

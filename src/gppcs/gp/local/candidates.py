@@ -35,15 +35,17 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree, leaf_range
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import point_hashes, short_hashes
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 ALIKE = 0.8  # A ball whose radius is at least this fraction of that for planes is enlarged to that radius.
-RANDOM_BITS = 32  # Of a rank. The bits before them are those of a float32 that is not negative: its order is theirs.
+RANDOM_BITS = (
+    16  # Of a rank, the last. The others are the first of a float32 that is not negative: its order is theirs.
+)
 
-Ranks = NDArray[np.uint64]
+Ranks = NDArray[np.uint32]
 
 
 class Survey(NamedTuple):
@@ -69,7 +71,7 @@ def survey(
 ) -> Survey:
     """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k)."""
     with timer("sample"):
-        ranks = point_hashes(points, bits=RANDOM_BITS)
+        ranks = short_hashes(points, RANDOM_BITS)
         indices = sample(ranks, n_points)
         sampled = points if len(indices) == len(points) else points[indices]
     with timer("tree"):
@@ -97,7 +99,7 @@ def survey(
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation[of_tree]
-    ranks[of_tree] |= sharpness.view(np.uint32).astype(np.uint64) << np.uint64(RANDOM_BITS)
+    ranks[of_tree] |= sharpness.view(np.uint32) >> RANDOM_BITS << RANDOM_BITS
     return Survey(area, noise, ranks, detail, tree, normals)
 
 
@@ -111,7 +113,12 @@ def sample(ranks: Ranks, n_points: int) -> Ints:
     n, size = len(ranks), sample_size(n_points)
     if n <= 1.5 * size:  # to draw most of the points would cost more than it saves
         return np.arange(n)
-    return np.flatnonzero(ranks < np.uint64(size / n * 2**RANDOM_BITS))
+    return drawn(ranks, size / n)
+
+
+def drawn(ranks: Ranks, fraction: float) -> Ints:
+    """Return the indices of about a fraction of the points, those of the highest random bits of ranks, (N,)."""
+    return np.flatnonzero(ranks.astype(np.uint16) >= round((1.0 - fraction) * 2**RANDOM_BITS))
 
 
 def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> float:
@@ -274,7 +281,7 @@ def thinned(points: Floats, ranks: Ranks, target: int, area: float, candidate_de
 def _halved(points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float) -> float:
     """Return the area, halved until enough cells hold points: first by a sample, then by all points."""
     few, cells = MIN_CANDIDATES * target, candidate_density * target
-    is_sampled = ranks % np.uint64(len(points) // int(MAX_CELLS * cells)) == 0
+    is_sampled = point_hashes(points) % np.uint64(len(points) // int(MAX_CELLS * cells)) == 0
     sampled, sampled_ranks = points[is_sampled], ranks[is_sampled]
     halvings = 1
     while not vanishes(area * 0.5**halvings):

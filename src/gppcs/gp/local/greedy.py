@@ -33,7 +33,7 @@ from gppcs.gp.local.greedy_state import (
     set_score,
     workspace_below,
 )
-from gppcs.gp.local.kernel import LocalField, detail_distance, field_distance
+from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.gp.local.posterior import condition, posterior_of_all
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, squared_distance_of_boxes
 
@@ -78,9 +78,9 @@ def extend(
         parts = _divide(state, count)
         added, scores = _choose_in_levels(n_added, len(chosen), field, error_weight, state, parts, cloud, on_progress)
     else:
-        step = 4096  # from one report of progress to the next
+        step, computed = 4096, computed_from(0.0, error_weight)  # from one report of progress to the next
         for begin in range(0, n_added, step):
-            choose_in_parts(0, 1, 0.0, min(begin + step, n_added), field, error_weight, state, cloud)
+            choose_in_parts(0, 1, 0.0, computed, min(begin + step, n_added), field, error_weight, state, cloud)
             on_progress(min(step, n_added - begin))
         added, scores = _chosen_by(cloud)
     return added, scores, np.sqrt(state.variances[added])
@@ -186,22 +186,22 @@ def choose_down(
     threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts, rest: Parts
 ) -> None:
     """Choose all points with a score of at least a threshold."""
-    n, count = len(state.scores), len(parts.counts)
+    n, count, computed = len(state.scores), len(parts.counts), computed_from(threshold, error_weight)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
-        _exchange_boundaries(threshold, field, error_weight, state, parts)
-        on_ranges(choose_in_parts, count, threshold, n, field, error_weight, state, parts)
+        _exchange_boundaries(computed, field, error_weight, state, parts)
+        on_ranges(choose_in_parts, count, threshold, computed, n, field, error_weight, state, parts)
         chosen = int((parts.counts - parts.sent).sum())
-    _exchange_boundaries(threshold, field, error_weight, state, parts)
+    _exchange_boundaries(computed, field, error_weight, state, parts)
     _renew_upper(state, count)
-    choose_in_parts(0, 1, threshold, n, field, error_weight, state, rest)
+    choose_in_parts(0, 1, threshold, computed, n, field, error_weight, state, rest)
 
 
 def _exchange_boundaries(
-    threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts
+    computed: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts
 ) -> None:
     """Condition all parts on what their neighbours have chosen since the last exchange."""
-    on_ranges(_receive, len(parts.counts), computed_from(threshold, error_weight), field, error_weight, state, parts)
+    on_ranges(_receive, len(parts.counts), computed, field, error_weight, state, parts)
     parts.sent[:] = parts.counts
 
 
@@ -242,12 +242,12 @@ def _receive_in_part(part, computed, field, error_weight, state, parts, workspac
 
 
 @kernel
-def choose_in_parts(begin, end, threshold, maximum, field, error_weight, state, parts):
+def choose_in_parts(begin, end, threshold, computed, maximum, field, error_weight, state, parts):
     """Let some parts choose their points down to a threshold. A single part chooses one after another."""
     count = len(parts.counts)
     workspace = workspace_below(field, state, count)
     deferred = np.empty(len(workspace.changed), dtype=np.int64)
-    scores, computed = np.empty(len(deferred), dtype=np.float64), computed_from(threshold, error_weight)
+    scores = np.empty(len(deferred), dtype=np.float64)
     for part in range(begin, end):
         _choose_in_part(
             part, threshold, computed, maximum, field, error_weight, state, parts, workspace, deferred, scores
@@ -315,12 +315,15 @@ def _affected(new, root, field, state, parts):
     return False
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def _gap(field, i, j):
     """Return the squared distance in the field between two points."""
     positions, normals = field.positions, field.normals
-    return field_distance(
+    of_detail = 0.0
+    for c in range(len(field.detail)):  # Eq. (18)
+        of_detail += (field.detail[c, i] - field.detail[c, j]) ** 2
+    return of_detail + field_distance(
         positions[0, i] - positions[0, j], positions[1, i] - positions[1, j], positions[2, i] - positions[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
         field.spacings[i], field.spacings[j], field.normal_weight,
-    ) + detail_distance(field.detail, i, j)  # fmt: skip
+    )  # fmt: skip

@@ -56,8 +56,7 @@ def workspace_below(field, state, count):
     )
 
 
-@kernel
-def computed_from(threshold, error_weight):
+def computed_from(threshold: float, error_weight: float) -> float:
     """Return from which score on scores are kept up to date while points are chosen down to a threshold.
 
     A variance hardly ever rises, so a score far below the threshold will not reach it. An error may rise.
@@ -102,7 +101,7 @@ def condition_on(new, root, computed, field, state, workspace, count):
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
             )  # fmt: skip
-        for c in range(len(field.detail)):  # what `detail_distance` adds, in loops that vectorise
+        for c in range(len(field.detail)):  # Eq. (18), in loops that vectorise
             for i in range(begin, end):
                 workspace.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):

@@ -68,7 +68,7 @@ class Work(NamedTuple):
     score: Floats
 
 
-@kernel
+@kernel(inline="always")
 def work_for(neighbours, details):
     """Return memory for posteriors."""
     return Work(

@@ -24,6 +24,7 @@ class Scale(NamedTuple):
     """What is measured of a whole cloud, in a sample or in blocks of it."""
 
     noise: Noise  # Without a tree
+    candidate_density: float  # Cells of the candidates' grid for each point to keep
     largest_gap: float  # Distance from all others, in target spacings, beyond which a candidate is an outlier
     stages: tuple[FieldScale, ...]  # From the finest to the coarsest
 

@@ -129,7 +129,7 @@ def _moments_of_sheet(packed, full, point, normal, middle, squared_radius, momen
         moments[m, 0] = sums[m]
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _step(packed, j, point, normal):
     """Return the squared distance of a packed point from another point, and its height above that along a normal."""
     dx, dy, dz = packed[0, j] - point[0], packed[1, j] - point[1], packed[2, j] - point[2]

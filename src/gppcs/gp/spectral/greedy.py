@@ -12,7 +12,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.spectral.posterior import posterior
 
-BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
+BUCKETS = 8192  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
 BUCKETS_AT_ONCE = 64  # in a range of a thread, at least
 PICKS_PER_CALL = 64  # about as many picks between two scans by all threads, and reports of progress
 LANES = 32  # points whose scores are computed side by side
@@ -36,9 +36,8 @@ def select(
     The result is exactly that of the paper's Algorithm 1, but a step scans only the buckets of points whose bound is
     not below the best score so far. Since a bucket was last scanned, variances can only have decreased. If the weights'
     mean has moved by dw, the mean at a point has moved by phi dw, which the bounding box of phi bounds. All threads
-    scan the buckets that the last score makes likely to be needed. The points should be in an order that puts
-    neighbours near each other; ties go to the one that is smallest in `order`. Shapes: phi (N, L), y (N,), initial
-    (k_init,), order (N,); returns (M,).
+    scan the buckets that are likely to be needed, by the last scores. Neighbours should be near each other in the
+    arrays; ties go to the smallest `order`. Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns (M,).
     """
     chosen = np.empty(n_points, dtype=np.int64)
     chosen[: len(initial)] = initial
@@ -54,12 +53,13 @@ def select(
             mean, covariance = posterior(phi[chosen[:begin]], y[chosen[:begin]], noise)
             covariance, computed = np.ascontiguousarray(covariance), begin
             buckets = _buckets(min(BUCKETS, len(y)), points.phi)  # bounds from an earlier posterior need not hold
-            last = np.inf
+            likely = last = -np.inf
         steps = max(1, min(PICKS_PER_CALL, REFRESHED * computed - begin) // k_add)
         end = min(begin + steps * k_add, n_points)
         state = points, buckets, mean, covariance
-        on_ranges(_scan_likely, len(buckets.bound), *state, begin, last, minimum=BUCKETS_AT_ONCE)
-        last = _choose(*state, noise, k_add, chosen[:end], begin)
+        on_ranges(_scan_likely, len(buckets.bound), *state, begin, likely, minimum=BUCKETS_AT_ONCE)
+        before, last = last, _choose(*state, noise, k_add, chosen[:end], begin)
+        likely = min(last, 2 * last - before)  # the last score falls by about as much in each call
         if on_progress:
             on_progress(end - begin)
         begin = end
@@ -116,11 +116,11 @@ def _measure_boxes(begin, end, phi, lower, upper):
 
 
 @kernel
-def _scan_likely(begin, end, points, buckets, mean, covariance, now, last):
-    """Bound the scores of a range of buckets; scan those that may have one as large as the last point chosen."""
+def _scan_likely(begin, end, points, buckets, mean, covariance, now, likely):
+    """Bound the scores of a range of buckets; scan those that may have a score that is likely to be chosen."""
     for g in range(begin, end):
         _bound(g, buckets, mean)
-        if buckets.bound[g] >= last or buckets.scanned[g] < 0:
+        if buckets.bound[g] >= likely:
             _scan(g, points, buckets, mean, covariance, now)
 
 

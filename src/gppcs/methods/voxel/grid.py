@@ -80,20 +80,27 @@ def representatives(
 
     Shapes: points (N, 3); returns (cells,), (cells, 3).
     """
-    cells = np.floor(points / edge).T
-    turns = np.argsort(point_hashes(points))  # in each cell, so that no sum depends on the order of the input
-    order = turns[np.argsort(point_hashes(cells.T)[turns], kind="stable")]
-    begins = np.flatnonzero(np.append(True, (np.diff(cells[:, order], axis=1) != 0).any(axis=0)))
+    hashes = point_hashes(np.floor(points / edge))
+    order = np.argsort(hashes)
+    begins = np.flatnonzero(np.diff(hashes[order], prepend=~hashes[order[0]]))
     sizes = np.diff(np.append(begins, len(points)))
-    means = np.add.reduceat(points[order], begins) / sizes[:, None]
+    owners, members = np.repeat(np.arange(len(begins)), sizes), points[order].T
+    means = np.stack([_sums(values, begins) for values in members]) / sizes
     if worth is None:
-        squared = ((points[order] - np.repeat(means, sizes, axis=0)) ** 2).sum(axis=1)
+        squared = sum((values - mean[owners]) ** 2 for values, mean in zip(members, means, strict=True))
         # Two points are equally near their mean; the factor makes up for rounding.
-        best = squared <= np.repeat((1 + 1e-9) * np.minimum.reduceat(squared, begins), sizes)
+        best = squared <= ((1 + 1e-9) * np.minimum.reduceat(squared, begins))[owners]
     else:
-        best = worth[order] == np.repeat(np.maximum.reduceat(worth[order], begins), sizes)
-    candidates = np.flatnonzero(best)
-    indices = order[candidates[np.searchsorted(candidates, begins)]]  # the first in each cell
+        best = worth[order] == np.maximum.reduceat(worth[order], begins)[owners]
+    owners = owners[best]
+    ranked = np.lexsort([*members[:, best], owners])  # ties go by coordinates
+    indices = order[best][ranked[np.searchsorted(owners, np.arange(len(begins)))]]
     ascending = np.argsort(indices)
     ascending = ascending[sizes[ascending] >= min_points]
-    return indices[ascending], means[ascending]
+    return indices[ascending], means.T[ascending]
+
+
+def _sums(values: Floats, begins: Ints) -> Floats:
+    """Return the sums of values, (N,), from each beginning on, (cells,): of whole numbers, so in any order the same."""
+    unit = 2.0 ** (math.frexp(float(np.abs(values).max(initial=0.0)))[1] + len(values).bit_length() - 62)
+    return np.add.reduceat(np.rint(values / unit).astype(np.int64), begins) * unit
