@@ -33,7 +33,7 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
     def __call__(self, task: gppcs.Task) -> gppcs.Selection:
         """Choose, then place."""
         found = super().__call__(task)
-        measured = Measured(*survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)[:2])
+        measured = Measured(*survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)[:3])
         return replace(found, indices=place(task.points, found.indices, 0, measured))
 
 

@@ -21,6 +21,7 @@ from gppcs.gp.local.settings import (
 )
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_of_each
+from gppcs.spatial.samples import short_hashes
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
 
@@ -40,7 +41,7 @@ def mean_distance(points, places):
 
 
 def placed(points, chosen, fixed=0, noise=QUIET, passes=2, detail=None):
-    return place(points, chosen, fixed, Measured(2 * np.pi * 0.5, noise, detail), passes)
+    return place(points, chosen, fixed, Measured(2 * np.pi * 0.5, noise, short_hashes(points, 16), detail), passes)
 
 
 def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():

@@ -28,7 +28,7 @@ def clean(places):
 def ranked(points, n_points, seen=clean):
     """Choose as `algorithm.choose` does, but for survey and placement."""
     area = surface_area(KdTree.build(points))
-    stages = nested_candidates(points, np.zeros(len(points), dtype=np.uint64), n_points, area, 8.0)
+    stages = nested_candidates(points, np.zeros(len(points), dtype=np.uint32), n_points, area, 8.0)
     indices = stages[-1].indices
     candidates = Candidates(indices, *seen(points[indices]), None, None)
     return choose_in_stages(Problem(points, n_points), candidates, stages, criterion(), Timer())

@@ -78,21 +78,25 @@ def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
 
 def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Ranking, Measured]:
     """Choose among candidates, and return what is measured around all points."""
-    candidates, stages, measured = _survey(problem, criterion, timer)  # steps 1, 2, and 5, Eq. (7)
+    density = _candidate_density(problem, criterion)
+    candidates, stages, measured = _survey(problem, density, timer)  # steps 1, 2, and 5, Eq. (7)
     ranking = choose_in_stages(problem, candidates, stages, criterion, timer)  # steps 3 to 6, and 8, Eqs. (2) to (9)
-    scale = problem.scale or Scale(
-        replace(measured.noise, tree=None),
-        problem.candidate_density(criterion),
-        stages[-1].largest_gap,
-        ranking.stages,
-    )
-    return ranking._replace(noise_in_spacings=measured.noise.in_spacings, scale=scale), measured
+    noise = measured.noise
+    scale = problem.scale or Scale(replace(noise, tree=None), density, stages[-1].largest_gap, ranking.stages)
+    return ranking._replace(noise_in_spacings=noise.in_spacings, scale=scale), measured
 
 
-def _survey(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
+def _candidate_density(problem: Problem, criterion: Criterion) -> float:
+    """Return the number of cells of the candidates' grid for each point to keep."""
+    if problem.scale is not None:
+        return problem.scale.candidate_density
+    density = criterion.candidate_density * (1.0 if problem.weights is None else refinement(problem.weights))
+    return cells_for(density, len(problem.points), problem.n_points, criterion.density_power)
+
+
+def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
     """Measure a cloud, and return the candidates of the last stage, as they are observed, and all stages."""
     points, n_points, fixed, weights, attributes, _, scale = problem
-    density = problem.candidate_density(criterion)
     area, noise, ranks, detail, tree, normals = survey(points, n_points, density, timer, attributes, scale)
     with timer("candidates"):
         stages = nested_candidates(points, ranks, n_points, area, density, fixed, scale and scale.largest_gap)
@@ -101,7 +105,7 @@ def _survey(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Candi
     if not noise.thick:
         with timer("features"):
             sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
-    measured = Measured(stages[-1].area, noise, None if detail is None else detail.values)
+    measured = Measured(stages[-1].area, noise, ranks, None if detail is None else detail.values)
     with timer("noise"):
         quadrics = None
         if len(tree.order) == len(points):  # the placement needs the same

@@ -28,4 +28,5 @@ def compile_placement() -> None:
     """Compile the kernels of the placement, those of the surface of the kept points first."""
     points = np.random.default_rng(0).random((400, 3))
     LocalSurface.over(KdTree.over(points.T))
-    place(points, np.arange(40), 0, Measured(1.0, Noise(None, 0, False, 0.0, True, True, 0.1)))
+    noise = Noise(None, 0, False, 0.0, True, True, 0.1)
+    place(points, np.arange(40), 0, Measured(1.0, noise, np.arange(400, dtype=np.uint32)))

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.gp.local.placement.cells import Measured, Observed, Vertices, cells_of
+from gppcs.gp.local.candidates import drawn
+from gppcs.gp.local.placement.cells import Attributes, Measured, Observed, Vertices, cells_of
 from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.placement.exchange import exchanged
 from gppcs.gp.local.settings import CELL_POINTS, GAP_GROWTH, NOISY_CELL_POINTS
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_of_each
-from gppcs.spatial.samples import short_hashes
 from gppcs.surface.local_surface import LocalSurface
 
 
@@ -29,26 +29,24 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     Where a cell would have many points, a sample of the cloud is drawn. Shapes: points (N, 3), chosen (m,); returns
     (m,).
     """
-    noise, tree = measured.noise, measured.tree
+    noise, tree, values = measured.noise, measured.tree, measured.attributes
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
-        indices = np.flatnonzero(short_hashes(points, 32) < np.uint32(fraction * 2**32))
+        indices = drawn(measured.ranks, fraction)
         tree = KdTree.build(points[indices])
         indices, measured = indices[tree.order], measured._replace(tree=None, quadrics=None, normals=None)
     else:
         tree = KdTree.build(points) if tree is None else tree
         indices = tree.order
-    attributes = measured.attributes
-    if attributes is None:
-        attributes = np.empty((len(points), 0), dtype=np.float32)
     surface = LocalSurface.from_points(points[chosen])
     order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
-    vertices = Vertices.from_surface(surface, order < fixed, attributes.take(chosen[order], axis=0))
+    vertices = Vertices.from_surface(surface, order < fixed)
     owners, squared = nearest_of_each(surface.tree, tree)
     cells = cells_of(owners, len(order))
     widest = GAP_GROWTH**2 * float(squared[~vertices.stays[owners]].max(initial=0.0))
     new, positions, allowed, feet = exchanged(
-        Observed.around(tree, measured, attributes.take(indices, axis=0)),
+        Observed.around(tree, measured),
+        None if values is None else Attributes(values.take(indices, axis=0), values.take(chosen[order], axis=0)),
         vertices, owners, cells, widest, passes,
     )  # fmt: skip
     if not noise.thick:

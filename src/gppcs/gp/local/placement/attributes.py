@@ -11,18 +11,18 @@ from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, square
 
 
 @kernel(allocates=False)
-def best_with_attributes(observed, chosen, v, cell, widest, current, errors):
+def best_with_attributes(observed, attributes, chosen, v, cell, widest, current, errors):
     """Return the point of a cell with the least F of Eq. (20), or -1 for the vertex, and what its attributes gain."""
     vertex, best = row(chosen.positions, v), -1
-    distance, before = _off_fan(observed, chosen, v, vertex, chosen.attributes[v], cell, np.inf)
+    distance, before = _off_fan(observed, attributes, chosen, v, vertex, attributes.of_vertices[v], cell, np.inf)
     smallest = current + distance + before - ROUNDING * chosen.gaps[v]
     after = before
     for _ in range(DETAIL_TRIALS):
         x, error = next_point(observed.points, cell, errors, smallest, widest)
         if x < 0:
             break
-        to, at_apex = row(observed.points.T, x), observed.attributes[x]
-        distance, attribute_error = _off_fan(observed, chosen, v, to, at_apex, cell, smallest - error)
+        to, at_apex = row(observed.points.T, x), attributes.of_points[x]
+        distance, attribute_error = _off_fan(observed, attributes, chosen, v, to, at_apex, cell, smallest - error)
         total = error + distance + attribute_error
         if total < smallest:
             smallest, best, after = total, x, attribute_error
@@ -30,7 +30,7 @@ def best_with_attributes(observed, chosen, v, cell, widest, current, errors):
 
 
 @kernel(allocates=False)
-def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
+def _off_fan(observed, attributes, chosen, v, apex, at_apex, cell, limit):
     """Return both parts of the mean of Eq. (20), distances and attributes, by the fan around an apex.
 
     They are infinite if their sum is beyond a limit, and 0 if the fan is empty.
@@ -58,10 +58,11 @@ def _off_fan(observed, chosen, v, apex, at_apex, cell, limit):
         interpolated = 0.0
         for k in range(len(at_apex)):
             at_foot = at_apex[k]
-            at_foot += s * (chosen.attributes[second, k] - at_apex[k])
-            at_foot += t * (chosen.attributes[third, k] - at_apex[k])
-            interpolated += (at_foot - observed.attributes[q, k]) ** 2
-        of_owner = squared_difference(at_apex if owner < 0 else chosen.attributes[owner], observed.attributes[q])
+            at_foot += s * (attributes.of_vertices[second, k] - at_apex[k])
+            at_foot += t * (attributes.of_vertices[third, k] - at_apex[k])
+            interpolated += (at_foot - attributes.of_points[q, k]) ** 2
+        at_owner = at_apex if owner < 0 else attributes.of_vertices[owner]
+        of_owner = squared_difference(at_owner, attributes.of_points[q])
         distance += np.sqrt(smallest) / judged
         attribute_error += scale * (DETAIL_INTERPOLATED * np.sqrt(interpolated) + DETAIL_NEAREST * np.sqrt(of_owner))
         if distance + attribute_error > limit:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.gp.local.candidates import radius_of_plane
+from gppcs.gp.local.candidates import Ranks, radius_of_plane
 from gppcs.gp.local.settings import MAX_STEP
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import dot, minus, row
@@ -24,6 +24,7 @@ class Measured(NamedTuple):
 
     area: float
     noise: Noise
+    ranks: Ranks  # (N,), by whose random bits a sample is drawn
     attributes: NDArray[np.float32] | None = None  # (N, k), of all points
     tree: KdTree | None = None  # Over all points
     quadrics: Quadrics | None = None  # Around all points, in tree order
@@ -36,27 +37,32 @@ class Observed(NamedTuple):
     points: Floats  # (3, n)
     feet: Floats  # (3, n), on their planes
     normals: Floats  # (n, 3), of these
-    attributes: NDArray[np.float32]  # (n, k), none without detail
 
     @classmethod
-    def around(cls, tree: KdTree, measured: Measured, attributes: NDArray[np.float32]) -> Observed:
-        """Return the surface around the points of a tree; attributes are in its order."""
+    def around(cls, tree: KdTree, measured: Measured) -> Observed:
+        """Return the surface around the points of a tree."""
         points, noise = tree.points, measured.noise
         if noise.is_negligible:
             normals = measured.normals
             if normals is None:
                 radius = radius_of_plane(measured.area / len(tree.order))
                 normals = features_in_radius(tree.in_own_order(), radius).normals
-            return cls(points, points, normals, attributes)
+            return cls(points, points, normals)
         quadrics = noise.fitted(tree) if measured.quadrics is None else measured.quadrics
-        return cls(points, projected(points, quadrics), quadrics.normals.T.astype(np.float64, order="C"), attributes)
+        return cls(points, projected(points, quadrics), quadrics.normals.T.astype(np.float64, order="C"))
+
+
+class Attributes(NamedTuple):
+    """What counts beside the shape."""
+
+    of_points: NDArray[np.float32]  # (n, k)
+    of_vertices: NDArray[np.float32]  # (m, k)
 
 
 class Vertices(NamedTuple):
     """The chosen points with the fans of triangles around them, in tree order."""
 
     positions: Floats  # (m, 3)
-    attributes: NDArray[np.float32]  # (m, k)
     corners: NDArray[np.int32]  # (m, triangles, 2), of the fans; -1 after the last
     normals: Floats  # (m, 3), of the fans
     gaps: Floats  # (m,), mean distance from the nearest others
@@ -64,12 +70,12 @@ class Vertices(NamedTuple):
     stays: Flags  # (m,)
 
     @classmethod
-    def from_surface(cls, surface: LocalSurface, stays: Flags, attributes: NDArray[np.float32]) -> Vertices:
+    def from_surface(cls, surface: LocalSurface, stays: Flags) -> Vertices:
         """Return the points of a surface."""
         positions = np.ascontiguousarray(surface.tree.points.T)
         k = min(4, len(positions))
         gaps = np.sqrt(surface.tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
-        return cls(positions, attributes, surface.corners, surface.normals, gaps, MAX_STEP * gaps, stays)
+        return cls(positions, surface.corners, surface.normals, gaps, MAX_STEP * gaps, stays)
 
 
 class Cells(NamedTuple):

@@ -58,7 +58,7 @@ def _mark_farther(
         is_farther[i] = after > before + judged * allowed[i]
 
 
-@kernel
+@kernel(allocates=False)
 def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
     """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
 
@@ -83,7 +83,7 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
     return sum_of_roots(squared[:judged])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _greatest(values):
     """Return the greatest of values, (n,), that are not negative; the method of arrays takes long to compile."""
     greatest = 0.0
@@ -92,7 +92,7 @@ def _greatest(values):
     return greatest
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _measure_from(local, squared, origin):
     """Fill `squared`, (n,), with the squared distances of feet, (3, n), from a point."""
     for q in range(len(squared)):
@@ -119,7 +119,7 @@ def _is_beyond(a, b, c, limit):
     return along > 0.0 and along * along > limit * limit * dot(middle, middle)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_among(triangle, triangles, count):
     """Return whether three numbers are among the first others, of (3, t), without branches."""
     first, second, third = triangle

@@ -9,7 +9,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.placement.attributes import best_with_attributes
-from gppcs.gp.local.placement.cells import Cells, Observed, Vertices, cells_of, hand_over
+from gppcs.gp.local.placement.cells import Attributes, Cells, Observed, Vertices, cells_of, hand_over
 from gppcs.gp.local.placement.shape import ROUNDING, best_by_shape, fill_errors
 from gppcs.gp.local.settings import TRIED_ON
 from gppcs.spatial.triangles import dot, minus, row
@@ -17,7 +17,13 @@ from gppcs.surface.error_quadrics import NUMBERS
 
 
 def exchanged(
-    observed: Observed, chosen: Vertices, first: NDArray[np.int32], cells: Cells, widest: float, passes: int
+    observed: Observed,
+    attributes: Attributes | None,
+    chosen: Vertices,
+    first: NDArray[np.int32],
+    cells: Cells,
+    widest: float,
+    passes: int,
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """Return for which point each vertex is exchanged, -1 where it stays, all positions then, a distance, and the feet.
 
@@ -31,21 +37,26 @@ def exchanged(
             owners = owners.copy()
             on_ranges(hand_over, len(owners), observed, chosen, owners, minimum=1024)
             cells = cells_of(owners, len(new))
-        on_ranges(_exchange, len(new), observed, chosen, first, *cells, widest, new, gains, minimum=64)
-        moved, positions, attributes = np.flatnonzero(new >= 0), chosen.positions.copy(), chosen.attributes.copy()
-        positions[moved], attributes[moved] = observed.points.T[new[moved]], observed.attributes[new[moved]]
-        chosen = chosen._replace(positions=positions, attributes=attributes)
+        on_ranges(_exchange, len(new), observed, attributes, chosen, first, *cells, widest, new, gains, minimum=64)
+        moved, positions = np.flatnonzero(new >= 0), chosen.positions.copy()
+        positions[moved] = observed.points.T[new[moved]]
+        chosen = chosen._replace(positions=positions)
+        if attributes is not None:
+            of_vertices = attributes.of_vertices.copy()
+            of_vertices[moved] = attributes.of_points[new[moved]]
+            attributes = attributes._replace(of_vertices=of_vertices)
     return new, chosen.positions, ROUNDING * chosen.gaps + gains, observed.feet
 
 
 @kernel
-def _exchange(begin, end, observed, chosen, first, members, starts, widest, new, gains):
+def _exchange(begin, end, observed, attributes, chosen, first, members, starts, widest, new, gains):
     """Fill `new` and add to `gains`, (m,), for a range of vertices.
 
     Their cells are `members`, (n,), from `starts`, (m + 1,), on.
     """
     errors = np.empty(0, dtype=np.float64)
-    quadric, middle = np.empty(NUMBERS, dtype=np.float64), np.empty(observed.attributes.shape[1], dtype=np.float64)
+    quadric = np.empty(NUMBERS, dtype=np.float64)
+    middle = np.empty(0 if attributes is None else attributes.of_points.shape[1], dtype=np.float64)
     local, squared = np.empty((3, TRIED_ON), dtype=np.float64), np.empty(TRIED_ON, dtype=np.float64)
     for v in range(begin, end):
         cell, vertex = members[starts[v] : starts[v + 1]], row(chosen.positions, v)
@@ -55,11 +66,11 @@ def _exchange(begin, end, observed, chosen, first, members, starts, widest, new,
             continue
         if len(cell) > len(errors):
             errors = np.empty(2 * len(cell), dtype=np.float64)
-        current = fill_errors(observed, chosen, v, cell, first, quadric, middle, errors)
-        if observed.attributes.shape[1] == 0:
+        current = fill_errors(observed, attributes, chosen, v, cell, first, quadric, middle, errors)
+        if attributes is None:
             best = best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squared)
         else:
-            best, gain = best_with_attributes(observed, chosen, v, cell, widest, current, errors)
+            best, gain = best_with_attributes(observed, attributes, chosen, v, cell, widest, current, errors)
             gains[v] += gain
         if best >= 0:
             new[v] = best

@@ -14,9 +14,9 @@ LANES = 8  # Numbers of feet that are judged are multiples of this.
 
 
 @kernel(allocates=False)
-def fill_errors(observed, chosen, v, cell, first, quadric, middle, errors):
+def fill_errors(observed, attributes, chosen, v, cell, first, quadric, middle, errors):
     """Fill `errors`, (n,), with the roots of Eq. (20) at its points, infinite beyond a step; return the vertex's."""
-    points, feet, normals, point_attributes = observed
+    points, feet, normals = observed
     steps, scale = chosen.steps[v], chosen.gaps[v]
     vertex, n = row(chosen.positions, v), len(cell)
     quadric[:], middle[:] = 0.0, 0.0
@@ -25,17 +25,21 @@ def fill_errors(observed, chosen, v, cell, first, quadric, middle, errors):
         step, normal = minus(row(feet.T, q), vertex), row(normals, q)
         add_plane(quadric, normal, -dot(normal, step), 1.0)
         x, y, z = x + step[0] / n, y + step[1] / n, z + step[2] / n
-        for c in range(len(middle)):
-            middle[c] += point_attributes[q, c] / n
+        if attributes is not None:
+            for c in range(len(middle)):
+                middle[c] += attributes.of_points[q, c] / n
     for slot, q in enumerate(cell):
         step, errors[slot] = minus(row(points.T, q), vertex), np.inf
         if first[q] == v and dot(step, step) <= steps * steps:
             to_middle = minus(step, (x, y, z))
-            squared = value(quadric, step) / n + PULL * dot(to_middle, to_middle)  # Eq. (10)
-            squared = max(0.0, squared) + scale**2 * squared_difference(point_attributes[q], middle)
+            squared = max(0.0, value(quadric, step) / n + PULL * dot(to_middle, to_middle))  # Eq. (10)
+            if attributes is not None:
+                squared += scale**2 * squared_difference(attributes.of_points[q], middle)
             errors[slot] = np.sqrt(squared)  # Eq. (20), the root
-    squared = value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z))
-    return np.sqrt(max(0.0, squared) + scale**2 * squared_difference(chosen.attributes[v], middle))
+    squared = max(0.0, value(quadric, (0.0, 0.0, 0.0)) / n + PULL * dot((x, y, z), (x, y, z)))
+    if attributes is not None:
+        squared += scale**2 * squared_difference(attributes.of_vertices[v], middle)
+    return np.sqrt(squared)
 
 
 @kernel(allocates=False)
