@@ -136,16 +136,14 @@ qgis:  ## Make the plugin of QGIS, dist/gppcs_provider.zip
 	rm -rf qgis/gppcs_provider/__pycache__ && mkdir -p $(dir $(ZIP))
 	cd qgis && $(PYTHON) -m zipfile -c $(abspath $(ZIP)) gppcs_provider
 
-# Elsewhere, Numba's numbers of functions begin at random; a folder that is empty at first can do without.
-SAME_NUMBERS := from itertools import count; from gppcs.engine.inner_kernels import FunctionIdentity; \
-	FunctionIdentity._unique_ids = count(2**48); from gppcs.app.cli import main; main()
-# The wheel of this platform holds compiled kernels, so a first run need not wait for them.
+# The wheel of this platform holds compiled kernels, so a first run need not wait for them. In one thread and without
+# random hashes, Numba numbers its functions in the same order each time.
 dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this platform into dist/, and check them
 	$(PIP) --editable '.[dist]'
 	rm -rf dist src/gppcs/compiled
-	export $$($(BIN)/python -c 'from gppcs.engine.kernels import *; print(f"NUMBA_CPU_NAME={SHIPPED_FOR} NUMBA_CPU_FEATURES={FEATURES}")') \
-		&& PYTHONHASHSEED=0 NUMBA_CACHE_DIR=dist/kernels $(BIN)/python -c '$(SAME_NUMBERS)' warmup
-	rm dist/kernels/gppcs/*/*.inner.nbc  # which are needed to compile only
+	export $$($(BIN)/python -c 'from gppcs.engine.numba_internals import *; print(f"NUMBA_CPU_NAME={SHIPPED_FOR} NUMBA_CPU_FEATURES={FEATURES}")') \
+		&& PYTHONHASHSEED=0 NUMBA_CACHE_DIR=dist/kernels $(BIN)/gppcs warmup --threads 1
+	rm dist/kernels/gppcs/*/*.inner.nbc dist/kernels/gppcs/*/locks  # which are needed to compile only
 	mv dist/kernels/gppcs src/gppcs/compiled && rmdir dist/kernels
 	$(BIN)/python -m build --wheel && $(BIN)/python -m build --sdist
 	rm -rf src/gppcs/compiled

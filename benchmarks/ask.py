@@ -13,6 +13,7 @@ import conditions
 import gppcs
 import report
 from conditions import Condition
+from scans import sample
 
 RATIO = 0.03
 CLOUDS = ("dragon", "armadillo_50k", "nefertiti", "kitti_000000", "tum_desk")
@@ -81,9 +82,9 @@ def of_spacing(name: str, share: float) -> tuple[str, ...]:
 
 def of_outliers(name: str) -> tuple[str, ...]:
     """Return the row of a scan with 1 % stray points: how many are found, and how many others."""
-    cloud = gppcs.sample(name, n_points=100_000, outliers=0.01)
+    cloud = sample(name, n_points=100_000, outliers=0.01)
     stray, found = cloud.attributes["outlier"] == 1, gppcs.find_outliers(cloud)
-    clean = gppcs.find_outliers(gppcs.sample(name, n_points=100_000))
+    clean = gppcs.find_outliers(sample(name, n_points=100_000))
     return name, f"{stray.sum():,}", f"{(found & stray).sum():,}", f"{(found & ~stray).sum():,}", f"{clean.sum():,}"
 
 

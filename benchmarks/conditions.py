@@ -33,9 +33,9 @@ from gppcs.engine.threads import number_of_threads
 from gppcs.errors import NoSurfaceError
 from gppcs.evaluation import reconstruction
 from gppcs.evaluation.reconstruction import distances_to, estimated_normals, exact_normals, reconstruct
-from gppcs.scans import SCENES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
+from scans import SCENES, sample
 
 SQUARES = 20  # along the edge of the gridded cube
 REFERENCE = 60_000  # points of a scan, at most, to which the rebuilt surface is compared
@@ -216,7 +216,7 @@ class SampleScene(Scene):
 @cache
 def measured_scene(name: str) -> gppcs.PointCloud:
     """Return the points of a sample scene."""
-    return gppcs.PointCloud.from_object(gppcs.sample(name, SCENE).points)
+    return gppcs.PointCloud.from_object(sample(name, SCENE).points)
 
 
 @cache
@@ -229,7 +229,7 @@ def exact_scene(name: str) -> gppcs.PointCloud:
 
 @dataclass(frozen=True)
 class Sample(Condition):
-    """A sample scan of gppcs: its surface is known, so a second sample without noise stands for it.
+    """A sample scan: its surface is known, so a second sample without noise stands for it.
 
     Attributes
     ----------
@@ -256,7 +256,7 @@ class Sample(Condition):
     @cached_property
     def measured(self) -> gppcs.PointCloud:
         """The sample."""
-        return gppcs.sample(self.file, self.size, noise=self.noise)
+        return sample(self.file, self.size, noise=self.noise)
 
     @property
     def cloud(self) -> gppcs.PointCloud:
@@ -282,7 +282,7 @@ class Sample(Condition):
     @cached_property
     def reference(self) -> Reference:
         """Other points of the same surface, with exact normals."""
-        exact = gppcs.sample(self.file, SURFACE_SAMPLE, seed=OTHER_SEED)
+        exact = sample(self.file, SURFACE_SAMPLE, seed=OTHER_SEED)
         normals = exact.normals()
         assert normals is not None
         return Reference(exact.points, normals)

@@ -20,6 +20,7 @@ import report
 from gppcs.clouds.ranges import AttributeRange
 from gppcs.scans.painted import BARE, MARKED
 from gppcs.surface.local_surface import LocalSurface
+from scans import sample
 
 RATIO = 0.03
 SIZE = 400_000  # points of a sample
@@ -41,7 +42,7 @@ class Case:
     @classmethod
     def sample(cls, name: str, attribute: str) -> Case:
         """Return a painted sample. The true intensity is that of its markings."""
-        cloud = truth = gppcs.sample(name, SIZE, noise=NOISE if name == "road" else 0.0)
+        cloud = truth = sample(name, SIZE, noise=NOISE if name == "road" else 0.0)
         if attribute == "intensity":
             clean = np.where(cloud.attributes["marking"] == 1, MARKED, BARE).astype(np.uint16)
             truth = replace(cloud, attributes={**cloud.attributes, attribute: clean})

@@ -14,6 +14,7 @@ from PIL import Image
 
 import gppcs
 import report
+import scans
 from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.side_by_side import Column, draw_comparison
@@ -46,7 +47,7 @@ SAMPLES = {
 
 def row(title: str, sample: Sample) -> tuple[str, ...]:
     """Thin a sample scan, draw it, and return its row of the table."""
-    cloud = gppcs.sample(sample.name, POINTS, noise=sample.noise)
+    cloud = scans.sample(sample.name, POINTS, noise=sample.noise)
     entries = gppcs.compare(cloud, METHODS, ratio=RATIO)
     everything = ColouredCloud.by_surface_variation(cloud.points)
     result = entries[0].result

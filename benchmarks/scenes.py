@@ -60,7 +60,7 @@ INTRODUCTION = (
 )
 NOTES = (
     f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
-    f"room, street, terrain, forest and plot are scenes of `gppcs sample` with {SCENE:,} points. {SURFACE_SAMPLE:,} "
+    f"room, street, terrain, forest and plot are scenes of benchmarks/scans with {SCENE:,} points. {SURFACE_SAMPLE:,} "
     "other points of their surfaces judge them, seen by the same sensor without noise, and without leaves. The other "
     "scenes are compared with their own points, noise included.",
     f"Mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of the "

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 import gppcs
 import report
 from gppcs.errors import NoSurfaceError
-from gppcs.evaluation.reconstruction import decimated, distances_to, reconstruct, without_membranes
+from gppcs.evaluation.reconstruction import distances_to, reconstruct, without_membranes
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.normals import estimate_normals
-from meshes import CLOUDS
+from meshes import CLOUDS, decimated
 
 TOLERANCES = 0.1, 0.3  # percent of the diagonal
 FEWER = 0.95  # so many vertices are to miss the tolerance

@@ -23,6 +23,7 @@ from gppcs.drawing.web.levels import Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.evaluation.comparison import rebuilt_mesh
 from gppcs.io.copc import nodes_of
+from scans import sample
 
 DRAGON = report.DATA / "dragon.ply"
 METHODS = "gp", "fps", "voxel", "random", "qem"
@@ -44,7 +45,7 @@ def pages() -> Iterator[tuple[str, Named, list[Named]]]:
     triangles = sum(len(mesh.faces) for mesh in (whole, *meshes))
     title = f"the same with a mesh of each, {triangles:,} triangles in all"
     yield title, Named("dragon", dragon, whole), list(map(Named, METHODS, results, meshes))
-    statue = gppcs.sample("statue", n_points=MANY)
+    statue = sample("statue", n_points=MANY)
     kept = gppcs.simplify(statue, ratio=RATIO).cloud
     yield f"statue, {MANY:,} points, one result of {len(kept):,}", Named("statue", statue), [Named("gp", kept)]
 
@@ -52,7 +53,7 @@ def pages() -> Iterator[tuple[str, Named, list[Named]]]:
 def by_level(folder: Path, browser: str) -> tuple[str, int, dict[str, float]]:
     """Measure a COPC file that is shown by level; return the title, the size of the page, and the figures."""
     path = folder / "large.copc.laz"
-    tile = gppcs.sample("terrain", n_points=LARGE // len(TILES)).points
+    tile = sample("terrain", n_points=LARGE // len(TILES)).points
     shifts = TILES * np.ptp(tile, axis=0)
     gppcs.write(path, gppcs.PointCloud(np.concatenate([tile + shift for shift in shifts])), levels_by="random")
     with nodes_of(path) as nodes:

@@ -1,5 +1,7 @@
 """LAS files with random bytes in every dimension."""
 
+from datetime import date
+
 import laspy
 import numpy as np
 from laspy.vlrs.known import WktCoordinateSystemVlr
@@ -22,7 +24,7 @@ def random_las(version, number, n=300, extra=(*EXTRA_TYPES, "100u1")):
     header.add_extra_dim(laspy.ExtraBytesParams("scaled", "i4", scales=[0.5], offsets=[7.0], description="some"))
     header.vlrs.append(laspy.VLR("somebody", 77, "anything", bytes(range(256))))
     header.vlrs.append(WktCoordinateSystemVlr(WKT))
-    header.creation_date, header.file_source_id, header.system_identifier = None, 3, "A SCANNER"
+    header.creation_date, header.file_source_id, header.system_identifier = date(2001, 2, 3), 3, "A SCANNER"
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     las = laspy.LasData(header)
     record = las.points.array = np.zeros(n, header.point_format.dtype())

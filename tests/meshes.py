@@ -17,23 +17,6 @@ def hull_mesh(points) -> gppcs.Mesh:
     return gppcs.Mesh(points, hull(points))
 
 
-def monument() -> gppcs.Mesh:
-    """Return a square of 6 x 6 of two triangles in the plane z = 0, and on it a box of 1 x 3 x 2 of many small ones."""
-    vertices = [np.array([[-3.0, -3, 0], [3, -3, 0], [3, 3, 0], [-3, 3, 0]])]
-    faces = [np.array([[0, 1, 2], [0, 2, 3]])]
-    corner, edges = np.array([-0.5, -1.5, 0.0]), np.diag([1.0, 3.0, 2.0])
-    low, high = corner, corner + edges.sum(axis=0)
-    sides = [(low, edges[0], edges[2]), (low, edges[1], edges[2])]
-    sides += [(high, -edges[0], -edges[2]), (high, -edges[1], -edges[2]), (high, -edges[0], -edges[1])]
-    u, v = np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41))
-    first = (np.arange(40)[:, None] * 41 + np.arange(40)).ravel()[:, None]
-    for origin, right, up in sides:
-        count = sum(map(len, vertices))
-        vertices.append(origin + u.reshape(-1, 1) * right + v.reshape(-1, 1) * up)
-        faces += [count + first + [0, 1, 42], count + first + [0, 42, 41]]
-    return gppcs.Mesh(np.vstack(vertices), np.vstack(faces))
-
-
 def moved(mesh, by) -> gppcs.Mesh:
     """Return a mesh whose vertices are moved by a vector or a number."""
     return gppcs.Mesh(mesh.vertices + np.asarray(by), mesh.faces)

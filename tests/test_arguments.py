@@ -79,7 +79,6 @@ CALLS = {  # a public function, and arguments with which it works
     "simplify spacing": {"cloud": CLOUD, "spacing": 20.0, "method": "fps"},
     "compare": {"cloud": CLOUD, "methods": ["random"], "n_points": 9},
     "find_outliers": {"cloud": CLOUD},
-    "compare_meshes": {"cloud": BALL, "pipelines": ["mesh"], "n_points": 9},
     "evaluate": {"original": CLOUD, "simplified": CLOUD},
     "evaluate_mesh": {"original": BALL, "simplified": HULL},
     "mesh": {"cloud": BALL, "n_points": 9},

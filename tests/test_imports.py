@@ -1,12 +1,25 @@
 """What `import gppcs` offers, and what it leaves unloaded."""
 
 import pickle
+import re
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 import gppcs
+
+
+def test_type_checkers_see_the_public_names_which_need_no_other_file():
+    stub = Path(gppcs.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    seen = re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)
+    assert {name for _, name in seen} | {"__version__"} == set(gppcs.__all__)
+    for module, name in seen:
+        assert getattr(gppcs, name) is getattr(import_module(module), name)
+    assert "errors" in gppcs.__all__
+
 
 HEAVY = {"numba", "scipy", "matplotlib", "pyvista", "laspy", "lazrs", "pandas", "pyarrow", "pye57"}
 

@@ -5,6 +5,7 @@ import itertools
 import re
 import weakref
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -211,6 +212,37 @@ def test_every_step_is_reported_in_small_ones(method):
     if method == "gp":
         assert sum(ends) == number
         assert all(after[0] - before[0] <= 0.4 * number for before, after in itertools.pairwise(steps))
+
+
+def test_a_result_is_an_array_and_options_may_be_flags_of_numpy():
+    result = gppcs.simplify(np.eye(3), n_points=2, method="random", assume_same_crs=np.False_, normals=np.False_)
+    assert np.array(result).tolist() == result.points.tolist()
+    with pytest.raises(ValueError, match="copy"):
+        np.array(result, copy=False)
+
+
+def test_a_timer_of_two_runs_does_not_change_the_first_result():
+    timer = gppcs.Timer()
+    first = gppcs.simplify(np.eye(3), n_points=2, method="random", timer=timer)
+    seconds = dict(first.seconds)
+    with timer("something else"):
+        pass
+    assert first.seconds == seconds
+
+
+@pytest.mark.parametrize(
+    "indices", [np.zeros(5, np.int64), np.arange(4), np.arange(6), np.arange(5) - 1, np.arange(5) + 96, np.arange(5.0)]
+)
+def test_what_a_method_of_others_returns_is_checked(indices):
+    @dataclass(frozen=True)
+    class Wrong(gppcs.Method):
+        name, summary, source = "wrong", "returns what it must not", "a test"
+
+        def __call__(self, task):
+            return gppcs.Selection(indices)
+
+    with pytest.raises(gppcs.ParameterError, match="5 different indices from 0 to 99 from method 'wrong'"):
+        gppcs.simplify(np.random.default_rng(0).random((100, 3)), n_points=5, method=Wrong())
 
 
 def test_a_result_does_not_hold_the_original():

@@ -23,6 +23,7 @@ try:
 except ImportError as error:
     raise SystemExit("training needs PyTorch, which is not installed: pip install torch") from error
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 import training_set
 from gppcs_learned.weights import FOLDER, LATENT, NEIGHBOURS
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.scans import SCANS
 from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Patch, flat, turned
+from scans import SCANS
 
 PER_KIND = 84  # shapes of each kind
 GREY = (128, 128, 128)

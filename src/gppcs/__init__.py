@@ -22,6 +22,7 @@ Clouds and meshes
     show                     show a cloud or a result in the browser or in a notebook
 
 Simplify, make a mesh
+    simplify_tiles           the same, with a file of kept points for each file
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
     mesh, MeshResult         make a light mesh straight from a dense cloud
 
@@ -33,7 +34,6 @@ Measure
     evaluate, Report         compare a simplified cloud with the original: distances, errors and angles
     evaluate_mesh            compare a simplified mesh with the original
     compare                  run several methods on one cloud and evaluate each result
-    compare_meshes           make a light mesh by several pipelines and evaluate each
 
 Methods of simplification, by name in METHODS
     LocalGP                  "gp", the default: a local Gaussian process of the surface variation
@@ -65,19 +65,39 @@ The version is a string:
 >>> version = gppcs.__version__
 """
 
-import re
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from gppcs import errors as errors
 
 __version__ = "0.1.0"
 
-# `__init__.pyi` is the table of the public names, for type checkers and for the lines below.
-_STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
-_MODULE_OF = {name: module for module, name in re.findall(r"from (gppcs\.\S+) import (\w+)", _STUB)}
-__all__ = sorted([*_MODULE_OF, "__version__"])
+# The public names by their modules; type checkers read those of `__init__.pyi`.
+_NAMES = {
+    "clouds.cloud": "PointCloud",
+    "clouds.mesh": "Mesh",
+    "clouds.summary": "info",
+    "drawing.show": "show",
+    "engine.threads": "set_threads",
+    "engine.timer": "Timer",
+    "errors": "GppcsError InputError ParameterError",
+    "evaluation.comparison": "compare",
+    "evaluation.judge": "evaluate evaluate_mesh",
+    "evaluation.report": "Report",
+    "io": "read write",
+    "io.mesh_files": "read_mesh write_mesh",
+    "meshing.pipeline": "mesh",
+    "meshing.result": "MeshResult",
+    "methods": "AIVS METHODS QEM WLOP FarthestPoint FarthestPointVariation HierarchicalClustering LocalGP Method "
+    "PCSimp Random SampleElimination Selection SpectralGP Task TopVariation Voxel parameter",
+    "scans": "sample",
+    "simplification": "Result simplify simplify_tiles",
+    "surface.normals": "estimate_normals",
+    "surface.outliers": "find_outliers",
+    "surface.surface_variation": "estimate_features",
+}
+_MODULE_OF = {name: f"gppcs.{module}" for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted([*_MODULE_OF, "__version__", "errors"])
 
 
 def __getattr__(name: str) -> Any:

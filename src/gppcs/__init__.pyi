@@ -11,7 +11,6 @@ from gppcs.errors import ParameterError as ParameterError
 from gppcs.evaluation.comparison import compare as compare
 from gppcs.evaluation.judge import evaluate as evaluate
 from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
-from gppcs.evaluation.mesh_comparison import compare_meshes as compare_meshes
 from gppcs.evaluation.report import Report as Report
 from gppcs.io import read as read
 from gppcs.io import write as write
@@ -40,6 +39,7 @@ from gppcs.methods import parameter as parameter
 from gppcs.scans import sample as sample
 from gppcs.simplification import Result as Result
 from gppcs.simplification import simplify as simplify
+from gppcs.simplification import simplify_tiles as simplify_tiles
 from gppcs.surface.normals import estimate_normals as estimate_normals
 from gppcs.surface.outliers import find_outliers as find_outliers
 from gppcs.surface.surface_variation import estimate_features as estimate_features

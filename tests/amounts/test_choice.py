@@ -78,7 +78,8 @@ def test_points_to_keep_by_a_condition_and_without_invalid_ones():
     points = CLOUD.points.copy()
     points[7] = np.nan
     cloud = gppcs.PointCloud(points, {"kind": (np.arange(len(points)) < 20).astype(np.uint8)})
-    result = gppcs.simplify(cloud, n_points=100, keep="kind == 1", invalid="drop")
+    with pytest.warns(UserWarning, match="1 of the points to keep are dropped"):
+        result = gppcs.simplify(cloud, n_points=100, keep="kind == 1", invalid="drop")
     assert result.indices[:19].tolist() == [row for row in range(20) if row != 7]
 
 
@@ -94,6 +95,12 @@ def test_a_weight_of_four_on_half_of_a_sphere_gives_four_times_the_points_there(
     """Apart from the border, where the density has to pass from one to the other."""
     upper = UPPER[gppcs.simplify(BALL, n_points=4000, weight=np.where(UPPER, 4.0, 1.0)).indices]
     assert upper.sum() / (~upper).sum() == pytest.approx(4.0, rel=0.1)
+
+
+def test_weights_may_be_a_formula():
+    x, y, _ = BALL.points.T if isinstance(BALL, gppcs.PointCloud) else np.asarray(BALL).T
+    by_array = gppcs.simplify(BALL, n_points=200, weight=1 / (1 + x * x + y * y))
+    assert (gppcs.simplify(BALL, n_points=200, weight="1 / (1 + x*x + y*y)").indices == by_array.indices).all()
 
 
 def test_only_the_ratio_of_weights_counts_and_points_without_weight_are_left_out():

@@ -8,6 +8,7 @@ from gppcs.clouds.colours import full_scale, oklab
 from gppcs.clouds.ranges import AttributeRange
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
+from scans import sample
 
 RNG = np.random.default_rng(0)
 PLACES = np.c_[RNG.random((20_000, 2)), np.zeros(20_000)]
@@ -30,7 +31,7 @@ def test_points_go_where_an_attribute_jumps():
 
 @pytest.mark.parametrize("count", [800, 2400])
 def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape(count):
-    statue = gppcs.sample("statue", 40_000)
+    statue = sample("statue", 40_000)
     spacing = np.sqrt(surface_area(KdTree.build(statue.points)) / count)
     stripe = (statue.points @ [0.36, 0.48, 0.8] // (3.0 * spacing)) % 2.0
     striped = gppcs.PointCloud(statue.points, {"stripe": stripe})

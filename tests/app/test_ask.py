@@ -34,7 +34,6 @@ def test_options_do_what_the_library_does(printed, scan):
         (["--points", 50, "--keep", "z > 60"], {"n_points": 50, "keep": "z > 60"}),
         (["--points", 50, "--weight", "red"], {"n_points": 50, "weight": "red"}),
         (["--points", 50, "--quota", "z > 60: 30%"], {"n_points": 50, "quota": {"z > 60": "30%"}}),
-        (["--ratio", "20%", "--group", "red"], {"ratio": 0.2, "group": "red"}),
         (["--points", 40, "--scores"], {"n_points": 40, "scores": True}),
         (["--points", 40, "--normals"], {"n_points": 40, "normals": True}),
         (["--points", 40, "--drop-outliers", "--invalid", "drop"], {"n_points": 40, "drop_outliers": True}),

@@ -3,9 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 import gppcs
 from web_page import WebPage
 
@@ -55,41 +52,3 @@ def test_compare_json_is_one_object_a_method(printed, scan):
     parameters = [("fps", {}), ("random", {"seed": 3, "even": False})]
     assert [(record["method"], record["parameters"]) for record in records] == parameters
     assert records[0]["figures"] == gppcs.compare(gppcs.read("scan.ply"), ["fps"], n_points=40)[0].report.figures()
-
-
-@pytest.fixture
-def ball(folder):
-    """The cloud in the file ball.ply."""
-    pytest.importorskip("pymeshlab")
-    cloud = gppcs.sample("sphere", 1000)
-    gppcs.write("ball.ply", cloud)
-    return cloud
-
-
-MESHES = ("compare", "ball.ply", "--points", 100, "--meshes", "--methods", "mesh, ball-pivoting", "-o", "side")
-
-
-def test_compare_meshes_writes_tables_and_a_page_and_prints_one(printed, ball):
-    out = printed(*MESHES, "--no-picture", "--report")
-    titles, *rows = table_of("csv").splitlines()
-    assert titles.startswith("pipeline,seconds,vertices,triangles,")
-    assert [row.split(",")[0] for row in rows] == ["mesh", "ball-pivoting"]
-    assert "| mesh | 100 | 196 |" in table_of("md")
-    assert ["mesh", "100", "196"] in [line.split()[:3] for line in out.splitlines()]
-    assert out.endswith("side: table.csv, table.md, report.html\n")
-    original, *results = page()["clouds"]
-    assert [cloud["name"] for cloud in (original, *results)] == ["ball.ply", "mesh", "ball-pivoting"]
-    assert original["mesh"] is None
-    assert results[0]["mesh"]["triangles"] == 196
-    assert results[1]["mesh"]["triangles"] > 150
-
-
-@pytest.mark.parametrize("pipelines", ["mesh,ball-pivoting", "mesh"])
-def test_a_note_tells_which_pipeline_finds_no_surface(gppcs_command, ball, pipelines):
-    gppcs.write("ball.ply", np.random.default_rng(0).random((400, 3)), force=True)
-    code, out, err = gppcs_command(*MESHES, "--methods", pipelines, "--no-picture", "--report", "--json")
-    mesh, *pivoted = map(json.loads, out.splitlines())
-    assert (code, mesh["pipeline"], mesh["figures"]) == (0, "mesh", {})
-    assert (err.split(": ")[:3], err.count("\n")) == (["gppcs", "note", "mesh"], 1)
-    assert [each["figures"]["triangles"] > 0 and each["failure"] is None for each in pivoted] == [True] * len(pivoted)
-    assert Path("side/report.html").exists() == bool(pivoted)

@@ -40,7 +40,7 @@ def tiles(names):
     return json.dumps({"type": "FeatureCollection", "features": features})
 
 
-@pytest.mark.parametrize("levels_by", ["order", "random"])
+@pytest.mark.parametrize("levels_by", ["order", "even"])
 def test_all_points_are_written_level_by_level(gppcs_command, folder, levels_by):
     (folder / "scan.vpc").write_text(tiles(["a.laz", "b.laz"]))
     code, out, err = gppcs_command(
@@ -60,13 +60,24 @@ def test_all_points_are_written_level_by_level(gppcs_command, folder, levels_by)
         assert max(counts) <= LARGEST
         times = np.sort(reader.query(level=0).gps_time)
         assert np.array_equal(times[:FULL], cloud.attributes["gps_time"][:FULL]) == (levels_by == "order")
-        assert (times[-1] > N) == (levels_by == "random")  # also of the second tile
+        assert (times[-1] > N) == (levels_by == "even")  # also of the second tile
         mean = cloud.points.mean(axis=0)
         box = laspy.copc.Bounds(cloud.points.min(axis=0), mean)
         assert len(reader.query(bounds=box)) == (cloud.points <= mean).all(axis=1).sum()
         assert reader.header.mins.tolist() == cloud.points.min(axis=0).tolist()
         returns = np.bincount(cloud.attributes["return_number"], minlength=16)[1:]
         assert reader.header.number_of_points_by_return.tolist() == returns.tolist()
+
+
+def test_a_simplified_cloud_has_its_ranking_as_levels(gppcs_command, folder):
+    gppcs.write("scan.ply", gppcs.sample("bracket", n_points=9000))
+    command = ("simplify", "scan.ply", "--points", 3000, "--method", "random", "--index", "--quiet", "--lossy")
+    indices = gppcs.simplify("scan.ply", n_points=3000, method="random").indices
+    for more, is_ranked in (((), True), (("--order", "input"), False)):
+        assert gppcs_command(*command, "-o", "small.copc.laz", "--force", *more)[0] == 0
+        with laspy.CopcReader.open("small.copc.laz") as reader:
+            coarse = reader.query(level=0)["index"]
+            assert (set(indices[:FULL]) <= set(coarse.tolist())) == is_ranked
 
 
 def test_points_that_are_not_finite_are_dropped_on_demand(gppcs_command, refused, folder):

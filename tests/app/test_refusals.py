@@ -116,10 +116,8 @@ COMPARE scan.ply --ratio 0.1 -o - | folder
 COMPARE broken.ply --ratio 0.1 -o side --methods fps | drop them with --invalid drop
 COMPARE missing.ply --ratio 0.1 -o old | old
 COMPARE in/table.csv --ratio 0.1 -o in --force | table.csv
-COMPARE ball.ply --points 100 --meshes -o side --methods gp | 'gp'
-COMPARE ball.ply --points 100 --meshes -o side --seed 3 | --seed
 """
-EXTRAS = {"--mesh": "pymeshlab", "--meshes": "pymeshlab", "render": "matplotlib"}
+EXTRAS = {"--mesh": "pymeshlab", "render": "matplotlib"}
 
 
 @pytest.fixture(scope="module")

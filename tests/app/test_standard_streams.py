@@ -50,6 +50,16 @@ def test_closed_streams_do_no_harm(folder, scan):
     assert len(gppcs.read("out.ply")) == 9
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no sh")
+@pytest.mark.parametrize("words", ["info scan.ply", "convert scan.ply - --to ply", "methods"])
+def test_results_that_nobody_gets_are_an_error(folder, scan, words):
+    run = subprocess.run(
+        f'"{sys.executable}" -m gppcs {words} >&-', shell=True, check=False, capture_output=True, text=True
+    )
+    assert run.returncode != 0
+    assert "found that it is closed" in run.stderr
+
+
 @pytest.mark.parametrize(
     "command", [("info",), ("simplify", "-o", "out.ply", "--points", 5, "--method", "fps", "--force")]
 )

@@ -56,6 +56,16 @@ def test_a_signal_while_writing_leaves_nothing(folder, name):
     assert (files(), Path("out.ply").read_text()) == (["out.ply"], "old")
 
 
+def test_the_next_run_removes_what_a_killed_one_left(folder):
+    assert run_python(f"sends_while_writing(signal.SIGKILL)\n{RUN}")[0] == -signal.SIGKILL
+    [part] = os.listdir()
+    gppcs.write("other.ply", [[0, 0, 0]])  # whose own temporary file may be one of another process
+    assert part in os.listdir()
+    with gppcs.io.whole_output("out.ply", force=True) as file, gppcs.io.whole_output("out.ply", force=True):
+        file.write(b"two writers do not disturb each other")
+    assert files() == ["other.ply", "out.ply"]
+
+
 @pytest.mark.parametrize("module", ["typer", "gppcs.scans.bracket"])
 def test_a_signal_during_an_import(folder, module):
     finder = f"""

@@ -13,6 +13,7 @@ import pytest
 
 import gppcs
 from gppcs.engine import timer
+from scans import sample
 
 
 @pytest.mark.slow
@@ -29,8 +30,8 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     (tmp_path / "source" / "pymeshlab.py").write_text("raise ModuleNotFoundError('not there')\n")
     assert "kernels compiled: 0," not in run("warmup").stdout  # without optional packages, too
     (tmp_path / "source" / "pymeshlab.py").unlink()
-    gppcs.write(tmp_path / "room.ply", gppcs.sample("room", 50_000))
-    gppcs.write(tmp_path / "scan.ply", gppcs.sample("statue", 40_000, noise=0.001, outliers=0.01, seed=3))
+    gppcs.write(tmp_path / "room.ply", sample("room", 50_000))
+    gppcs.write(tmp_path / "scan.ply", sample("statue", 40_000, noise=0.001, outliers=0.01, seed=3))
     gppcs.write(tmp_path / "fan.ply", gppcs.sample("fan", 15_000, noise=0.003))
     np.save(tmp_path / "plain.npy", np.random.default_rng(0).random((5_000, 3)))
     for words in (

@@ -90,14 +90,6 @@ def test_any_number_of_points_is_kept(method):
         assert len(set(kept.tolist())) == count
 
 
-@pytest.mark.parametrize("method", LEARNED, ids=str)
-def test_a_permuted_row_order_hardly_matters(method):
-    order = np.random.default_rng(0).permutation(len(CLOUD))
-    again = order[gppcs.simplify(CLOUD[order], n_points=900, method=method).indices]
-    kept = gppcs.simplify(CLOUD, n_points=900, method=method).indices
-    assert np.isin(again, kept).mean() > 0.99
-
-
 def plain_farthest(points, count):
     nearest, chosen = ((points - points.mean(axis=0)) ** 2).sum(axis=1), []
     for _ in range(count):

@@ -2,13 +2,11 @@
 
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 import gppcs
 from gppcs.methods.hc.clustering import hierarchical_clusters
@@ -87,51 +85,3 @@ def test_the_order_of_published_clouds_is_recognised(benchmark):
     shuffled = published.order_of(np.random.default_rng(0).permutation(kept), cloud, variation)
     assert shuffled.farther > 100
     assert 200 < shuffled.ascents < 400
-
-
-def test_text_of_a_turned_copy_is_rounded(benchmark):
-    """The root mean square of two rounded coordinates is the paper's RMSE of ICP."""
-    pytest.importorskip("open3d")
-    released = benchmark("registration_released")
-    points = 0.1 * np.random.default_rng(0).standard_normal((20_000, 3))
-    source, copy = released.as_text(points, seed=0)
-    motion, error = Rotation.align_vectors(copy, source)
-    assert error / np.sqrt(len(points)) == pytest.approx(4.08e-7, rel=0.01)
-    assert motion.as_rotvec()[[0, 2]] == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.oracle
-def test_registration_finds_the_motion_between_two_views(shared_data, benchmark):
-    pytest.importorskip("open3d")
-    registration = benchmark("registration")
-    scene = registration.view_scene("room", gppcs.read(shared_data / "3dmatch_room_fragment.ply").points, 0.1, 0)
-    for method in ("hc", registration.GRID):
-        run = registration.register(scene, method, seed=0)
-        assert run.rotation < 1.0
-        assert run.shift < scene.spacing
-        assert 0.0 < run.icp_rmse < run.global_rmse < 1.5 * scene.spacing
-        assert run.points == (round(0.1 * len(scene.source)) if method == "hc" else len(scene.source))
-
-
-@pytest.mark.oracle
-def test_a_seed_of_the_registration_repeats_itself(shared_data):
-    """In a process of its own, since Open3D counts the processors only when it is first imported."""
-    if not find_spec("open3d"):
-        pytest.skip("Open3D is not there")
-    code = f"""
-import registration_released as released, gppcs
-kept = gppcs.simplify({str(shared_data / "dragon.ply")!r}, ratio=0.03, method="random").cloud.points
-print(len({{(run.global_rmse, run.icp_rmse) for run in (released.register(kept, seed=1) for _ in range(4))}}))
-"""
-    done = subprocess.run([sys.executable, "-c", code], cwd=PAPER, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["1"]
-
-
-def test_samples_of_the_dragon_take_the_place_of_lucy(shared_data, benchmark, monkeypatch):
-    lucy, pages = benchmark("lucy"), {}
-    monkeypatch.setattr(lucy.report, "DATA", shared_data)
-    monkeypatch.setattr(lucy, "POINTS", 2000)
-    monkeypatch.setattr(lucy, "METHODS", {"random": gppcs.Random()})
-    monkeypatch.setattr(lucy.report, "write_sections", lambda name, title, *rest: pages.update({name: title}))
-    lucy.main()
-    assert " 2,000 points" in pages["paper_lucy"]

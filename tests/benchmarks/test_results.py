@@ -2,7 +2,6 @@
 
 import ast
 import re
-import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -36,68 +35,6 @@ def test_claims_are_those_of_the_pages(script):
     assert [tuple(row.values()) for row in rows] == [claims.row(claim) for claim in claims.CLAIMS]
 
 
-def test_a_missing_cloud_is_named_with_its_address_and_hash(script, tmp_path, monkeypatch, capsys):
-    data = script("data.py")
-    monkeypatch.setattr(data.report, "DATA", tmp_path)
-    data.main()
-    lines = capsys.readouterr().out.splitlines()
-    for file, line in zip(data.FILES, lines, strict=False):
-        assert line.startswith(f"{file.name}: missing")
-        assert file.origin in line
-        assert file.hash in line
-    assert "results/ablation.md cannot be made without bunny" in lines
-    with pytest.raises(SystemExit, match="2"):
-        data.path_of(data.OF_THE_PAPER[0].name)
-    message = capsys.readouterr().err
-    assert "gps-for-point-clouds/0dd34b0b90f5d6b71553ab8138c95a5009c68e7c" in message
-    assert "not made without it: paper_published" in message
-
-
-def test_points_of_weighted_poisson_disks_stand_beside_ours(script, tmp_path, monkeypatch):
-    page, pages = script("weighted_poisson.py"), {}
-    monkeypatch.setattr(page.report, "DATA", tmp_path)
-    monkeypatch.setattr(
-        page.report, "write_sections", lambda name, title, sections, paths: pages.update({name: sections})
-    )
-    (tmp_path / "WPD").write_text('#!/bin/sh\ncp "$1/cloud.ply" "$2/cloud.ply"\n')
-    (tmp_path / "WPD").chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    room = gppcs.sample("bracket", n_points=600)
-    (tmp_path / "published").mkdir()
-    for name, cloud in zip(("dragon.ply", *page.data.OF_WEIGHTED_POISSON), (room, room, room.points[:60]), strict=True):
-        gppcs.write(getattr(name, "path", tmp_path / str(name)), cloud)
-    page.main()
-    rows = [[row[:2] for row in section.rows] for section in pages["weighted_poisson"]]
-    assert rows[0][:3] == [
-        ("weighted Poisson disks, published", "60"),
-        ("weighted Poisson disks, run here", "600"),
-        ("gp", "60"),
-    ]
-    assert rows[1][:2] == [("weighted Poisson disks, run here", "600"), ("gp", "18")]
-
-
-def test_a_mesh_and_a_cloud_in_archives_are_fetched(script, tmp_path, monkeypatch):
-    data = script("data.py")
-    monkeypatch.setattr(data.report, "DATA", tmp_path / "data")
-    (tmp_path / "data").mkdir()
-    mesh = gppcs.Mesh(np.eye(3), np.array([[0, 1, 2]]))
-    gppcs.write_mesh(tmp_path / "in.ply", mesh)
-    with tarfile.open(tmp_path / "in.tar.gz", "w:gz") as archive:
-        archive.add(tmp_path / "in.ply", "folder/in.ply")
-    gppcs.write(tmp_path / "cloud.ply", np.eye(3))
-    addresses = {
-        "mesh": f"{(tmp_path / 'in.tar.gz').as_uri()}#folder/in.ply",
-        "cloud": (tmp_path / "cloud.ply").as_uri(),
-        "published/cloud.ply": (tmp_path / "cloud.ply").as_uri(),
-    }
-    for name, address in addresses.items():
-        file = data.File(name, data.hash_of(np.eye(3)), address)
-        assert data.state(file, may_fetch=False).startswith("missing")
-        assert data.state(file, may_fetch=True) == "fetched"
-    assert len(gppcs.read_mesh(tmp_path / "data" / "mesh.ply").faces) == 1
-    assert (tmp_path / "data" / "published" / "cloud.ply").read_bytes() == (tmp_path / "cloud.ply").read_bytes()
-
-
 @pytest.mark.parametrize("name", ["modelnet_airplane_0001_2048", "armadillo_100k_noise_1e-2"])
 def test_recipes_make_the_clouds_of_the_pages(script, shared_data, monkeypatch, name):
     data = script("data.py")
@@ -113,23 +50,6 @@ def test_no_held_out_cloud_took_part_in_finding_the_rules(script):
     assert not {cloud.file for cloud in quality.HELD_OUT} & {cloud.file for cloud in quality.FOUND_ON}
     assert set(quality.LIDAR) < set(quality.HELD_OUT)
     assert len({cloud.name for cloud in clouds}) == len(clouds)
-
-
-@pytest.mark.parametrize(("floor", "depth"), [(0.4, 8), (0.6, 10)])
-def test_the_octree_is_deeper_where_all_points_are_half_as_far_as_the_best_method(script, monkeypatch, floor, depth):
-    conditions = script("conditions.py")
-    depths = []
-
-    def figures(condition, kept):
-        depths.append(conditions.reconstruction.OCTREE_DEPTH)
-        return {"hausdorff_mean": float(len(kept))}
-
-    monkeypatch.setattr(conditions, "figures", figures)
-    monkeypatch.setattr(conditions, "floor_of", lambda condition: floor)
-    clouds = {f"{n} points": {0: lambda n=n: (gppcs.PointCloud(np.eye(3)[:n]), 0.0)} for n in (1, 2)}
-    made = conditions.Runs(None).of_all(conditions.Sample("bracket", None, 0.5, 1000), clouds)
-    assert {label: runs[0]["hausdorff_mean"] for label, runs in made.items()} == {"1 points": 1.0, "2 points": 2.0}
-    assert depths[-2:] == [depth, depth]
 
 
 @pytest.mark.parametrize("path", sorted(BENCHMARKS.rglob("*.py")), ids=lambda path: path.stem)

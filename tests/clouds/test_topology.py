@@ -1,11 +1,9 @@
-"""The topology of meshes, against shapes whose topology is known and a search by hand."""
+"""The topology of meshes, against shapes whose topology is known."""
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from gppcs.clouds.topology import connected, topology_of
+from gppcs.clouds.topology import topology_of
 from shapes import ball, sheet
 
 
@@ -37,12 +35,3 @@ def grid_torus(n=6, m=5):
 def test_known_topologies(faces, expected):
     assert topology_of(faces) == expected
     assert topology_of(np.random.default_rng(0).permutation(10_000)[faces]) == expected
-
-
-@pytest.mark.parametrize(("n", "edges"), [(1, 0), (50, 0), (50, 30), (500, 400), (500, 2000)])
-def test_components_are_those_of_scipy_in_the_same_order(n, edges):
-    begins, ends = np.random.default_rng(n + edges).integers(0, n, (2, edges))
-    graph = coo_array((np.ones(edges), (begins, ends)), shape=(n, n))
-    count, labels = connected_components(graph, directed=False)
-    assert connected(begins, ends, n)[0] == count
-    assert np.array_equal(connected(begins, ends, n)[1], labels)

@@ -7,6 +7,7 @@ import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.surfaces import MAX_DENSE, surface_of_few, surface_through
 from gppcs.evaluation.reconstruction import distances_to
+from scans import sample
 
 CLOUD = gppcs.sample("medallion", n_points=30_000)
 
@@ -36,7 +37,7 @@ def test_the_original_tells_how_the_points_are_joined():
 
 
 def test_wires_are_no_band():
-    street = gppcs.sample("street", n_points=100_000)
+    street = sample("street", n_points=100_000)
     kept = gppcs.simplify(street, n_points=3000)
     wires = kept.points[kept.cloud.attributes["classification"] == 14].tolist()
     surface = surface_through(kept.cloud, street)

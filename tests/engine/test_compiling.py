@@ -22,6 +22,7 @@ def compile_for(seconds):
     """Two compilations, one inside the other."""
     compiling.compile_timer.start()
     compiling.compile_timer.start()
+    assert gc.isenabled()  # other threads go on
     time.sleep(seconds)
     compiling.compile_timer.stop()
     compiling.compile_timer.stop()
@@ -56,4 +57,3 @@ def test_stages_report_compilation_apart(fresh, fails):
     assert 0.2 <= timer.seconds["compilation"] <= elapsed
     assert compiling.compile_timer.seconds == pytest.approx(timer.seconds["compilation"], abs=0.005)  # both have ended
     assert 0 <= timer.seconds["second"] <= elapsed - 0.2
-    assert gc.isenabled()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gppcs
-from gppcs.engine.kernels import FEATURES, SHIPPED_FOR
+from gppcs.engine.numba_internals import FEATURES, SHIPPED_FOR
 
 SOURCE = Path(gppcs.__file__).parent
 # Kernels of its own, quick to compile, for a copy of the package.
@@ -184,3 +184,62 @@ def test_a_killed_process_a_full_disk_and_half_a_file_leave_nothing_that_is_take
     for number, path in enumerate(kept(package)):
         os.truncate(path, (10, 2000)[number % 2])
     assert call(package) == COMPILED
+
+
+@pytest.mark.slow
+def test_processes_that_need_the_same_kernel_at_once_compile_it_once(package):
+    command = [sys.executable, "-c", CALL]
+    environment = os.environ | {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    runs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(3)]
+    lines = [run.communicate()[0].split() for run in runs]
+    assert {tuple(line[:2]) for line in lines} == {("17", "11.5")}
+    assert sum(int(line[2]) for line in lines) == 2
+
+
+@pytest.mark.slow
+def test_code_of_several_processes_works_together(package):
+    """Numba numbers its own functions in each process, here `max` and `min` alike."""
+    for name in ("max", "min"):
+        source = f"from gppcs.engine.kernels import kernel\n@kernel\ndef {name}_of(x, y):\n    return {name}(x, y)\n"
+        source += f"@kernel\ndef twice_{name}(x, y):\n    return 2.0 * {name}_of(x, y)\n"
+        (package / f"{name}.py").write_text(source)
+        call(package, f"from gppcs.{name} import twice_{name}\ntwice_{name}(1.0, 2.0)")
+    both = "from gppcs.engine.kernels import kernel\nfrom gppcs.max import max_of\nfrom gppcs.min import min_of\n"
+    (package / "both.py").write_text(both + "@kernel\ndef span(x, y):\n    return max_of(x, y) - min_of(x, y)\n")
+    assert call(package, "from gppcs.both import span\nprint(span(1.0, 4.0), span(7.0, 5.0))") == "3.0 2.0\n"
+
+
+def test_numba_numbers_the_functions_of_others_as_ever(package):
+    code = """
+import gppcs.engine.numba_internals
+import numba
+@numba.njit
+def own(x):
+    return x
+own(1)
+print(next(iter(own.overloads.values())).fndesc.unique_name)
+"""
+    assert int(call(package, code).rpartition("$")[2]) < 1000
+
+
+@pytest.mark.slow
+def test_on_a_numba_that_was_not_tried_all_works_in_its_own_way(package, tmp_path):
+    code = """
+import logging, sys, numba
+numba.__version__ = "99.0.0"
+logging.basicConfig(stream=sys.stdout, format="%(message)s")
+import gppcs
+from gppcs.engine.kernels import number_compiled
+scan = gppcs.sample("bracket", 3_000)
+for method in ("gp", "fps"):
+    print(gppcs.simplify(scan, n_points=200, method=method).indices.sum())
+print("gppcs.engine.numba_internals" in sys.modules, number_compiled() > 0)
+"""
+    named = {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    note, *lines = call(package, code, **named).splitlines()
+    scan = gppcs.sample("bracket", 3_000)
+    sums = [str(gppcs.simplify(scan, n_points=200, method=method).indices.sum()) for method in ("gp", "fps")]
+    assert note.startswith("Numba 99.0.0 was not tried")
+    assert lines == [*sums, "False True"]
+    assert call(package, code, **named).splitlines() == [note, *sums, "False False"]

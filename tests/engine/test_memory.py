@@ -1,8 +1,10 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+import gppcs
 from gppcs.engine import memory
 
 LINUX = pytest.mark.skipif(not memory.STATUS.exists(), reason="needs /proc")
@@ -21,6 +23,24 @@ def test_the_peak_counts_what_was_held_and_given_back():
     before, after = map(int, done.stdout.split())
     assert 0 < before < size
     assert 0.9 * size < after - before < 1.1 * size
+
+
+def test_memory_that_the_system_does_not_tell_is_unknown(tmp_path, monkeypatch):
+    """As without /proc, in a plain chroot."""
+    import psutil
+
+    def missing(*_):
+        raise FileNotFoundError("/proc/meminfo")
+
+    monkeypatch.setattr(psutil, "virtual_memory", missing)
+    monkeypatch.setattr(psutil, "Process", missing)
+    monkeypatch.setattr(memory, "STATUS", tmp_path / "none")
+    monkeypatch.setattr(memory, "control_groups", lambda controller, root: iter(()))
+    assert memory.available_memory() is None
+    assert memory.peak_memory() is None
+    gppcs.write(tmp_path / "a.ply", np.random.default_rng(0).random((50, 3)))
+    gppcs.write(tmp_path / "a.copc.laz", gppcs.read(tmp_path / "a.ply"), lossy=True)
+    assert len(gppcs.simplify(tmp_path / "a.ply", n_points=5, method="fps")) == 5
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
+from gppcs.evaluation.reconstruction import without_membranes
+from meshes import hull_mesh, moved
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +63,14 @@ def test_a_mesh_to_look_at_ends_where_the_points_end(sphere):
 def test_wrong_parameters_are_refused_before_the_cloud_is_read(methods, options, message):
     with pytest.raises(gppcs.ParameterError, match=message):
         gppcs.compare("no cloud, which nobody has looked at", methods, **options)
+
+
+def test_membranes_far_from_all_points_are_cut_off(sphere):
+    """The hull of a sphere without its cap closes the gap by large triangles, to which a corner above it belongs."""
+    points = sphere[:2000][sphere[:2000, 2] < 0.5]
+    mesh = hull_mesh(np.vstack([points, [0.0, 0.0, 1.0]]))
+    left = without_membranes(mesh, points)
+    at_the_corner = (mesh.faces == len(points)).any(axis=1)
+    np.testing.assert_array_equal(left.faces, mesh.faces[~at_the_corner])
+    with pytest.raises(gppcs.errors.NoSurfaceError, match="far from all"):
+        without_membranes(moved(mesh, 9), points)

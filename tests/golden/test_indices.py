@@ -14,6 +14,7 @@ import pytest
 from threadpoolctl import threadpool_info
 
 import gppcs
+from scans import sample
 
 TABLE = Path(__file__).with_name("indices.json")
 SAMPLES = {
@@ -53,7 +54,7 @@ OPTIONS = {
 
 @cache
 def cloud_of(name, n_points, **flaws):
-    return gppcs.sample(name, n_points=n_points, **flaws)
+    return sample(name, n_points=n_points, **flaws)
 
 
 def digest(cloud, options):

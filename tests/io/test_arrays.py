@@ -71,6 +71,8 @@ def test_what_is_no_cloud_is_refused(tmp_path, content, message):
 def test_bare_records(tmp_path, name, names):
     table = np.arange(2 * (3 + len(names)), dtype="<f4").reshape(2, -1) / 8
     table.tofile(tmp_path / "scan.bin")
+    with pytest.raises(FileFormatError, match=r"`format='kitti'` or `format='points3d\.bin'`"):
+        read(tmp_path / "scan.bin")
     cloud = read(tmp_path / "scan.bin", name)
     assert (cloud.points.tolist(), cloud.coordinate_dtype) == (table[:, :3].tolist(), np.float32)
     assert {key: values.tolist() for key, values in cloud.attributes.items()} == dict(
@@ -79,6 +81,17 @@ def test_bare_records(tmp_path, name, names):
     table.ravel()[:-1].tofile(tmp_path / "scan.bin")
     with pytest.raises(FileFormatError, match="bytes behind the last"):
         read(tmp_path / "scan.bin", name)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"0.25 0.5 1 7\n" * 80, np.random.default_rng(0).bytes(800), np.linspace(0, 9, 100).tobytes(),
+     np.full((50, 4), np.inf, "<f4").tobytes(), np.full((50, 4), 4e6, "<f4").tobytes()],
+)  # fmt: skip
+def test_bare_records_that_are_no_metres_are_refused(tmp_path, content):
+    (tmp_path / "scan.bin").write_bytes(content)
+    with pytest.raises(FileFormatError, match="metres"):
+        read(tmp_path / "scan.bin", "kitti")
 
 
 def test_attributes_with_awkward_names(tmp_path):

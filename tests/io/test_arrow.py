@@ -5,7 +5,7 @@ import pytest
 
 from formats import losses
 from gppcs.errors import FileFormatError
-from gppcs.io import read, write
+from gppcs.io import CloudFiles, read, write
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -34,6 +34,28 @@ def stored(path, table):
 
 def loaded(path):
     return pq.read_table(path) if path.suffix == ".parquet" else feather.read_table(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("rows", [7, 100_000])
+def test_points_in_small_batches_are_counted(folder, suffix, rows):
+    table = pa.table({axis: np.arange(150_000, dtype=np.float32) for axis in "xyz"})
+    path = folder / f"batches{suffix}"
+    if suffix == ".parquet":
+        pq.write_table(table[:3000] if rows == 7 else table, path, row_group_size=rows)
+    else:
+        feather.write_feather(table[:3000] if rows == 7 else table, path, chunksize=rows)
+    with CloudFiles([path]) as files:
+        assert (files.n_points, files.is_counted) == (len(read(path)), True)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_long_text_that_many_points_share_is_refused(folder, suffix):
+    zeros = pa.array(np.zeros(20_000))
+    label = pa.DictionaryArray.from_arrays(pa.array(np.zeros(20_000, np.int32)), pa.array(["a" * 60_000]))
+    path = stored(folder / f"long{suffix}", pa.table({"x": zeros, "y": zeros, "z": zeros, "label": label}))
+    with pytest.raises(FileFormatError, match="'label', found one of 60,000 characters"):
+        read(path)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

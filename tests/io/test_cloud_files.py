@@ -10,6 +10,7 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
+from formats import lzf
 from gppcs.amounts.options import Options
 from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError
@@ -211,6 +212,31 @@ def test_a_file_too_large_for_memory_is_not_read_to_find_out(tmp_path, monkeypat
     monkeypatch.setattr(Reader, "read", None)
     with pytest.raises(gppcs.InputError, match="of memory"):
         gppcs.simplify(path, ratio=0.01, method="hc", memory="15MB")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".pcd", ".e57", ".parquet", ".feather"])
+def test_what_a_file_unpacks_to_is_compared_with_the_memory_first(tmp_path, monkeypatch, suffix):
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".pcd":
+        content = lzf(np.zeros(600_000, np.uint8).tobytes())
+        head = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 50000\nHEIGHT 1\nPOINTS 50000\n"
+        sizes = np.array([len(content), 600_000], "<u4").tobytes()
+        path.write_bytes(head.encode() + b"DATA binary_compressed\n" + sizes + content)
+    elif suffix == ".npz":
+        np.savez_compressed(path, points=np.zeros((10, 3)), other=np.zeros((10, 10_000)))
+    else:
+        gppcs.write(path, np.zeros((50_000, 3)))
+    assert len(gppcs.read(path)) in (10, 50_000)
+    monkeypatch.setattr(Reader, "read", None)
+    monkeypatch.setattr(cloud_files, "available_memory", lambda: 500_000)
+    with pytest.raises(FileFormatError, match=r"a\.\w+: expected .* of free memory"):
+        gppcs.read(path)
+
+
+def test_gzip_files_of_many_times_their_size_are_refused(tmp_path):
+    (tmp_path / "a.xyz.gz").write_bytes(gzip.compress(b"0 0 0\n" * 6_000_000))
+    with pytest.raises(FileFormatError, match=r"a\.xyz\.gz: expected at most 200 times"):
+        gppcs.read(tmp_path / "a.xyz.gz")
 
 
 @pytest.mark.parametrize("query", [{}, {"inside": [0, 0, 50, 50]}, {"only": "intensity > 3"}])

@@ -1,5 +1,6 @@
 """COPC files that gppcs writes, as other programs read them."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -9,6 +10,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import gppcs
 from formats import losses
@@ -79,7 +81,7 @@ def test_every_dimension_of_every_point_and_the_header_are_kept(tmp_path, point_
     remarks = losses("a.copc.laz", cloud)
     assert [f"attribute {name} under one name (its numbers become {name}_0, {name}_1 and so on)" in remarks
             for name in SEVERAL] == [True] * 3  # fmt: skip
-    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="random")
+    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="even")
     with laspy.CopcReader.open(tmp_path / "a.copc.laz") as reader:
         points, header = reader.query(), reader.header
     assert header.point_format.id == RAISED.get(point_format, point_format)
@@ -107,7 +109,7 @@ def test_every_dimension_of_every_point_and_the_header_are_kept(tmp_path, point_
 
 def test_the_file_is_as_its_specification_says(tmp_path):
     cloud, las = scan(tmp_path)
-    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="random")
+    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="even")
     data = (tmp_path / "a.copc.laz").read_bytes()
     assert data[377:387].rstrip(b"\0") == b"copc"
     assert np.frombuffer(data, "<u2", 2, 393).tolist() == [1, 160]
@@ -131,7 +133,7 @@ def test_the_file_is_as_its_specification_says(tmp_path):
             assert dict(zip(map(tuple, cells.tolist()), counts.tolist(), strict=True)) == expected
 
 
-@pytest.mark.parametrize("levels_by", ["order", "random"])
+@pytest.mark.parametrize("levels_by", ["order", "even"])
 def test_coarse_nodes_hold_the_first_points_around_them(tmp_path, levels_by):
     """Each full node holds points that come before those of the nodes below it, unless these nodes were few."""
     rng = np.random.default_rng(0)
@@ -147,6 +149,36 @@ def test_coarse_nodes_hold_the_first_points_around_them(tmp_path, levels_by):
             assert len(gppcs.read(tmp_path / "a.copc.laz", resolution=reader.copc_info.spacing / 2**level)) == len(
                 reader.query(level=range(level + 1))
             )
+
+
+@pytest.mark.parametrize("name", ["fan", "bracket", "medallion"])
+def test_levels_of_a_scan_that_has_no_ranking_are_better_than_random_ones(tmp_path, name):
+    """Scanners write neighbours one after the other, so the first points of their files are one end of the scan."""
+    cloud = gppcs.sample(name, n_points=N)
+    cloud = gppcs.PointCloud(cloud.points[np.argsort(cloud.points[:, 0])].round(4))
+    shuffled = cloud.take(np.random.default_rng(0).permutation(N))
+    gppcs.write(tmp_path / "even.copc.laz", cloud)
+    gppcs.write(tmp_path / "random.copc.laz", shuffled, levels_by="order")
+    for level in range(1, 3):
+        distances = []
+        for kind in ("even", "random"):
+            with laspy.CopcReader.open(tmp_path / f"{kind}.copc.laz") as reader:
+                shown = reader.query(level=range(level))
+            tree = cKDTree(np.column_stack([shown.x, shown.y, shown.z]))
+            distances.append(tree.query(cloud.points)[0].mean())
+        assert distances[0] < 0.97 * distances[1]
+
+
+def test_levels_follow_the_ranking_that_a_result_has(tmp_path):
+    result = gppcs.simplify(gppcs.sample("bracket", n_points=N), n_points=N // 4, method="random")
+    rank = np.arange(len(result), dtype=np.uint32)
+    mixed = np.random.default_rng(0).permutation(len(result))
+    kept = gppcs.PointCloud(result.points, {"gps_time": rank})
+    gppcs.write(tmp_path / "result.copc.laz", dataclasses.replace(result, cloud=kept))
+    gppcs.write(tmp_path / "rank.copc.laz", gppcs.PointCloud(result.points, {"rank": rank, "gps_time": rank})[mixed])
+    for name in ("result", "rank"):
+        with laspy.CopcReader.open(tmp_path / f"{name}.copc.laz") as reader:
+            assert np.sort(reader.query(level=0).gps_time)[:FULL].tolist() == list(range(FULL))
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, LARGEST])
@@ -169,7 +201,7 @@ def test_points_at_one_place_fill_level_after_level(tmp_path):
 def test_copclib_finds_the_file_valid_and_reads_the_same_points(tmp_path, point_format):
     copclib = pytest.importorskip("copclib")
     cloud, _ = scan(tmp_path, point_format)
-    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="random")
+    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="even")
     reader = copclib.FileReader(str(tmp_path / "a.copc.laz"))
     assert reader.ValidateSpatialBounds()
     assert reader.copc_config.las_header.point_count == N
@@ -189,7 +221,7 @@ def test_copclib_finds_borders_where_points_lie_on_them(tmp_path, seed):
     points = rng.integers(0, 513, (N, 3)) * [1, 1, 0.5]
     points[:2] = [[0], [512]]
     offset = [500_000.31, 5_400_000.17, 100.03] + np.round(rng.uniform(-9e5, 9e5, 3), 2) * (seed > 0)
-    gppcs.write(tmp_path / "a.copc.laz", points * 0.01 + offset, levels_by="random")
+    gppcs.write(tmp_path / "a.copc.laz", points * 0.01 + offset, levels_by="even")
     assert copclib.FileReader(str(tmp_path / "a.copc.laz")).ValidateSpatialBounds()
 
 
@@ -218,7 +250,7 @@ def test_the_javascript_library_copc_reads_all_points(tmp_path, point_format):
         needed = "node" in os.environ.get("GPPCS_CI_NEEDS", "").split(",")
         (pytest.fail if needed else pytest.skip)("no Node.js with the package copc: run npm ci in viewer")
     cloud, las = scan(tmp_path, point_format)
-    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="random")
+    gppcs.write(tmp_path / "a.copc.laz", cloud, levels_by="even")
     (tmp_path / "read.mjs").write_text(SCRIPT)
     (tmp_path / "node_modules").symlink_to(packages)
     expected = {"X": las.x, "Y": las.y, "Z": las.z, "Intensity": las.intensity, "GpsTime": las.gps_time}

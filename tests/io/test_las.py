@@ -16,7 +16,7 @@ import gppcs
 from formats import losses
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import read, to_laspy, write
+from gppcs.io import CloudFiles, las_header, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
 SUFFIXES = [".las", ".laz"]
@@ -55,13 +55,43 @@ def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, nu
         assert found.points.array.tobytes() == original.points.array[indices].tobytes()
         assert list(found.point_format.dimension_names) == list(original.point_format.dimension_names)
         assert_right_header(found)
-        for name in ("version", "file_source_id", "system_identifier", "uuid"):
+        for name in ("version", "file_source_id", "system_identifier", "uuid", "creation_date"):
             assert getattr(found.header, name) == getattr(original.header, name)
-        assert (found.header.generating_software, found.header.creation_date) == ("gppcs", date.today())
+        assert found.header.generating_software == "gppcs"
         assert found.header.global_encoding.value == original.header.global_encoding.value
         assert bytes_of(found.vlrs) == bytes_of(original.vlrs)
         assert bytes_of(found.evlrs or []) == bytes_of(original.evlrs or [])
         assert read(tmp_path / f"out{target}") == cloud.take(indices)
+
+
+@pytest.fixture
+def on_day(monkeypatch):
+    """A function that sets the date of today."""
+
+    def set_day(day):
+        today = type("Day", (date,), {"today": classmethod(lambda cls: day)})
+        for module in (laspy.header, las_header):
+            monkeypatch.setattr(module, "date", today)
+
+    return set_day
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz", ".copc.laz"])
+def test_the_day_changes_neither_files_nor_what_is_read(tmp_path, monkeypatch, on_day, suffix):
+    source = save(random_las("1.4", 6, extra=()), tmp_path / "in.las")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "981173106")  # of February 3, 2001
+    for name, day in (("a", date(2026, 1, 31)), ("b", date(2026, 2, 1))):
+        on_day(day)
+        write(tmp_path / f"{name}{suffix}", source)
+        write(tmp_path / f"new {name}{suffix}", np.eye(3))
+    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    assert (tmp_path / f"new a{suffix}").read_bytes() == (tmp_path / f"new b{suffix}").read_bytes()
+    with laspy.open(tmp_path / f"new a{suffix}") as file:
+        assert file.header.creation_date == date(2001, 2, 3)
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    write(tmp_path / f"today{suffix}", np.eye(3))
+    assert (tmp_path / f"today{suffix}").read_bytes()[90:94] == b"\x20\x00\xea\x07"  # day 32 of 2026
+    assert read(tmp_path / f"today{suffix}") == read(tmp_path / f"new a{suffix}")
 
 
 def bytes_of(records):
@@ -97,6 +127,27 @@ def test_scaled_extra_bytes_are_their_physical_values(tmp_path, stored):
     moved = replace(cloud, attributes={"height": cloud.attributes["height"] + 1e-3})
     write(tmp_path / "d.las", moved)  # no multiples of the scale: stored as they are
     np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "d.las")["height"]), moved.attributes["height"])
+
+
+def test_marks_of_no_data_are_kept_and_noted_where_they_are_scaled(tmp_path):
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    for name, scale in (("height", {"scales": [0.01], "offsets": [0.0]}), ("count", {})):
+        header.add_extra_dim(laspy.ExtraBytesParams(name, "i2", no_data=[-9999], **scale))
+    las = laspy.LasData(header)
+    las.x = las.y = las.z = np.arange(3.0)
+    las.points.array["height"] = las["count"] = [1, -9999, 2]
+    path = save(las, tmp_path / "a.las")
+    with CloudFiles([path]) as files:
+        cloud = files.read()
+        assert files.skipped() == [
+            "the mark of no data of attribute height (-9999 is read as a number, with its scale)"
+        ]
+    write(tmp_path / "b.las", replace(cloud, attributes={**cloud.attributes, "more": np.arange(3.0)}))
+    with laspy.open(tmp_path / "b.las") as file:
+        [record] = file.header.vlrs.get("ExtraBytesVlr")
+        assert {part.format_name(): part.no_data for part in record.extra_bytes_structs} == {
+            "height": [-9999], "count": [-9999], "more": None
+        }  # fmt: skip
 
 
 @pytest.mark.parametrize(("kind", "shape"), [("u4", (300, 8)), ("u1", (300, 5)), ("", (300,))])
@@ -339,7 +390,8 @@ def bits(number):
     ("place", "value", "message"),
     [
         ((25, 1), 5, "extended variable-length records in the file"),
-        ((94, 2), 226, "laspy reports: Incoherent header size"),
+        ((94, 2), 226, "at least 227 bytes before the points, found that it gives its own size as 226"),
+        ((94, 6), 0, "at least 227 bytes before the points, found that it gives its own size as 0, and 0 as"),
         ((96, 4), 2**31, "the file ends in point 1 of 300"),
         ((104, 1), 11, "laspy reports: PointFormatNotSupported 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),

@@ -112,6 +112,9 @@ MALFORMED = [
     (".obj", "v 1 2 3\nf 1 1 1\nv 1 2\n", "vertex 2: expected 3 columns, found '1 2'"),
     (".obj", "v 1 2 3\nf 1 1 2\n", "indices of vertices 0 to 0 in faces, found 0 to 1"),
     (".obj", "v 1 2 3\nf 1 1 one\n", "faces of indices of vertices, but invalid literal"),
+    (".obj", "<!DOCTYPE html>\n<p>404 Not Found</p>\n", "vertices of an OBJ file"),
+    (".obj", "P 0.3 0.3 0.4 10 1 2\n -18 -16.85 2.5\n", "vertices of an OBJ file"),
+    (".obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n".encode("utf-16"), "vertices of an OBJ file"),
     (".stl", binary_stl(b"a")[:-1], "trimesh reports: "),
     (".stl", text_stl()[:200], "trimesh reports: "),
     (".stl", text_stl().replace("vertex 5", "vertex five"), "trimesh reports"),
@@ -138,6 +141,32 @@ def test_the_vertices_of_obj_files_are_those_of_the_file_whatever_their_faces_sa
     found = gppcs.read_mesh(path)
     assert found.vertices.tolist() == [[0, 0, 0], [9, 9, 9], [1, 0, 0], [0, 1, 0]]
     assert found.faces.tolist() == [[0, 2, 3], [0, 3, 2]]
+
+
+def test_obj_files_with_colours_at_some_vertices_are_read_without_them(mesh):
+    path = mesh(".obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n")
+    with CloudFiles([path]) as files:
+        assert files.read() == gppcs.PointCloud([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        assert files.skipped() == ["colours, which only some vertices have (2 of 3)"]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl_ascii", ".obj", ".off"])
+def test_lines_may_end_in_carriage_returns_alone(mesh, suffix):
+    ball = trimesh.creation.icosphere(1)
+    content = ball.export(file_type=suffix[1:], **({"encoding": "ascii"} if suffix == ".ply" else {}))
+    content = content if isinstance(content, bytes) else content.encode()
+    path = mesh(suffix.removesuffix("_ascii"), content.replace(b"\n", b"\r"))
+    assert len(gppcs.read_mesh(path).vertices) == len(ball.vertices)
+
+
+def test_infinite_vertices_of_gltf_warn_of_nothing_and_a_scene_is_needed(mesh):
+    ball = trimesh.creation.icosphere(1)
+    ball.vertices *= np.float32(3e38)
+    scene = trimesh.Scene()
+    scene.add_geometry(ball, transform=np.diag([9.0, 9.0, 9.0, 1.0]))
+    gppcs.read(mesh(".glb", scene.export(file_type="glb")))
+    with pytest.raises(FileFormatError, match="a scene"):
+        gppcs.read(mesh(".glb", glb({"asset": {"version": "2.0"}}, b"")))
 
 
 def test_polygons_of_any_size_become_fans(mesh):

@@ -76,6 +76,13 @@ def tables(draw):
     return draw(hnp.arrays(dtype, st.integers(0, 5)))
 
 
+def test_all_axes_have_the_digits_of_the_text_if_one_needs_them(tmp_path):
+    header = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n"
+    points = [[289814.15, 4320978.61, 170.76], [289814.64, 4320978.84, 170.76]]
+    (tmp_path / "a.pcd").write_text(header + "".join(" ".join(map(str, point)) + "\n" for point in points))
+    assert read(tmp_path / "a.pcd").points.tolist() == points
+
+
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @given(table=tables())
 def test_every_type_and_count_is_read_bit_for_bit(folder, encoding, table):

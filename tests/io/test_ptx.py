@@ -55,9 +55,9 @@ def test_scans_without_points(ptx):
     ("text", "message"),
     [
         ("", "size of a scan in a PTX file, found nothing"),
-        ("2\n", "ends in size of scan 1, line 2 of 2"),
+        ("2\n", "ends in scan 1, line 2 of 10"),
         (scan(ROWS).replace("1\n6\n", "2.5\n1\n"), "whole numbers as the size of scan 1 .* found 2.5"),
-        (scan(ROWS).replace("0 1 0\n", "0 1\n", 1), "scanner of scan 1, line 3: expected 3 columns, found '0 1'"),
+        (scan(ROWS).replace("0 1 0\n", "0 1\n", 1), "scan 1, line 5: expected 3 numbers, found '0 1'"),
         (scan(ROWS).replace("0 0 0 1", "0 0 0 inf"), "finite ones as its pose"),
         (scan(ROWS)[:-20], "ends in point 5 of 6"),
         (scan([*ROWS, "1 2 3"]), "point 7: expected 4 columns, found '1 2 3'"),
@@ -65,7 +65,7 @@ def test_scans_without_points(ptx):
         (scan(["1 2 3 0 0 0 256"]), "whole numbers from 0 to 255 as blue of point 1, found '256'"),
         (scan(["1 2 3 0 0 nan 0"]), "whole numbers from 0 to 255 as green of point 1, found 'nan'"),
         (scan(ROWS) + scan(["1 2 3 0 0 0 0"]), "colours in all scans or in none"),
-        (scan(ROWS) + "nonsense\n", "size of scan 2, line 1: expected a number, found 'nonsense'"),
+        (scan(ROWS) + "nonsense\n", "scan 2, line 1: expected 1 numbers, found 'nonsense'"),
         (scan(ROWS).replace("1\n6\n", "999999999\n999999999\n"), "ends in point 7 of 999999998000000001"),
     ],
 )

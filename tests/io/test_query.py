@@ -56,9 +56,20 @@ def test_points_inside_a_polygon_with_a_hole(files, wrapped):
     assert len(square) == ((CLOUD.points[:, :2] > 0) & (CLOUD.points[:, :2] < 10)).all(axis=1).sum()
 
 
+@pytest.mark.parametrize("kind", ["MultiPolygon", "FeatureCollection"])
+def test_points_in_two_overlapping_polygons_are_inside(files, kind):
+    """Each polygon has a hole, which counts for that polygon only, and an empty one has no effect."""
+    polygons = [[SQUARE, HOLE], [[[x - 3, y - 3] for x, y in ring] for ring in (SQUARE, HOLE)], []]
+    features = [{"type": "Feature", "geometry": {"type": "Polygon", "coordinates": rings}} for rings in polygons]
+    multi = {"type": "MultiPolygon", "coordinates": polygons}
+    scan, area = files(multi if kind == "MultiPolygon" else {"type": kind, "features": features})
+    expected = inside(CLOUD.points) | inside(CLOUD.points + 3)
+    assert gppcs.read(scan, inside=area).points.tolist() == CLOUD.points[expected].tolist()
+
+
 def test_a_polygon_with_many_corners():
     angles = np.linspace(0.0, 2.0 * np.pi, 5_000, endpoint=False)
-    disc = Polygons((tuple(zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)),))
+    disc = Polygons(((tuple(zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)),),))
     points = np.random.default_rng(0).uniform(-1.2, 1.2, (5_000, 3))
     radii = np.hypot(points[:, 0], points[:, 1])
     sure = np.abs(radii - 1.0) > 1e-5
@@ -93,7 +104,7 @@ def test_conditions_choose_points_of_any_format(tmp_path, suffix):
 
 def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 2 * 10**9)
-    cloud = gppcs.sample("terrain", n_points=8_000)
+    cloud = gppcs.sample("village", n_points=8_000)
     gppcs.write(tmp_path / "scan.las", cloud, lossy=True)
     options = {"only": "classification == 2 or z > 0"}
     read = gppcs.read(tmp_path / "scan.las", **options)
@@ -118,8 +129,8 @@ def test_polygons_with_a_common_border_share_its_points_out(seed):
     """Each point near a slanted border, and on it, is in one of two polygons that give it in opposite directions."""
     rng = np.random.default_rng(seed)
     (ax, ay), (bx, by) = rng.random((2, 2)) * [1, 10]
-    left = Polygons((((-9.0, ay), (ax, ay), (bx, by), (-9.0, by)),))
-    right = Polygons((((9.0, by), (bx, by), (ax, ay), (9.0, ay)),))
+    left = Polygons(((((-9.0, ay), (ax, ay), (bx, by), (-9.0, by)),),))
+    right = Polygons(((((9.0, by), (bx, by), (ax, ay), (9.0, ay)),),))
     share = rng.random(999)
     points = np.column_stack([ax + share * (bx - ax), ay + share * (by - ay), np.zeros(999)])
     assert (left.contains(points) ^ right.contains(points)).all()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError, ParameterError
-from gppcs.io import read, rows, write
+from gppcs.io import CloudFiles, read, rows, write
 
 
 @pytest.fixture
@@ -83,9 +83,30 @@ def test_columns_of_pts_files(table, extra, names, count):
 
 def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
     path = tmp_path / "cloud.csv"
-    points = np.array([[0.1, 1, 1e-7]], np.float32)
-    write(path, PointCloud(points, {"a b": np.array([True]), "h": np.array([0.1])}, points.dtype))
-    assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,1e-07,1,0.1\n"
+    points = np.array([[0.1, 1, 1e-7], [0, 5, 1e-21]], np.float32)
+    write(path, PointCloud(points, {"a b": np.array([True, False]), "h": np.array([0.1, 1e-5])}, points.dtype))
+    assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,0.0000001,1,0.1\n0.0,5.0,1e-21,0,0.00001\n"
+
+
+@pytest.mark.parametrize(
+    ("row", "names"),
+    [("1 2 3 0 128 255", "x,y,z,red,green,blue"), ("1 2 3 4 5 6 0.5", "x,y,z,red,green,blue,column_7"),
+     ("1 2 3 4 5 256", ""), ("1 2 3 4 5", ""), ("1 2 3 0.5 1 1", "")],
+)  # fmt: skip
+def test_columns_that_may_be_colours_are_noted(tmp_path, row, names):
+    (tmp_path / "a.xyz").write_text(f"{row}\n" * 3)
+    with CloudFiles([tmp_path / "a.xyz"]) as files:
+        files.read()
+        assert [names in text for text in files.skipped()] == [True] * bool(names)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xyz", ".pts", ".obj", ".off"])
+def test_single_coordinates_far_from_zero_have_the_digits_of_double_ones(tmp_path, suffix):
+    points = np.array([[493814.9, 5420477, 1], [493815.2, 5420494, 2]], np.float32)
+    write(tmp_path / f"a{suffix}", PointCloud(points, coordinate_dtype=points.dtype))
+    lines = (tmp_path / f"a{suffix}").read_text().replace(",", " ").splitlines()[-2:]
+    assert [list(map(float, line.split()[-3:])) for line in lines] == points.tolist()
+    assert not any("e" in line for line in lines)
 
 
 @pytest.mark.parametrize("column", [["18446744073709551615", "-1"], ["1" * 500, "1"]])
@@ -119,6 +140,7 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("1 2 3x\n", "line 1: expected numbers such as 1.5, or names of columns, .* with x, y, z, found '1 2 3x'"),
         ("# id lon lat\n1 2 3\n", "line 1: expected names of columns, each once, with x, y, z, found '# id lon lat'"),
         ("x,y,z\n1,2,3,4\n", "line 2 has 4 columns, but 3 have names"),
+        ("1 " * 20_000 + "\n", "line 1: expected at most 4,096 columns, found 20,000"),
         ("3\n1 2 3\n4 5 6\n", "ends in point 3 of 3"),
         ("1\n1 2 3\n4 5 6\n", "expected 1 points, as the file says, found more"),
         ("x,y,z,label\n1,2,3,a\n4,5,6\n", "point 2: expected 4 columns, found '4,5,6'"),

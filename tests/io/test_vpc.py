@@ -9,8 +9,10 @@ import pytest
 
 import gppcs
 from formats import load
+from gppcs.engine.timer import Timer
 from gppcs.errors import FileFormatError, ParameterError
-from gppcs.io import files_of
+from gppcs.io import CloudFiles, files_of
+from gppcs.streaming import copc
 
 
 def feature(**assets):
@@ -109,11 +111,21 @@ def test_the_files_of_a_list_are_read_as_one_cloud(tmp_path):
         gppcs.read(vpc)
 
 
-def test_coordinate_systems_of_a_list(tmp_path, two_systems):
+def test_coordinate_systems_of_a_list(tmp_path, two_systems, monkeypatch):
     vpc = write_vpc(tmp_path / "a.vpc", *(feature(**data(str(path))) for path in two_systems))
     with pytest.raises(FileFormatError, match=r"b\.las: expected one coordinate system .* --assume-same-crs"):
         gppcs.read(vpc)
     cloud = gppcs.read(vpc, assume_same_crs=True)
     assert (len(cloud), cloud.header.crs) == (1_000, "UTM 32N")
+    bare = gppcs.PointCloud(cloud.points[:500], {name: v[:500] for name, v in cloud.attributes.items()})
+    gppcs.write(tmp_path / "bare.las", bare)
+    for names in (["bare.las", "b.las"], ["b.las", "bare.las"]):
+        vpc = write_vpc(tmp_path / "a.vpc", *(feature(**data(name)) for name in names))
+        with pytest.warns(UserWarning, match="ETRS89 / UTM 32N, counts"):
+            assert gppcs.read(vpc).header.crs == "ETRS89 / UTM 32N"
+        monkeypatch.setattr(copc, "PROGRAM", 10**12)
+        with pytest.warns(UserWarning, match="ETRS89 / UTM 32N, counts"), CloudFiles([vpc]) as files:
+            copc.write_beyond_memory(tmp_path / "a.copc.laz", files, None, False, 1, Timer(), True, False)
+        assert gppcs.read(tmp_path / "a.copc.laz").header.crs == "ETRS89 / UTM 32N"
     with pytest.raises(ParameterError, match="expected `assume_same_crs` to be True or False, found 1"):
         gppcs.read(vpc, assume_same_crs=1)

@@ -12,6 +12,7 @@ from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.mending import cut_out, mend, relax
+from scans import sample
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -138,5 +139,5 @@ def test_vertices_are_added_by_distances_from_triangles_as_they_are_after_relaxa
         add(draft, assigned, count)
 
     monkeypatch.setattr(mending, "_add", checked)
-    gppcs.mesh(gppcs.sample("room", 10_000), n_points=n_points, moved=True)
+    gppcs.mesh(sample("room", 10_000), n_points=n_points, moved=True)
     assert calls

@@ -10,6 +10,7 @@ from gppcs.meshing.halfedges import HalfEdges
 from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
+from scans import sample
 from shapes import faults, plate, torus
 
 
@@ -146,9 +147,9 @@ def largest_distance(result, points):
 
 
 @pytest.mark.parametrize("tolerance", [pytest.param("0.1%", marks=pytest.mark.slow), "0.5%"])
-@pytest.mark.parametrize("sample", ["sphere", "bracket", "medallion", "statue"])
-def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(sample, tolerance):
-    points = gppcs.sample(sample, n_points=4000).points
+@pytest.mark.parametrize("name", ["sphere", "bracket", "medallion", "statue"])
+def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(name, tolerance):
+    points = sample(name, n_points=4000).points
     result = gppcs.mesh(points, tolerance=tolerance)
     bound = float(tolerance[:-1]) / 100.0 * np.linalg.norm(np.ptp(points, axis=0))
     assert is_sound(result.mesh)

@@ -7,6 +7,7 @@ import gppcs
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.uneven_noise import projected_across, uneven_noise
 from gppcs.spatial.kdtree import KdTree
+from scans import sample
 
 SIGMA = 0.004  # standard deviation of the noise at the far end of the wall
 
@@ -46,7 +47,7 @@ def test_projections_lie_on_the_surface_and_their_normals_across_it():
 def test_no_noise_and_noise_of_the_same_thickness_everywhere_are_not_uneven():
     rng = np.random.default_rng(0)
     even = np.column_stack([rng.uniform(0, 1, (50_000, 2)), 0.003 * rng.standard_normal(50_000)])
-    for points in (even, *(gppcs.sample(name, n_points=50_000).points for name in ("bracket", "statue"))):
+    for points in (even, *(sample(name, n_points=50_000).points for name in ("bracket", "statue"))):
         assert uneven_noise(KdTree.build(points)) is None
 
 

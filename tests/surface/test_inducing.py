@@ -49,6 +49,14 @@ def test_the_step_is_the_mean_of_the_posterior():
     assert np.abs(expected).max() > 1e-3
 
 
+def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
+    solve = inducing.cg
+    monkeypatch.setattr(inducing, "cg", lambda *arguments, **options: solve(*arguments, **options, maxiter=1))
+    places = sphere(3000)
+    with pytest.warns(UserWarning, match="not solved to the end"):
+        inducing.inducing_points(noisy(places[:80], 0.01), noisy(places, 0.02), places)
+
+
 def test_the_prior_of_the_steps_follows_from_the_observations():
     rng, places = np.random.default_rng(2), sphere(8000)
     kept = places[:400]

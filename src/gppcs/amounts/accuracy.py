@@ -152,9 +152,11 @@ class _Search:
                 previous = judged // 2
                 previous_error = self.estimated_error(positions[:previous])
             exponent = _exponent(previous, previous_error, judged, error, lower)
-            estimate = self._crossing(judged, error, exponent)
+            estimate = _crossing(judged, error, self.tolerance, exponent)
             if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
-                enough, errors = self._fewest(lambda m: positions[:m], estimate, count, exponent)  # noqa: B023
+                errors_of_prefix = cache(lambda m: self.errors(positions[:m]))  # noqa: B023
+                enough = self._smallest(errors_of_prefix, estimate, count, exponent)
+                errors = errors_of_prefix(enough)
                 if errors[self.measure] <= self.tolerance:
                     return ranking.arranged(ranking.indices[:enough]), errors
             previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
@@ -166,35 +168,44 @@ class _Search:
     def among_numbers(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among choices of all numbers of points."""
         choose = cache(self.choose)
-        enough, errors = self._fewest(lambda m: self.positions(choose(m)), 1000, len(self.points), exponent=1.0)
-        return choose(enough), errors
+        errors = cache(lambda m: self.errors(self.positions(choose(m))))
+        enough = self._smallest(errors, 1000, len(self.points), exponent=1.0)
+        return choose(enough), errors(enough)
 
-    def _fewest(
-        self, positions: Callable[[int], Floats], start: float, maximum: int, exponent: float
-    ) -> tuple[int, dict[Measure, float]]:
-        """Return the fewest points that reach the tolerance, if `maximum` do, and their errors."""
-        errors = cache(lambda m: self.errors(positions(m)))
+    def _smallest(
+        self, errors: Callable[[int], dict[Measure, float]], start: float, maximum: int, exponent: float
+    ) -> int:
+        search = Bracketing(lambda m: errors(m)[self.measure], self.tolerance, self.minimum)
+        return search.smallest(start, maximum, exponent)
 
-        def error(m: int) -> float:
-            return errors(m)[self.measure]
 
+@dataclass(frozen=True)
+class Bracketing:
+    """Search for the smallest number of points, at least a minimum, whose error is within a tolerance."""
+
+    error: Callable[[int], float]  # of a number of points
+    tolerance: float
+    minimum: int
+
+    def smallest(self, start: float, maximum: int, exponent: float) -> int:
+        """Return it up to 2 %, if `maximum` points reach the tolerance; error ~ M^-p with about this exponent p."""
         estimate, enough = min(max(round(start), self.minimum), maximum), maximum
         while True:
-            enough = self._bracketed(error, estimate, enough, exponent)
+            enough = self._bracketed(estimate, enough, exponent)
             estimate = math.floor(0.95 * enough)
-            if estimate < self.minimum or error(estimate) > self.tolerance:
-                return enough, errors(enough)
+            if estimate < self.minimum or self.error(estimate) > self.tolerance:
+                return enough
             enough = estimate
 
-    def _bracketed(self, error: Callable[[int], float], estimate: int, maximum: int, exponent: float) -> int:
+    def _bracketed(self, estimate: int, maximum: int, exponent: float) -> int:
         """Return a number of points that reaches the tolerance, while a little fewer miss it."""
         few, enough, steps, is_enough = self.minimum - 1, maximum, 0, True
         while enough > few + 1 and enough > RESOLUTION * few:
-            value = error(estimate)
+            value = self.error(estimate)
             was_enough, is_enough = is_enough, value <= self.tolerance
             steps = steps + 1 if is_enough == was_enough else 1  # to one side, which grow: the error may stay for long
             step = RESOLUTION**2.0 ** max(0, steps - 2)
-            crossing = self._crossing(estimate, value, exponent) * RESOLUTION**0.15
+            crossing = _crossing(estimate, value, self.tolerance, exponent) * RESOLUTION**0.15
             if is_enough:
                 enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
             else:
@@ -205,11 +216,12 @@ class _Search:
             estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
         return enough
 
-    def _crossing(self, count: int, error: float, exponent: float) -> float:
-        """Return the number of points where the error would be the tolerance, given that of another number."""
-        if error == 0.0:
-            return count / MAXIMUM_STEP
-        return count * min(max((error / self.tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
+
+def _crossing(count: int, error: float, tolerance: float, exponent: float) -> float:
+    """Return the number of points where the error would be the tolerance, given that of another number."""
+    if error == 0.0:
+        return count / MAXIMUM_STEP
+    return count * min(max((error / tolerance) ** (1.0 / exponent), 1.0 / MAXIMUM_STEP), MAXIMUM_STEP)
 
 
 def _exponent(few: int, error_of_few: float, many: int, error: float, lower: float) -> float:

@@ -11,9 +11,8 @@ import numpy as np
 
 from gppcs.amounts.accuracy import fewest_points
 from gppcs.amounts.constraints import Constraints, WeightRange
-from gppcs.amounts.groups import choose_groups, group_numbers
 from gppcs.amounts.options import Options
-from gppcs.amounts.quotas import EXCLUDED, choose_quotas
+from gppcs.amounts.quotas import choose_quotas
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.lookup import numbers_in
 from gppcs.clouds.quantities import Length, Scale
@@ -22,10 +21,14 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.methods import Feature, Selection, Task
+from gppcs.methods.method import selected
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import short_hashes
 from gppcs.spatial.spacing import surface_area
+
+AREA_SAMPLE = 100_000  # Points on which an area is measured, as a tree over millions takes longer than the choice.
 
 
 def choose_by_options(
@@ -37,20 +40,20 @@ def choose_by_options(
     if count is not None and count >= len(points) and not options.constrains_points and max_gap is None:
         return Selection(np.arange(len(points)), ranked=False)
     with timer("repeats"):
-        indices, repeats = _distinct(points, constraints)
-        task = _task(points, indices, len(constraints.keep) - len(repeats), options, constraints, timer)
+        details = Details.from_cloud(PointCloud(points, constraints.columns), options.details)
+        task, indices, repeats = task_of(points, options, constraints, details, timer)
 
     def rank(n: int, spacing: float | None = None) -> Selection:
         """Choose n distinct positions, or at most n with a spacing; all of them in their order."""
         if n >= len(task.points) and spacing is None:
             return Selection(np.arange(len(task.points)), ranked=False)
-        return method(replace(task, n_points=n, spacing=spacing))
+        return selected(method, replace(task, n_points=n, spacing=spacing))
 
     def in_cloud(selection: Selection) -> Selection:
         return replace(selection, indices=indices[selection.indices])
 
     if count is not None:
-        if not options.quotas and options.group is None:
+        if not options.quotas:
             check_count(count, len(constraints.keep), constraints.n_usable(len(points)))
         selection = choose_number(
             count,
@@ -66,10 +69,13 @@ def choose_by_options(
             minimum = max(task.fixed, 1)
             selection = fewest_points(task.points, options.max_error, scale, rank, is_ranking, minimum, timer)
         elif options.spacing is not None:
-            selection = rank(len(task.points), spacing=scale.inside(options.lengths["spacing"]))
+            spacing = scale.inside(options.lengths["spacing"])
+            n = method.number_at(area_of(task.points), spacing)
+            selection = rank(len(task.points), spacing) if n is None else rank(n)
         else:
             assert max_gap is not None
-            selection = rank(_number_of_discs(task.points, scale.inside(max_gap), task.fixed))
+            n = number_of_discs(area_of(task.points), scale.inside(max_gap))
+            selection = rank(min(max(n, task.fixed, 1), len(task.points)))
         selection = _with_repeats(in_cloud(selection), repeats, task.fixed)
     if max_gap is None:
         return selection
@@ -84,14 +90,12 @@ def choose_number(
     rank: Callable[[int], Selection],
     unchosen: Callable[[Ints, int], Ints],
 ) -> Selection:
-    """Choose a number of points: by quotas, in whole groups, or the first of a ranking.
+    """Choose a number of points: by quotas, or the first of a ranking.
 
     `rank` chooses a number of distinct positions, those to keep first; `repeats` are indices to keep at the positions
     of others. `unchosen` returns a number of indices besides those that are chosen, where there are too few positions.
     """
     fixed = len(constraints.keep) - len(repeats)
-    if options.group is not None:
-        return choose_groups(*_groups(constraints), fixed, count, rank)
     if options.quotas:
         assert constraints.labels is not None
         selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
@@ -126,47 +130,45 @@ def _extended(selection: Selection, indices: Ints) -> Selection:
     return selection.arranged(np.concatenate([selection.indices, indices]))
 
 
-def _groups(constraints: Constraints) -> tuple[Ints, int]:
-    """Return the group of each point, (N,), and the number of groups, which is that of points that are excluded."""
-    assert constraints.labels is not None
-    usable = constraints.labels != EXCLUDED
-    numbers = group_numbers([values[usable] for values in constraints.groups])
-    groups = np.full(len(usable), int(numbers.max()) + 1)
-    groups[usable] = numbers
-    return groups, int(numbers.max()) + 1
+def task_of(
+    points: Floats, options: Options, constraints: Constraints, details: Details, timer: Timer
+) -> tuple[Task, Ints, Ints]:
+    """Return the task to choose among the distinct positions of points, (N, 3), those to keep first.
 
-
-def _distinct(points: Floats, constraints: Constraints) -> tuple[Ints, Ints]:
-    """Return the indices of the distinct positions to choose among, those to keep first, and of repeats to keep."""
+    Returns also the indices of these positions, (n,), and those of points to keep at the positions of others.
+    """
     keep = constraints.keep
     if constraints.weights is None and not len(keep):
-        return np.flatnonzero(first_occurrences(points)), keep
-    indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
-    is_first = first_occurrences(points.take(indices, axis=0))
-    return indices[is_first], keep[~is_first[: len(keep)]]
-
-
-def _task(points: Floats, indices: Ints, fixed: int, options: Options, constraints: Constraints, timer: Timer) -> Task:
-    """Return the task to choose among the points at some indices, (n,), the first of which are kept."""
+        indices, repeats = np.flatnonzero(first_occurrences(points)), keep
+    else:
+        indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
+        is_first = first_occurrences(points.take(indices, axis=0))
+        indices, repeats = indices[is_first], keep[~is_first[: len(keep)]]
+    fixed = len(keep) - len(repeats)
     cloud, attribute = PointCloud(points, constraints.columns), options.algorithm.reads_attribute
     arrays: dict[str, Any] = {}
     if constraints.weights is not None:
         weights = WeightRange.from_weights(constraints.weights).relative(constraints.weights)[indices]
         arrays["weights"] = np.maximum(weights, weights[weights > 0.0].min())  # those of points to keep may be 0
-    if options.details:
-        detail = Details.from_cloud(cloud, options.details).values(cloud)
-        arrays["detail"] = None if detail is None else detail.take(indices, axis=0)
+    if (detail := details.values(cloud)) is not None:
+        arrays["detail"] = detail.take(indices, axis=0)
     if attribute is not None:
         arrays["values"] = numbers_in(cloud, attribute, "to choose points by")[indices]
     distinct = points if len(indices) == len(points) and not fixed else points.take(indices, axis=0)
-    return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays)
+    return Task(distinct, len(indices), fixed=fixed, timer=timer, **arrays), indices, repeats
 
 
-def _number_of_discs(points: Floats, radius: float, minimum: int) -> int:
-    """Return how many discs of a radius cover the surface of the points, in a hexagonal lattice."""
+def area_of(points: Floats) -> float:
+    """Estimate the area of the surface of points, (N, 3), of many by a sample."""
+    if len(points) > 1.5 * AREA_SAMPLE:
+        points = points[short_hashes(points, 32) < AREA_SAMPLE / len(points) * 2.0**32]
+    return surface_area(KdTree.build(points))
+
+
+def number_of_discs(area: float, radius: float) -> int:
+    """Return how many discs of a radius cover an area, in a hexagonal lattice."""
     density = 2.0 / (3.0 * math.sqrt(3.0))  # discs of radius 1 for each unit of area
-    n = math.ceil(min(density * surface_area(KdTree.build(points)) / radius / radius, 1e18))
-    return min(max(n, minimum, 1), len(points))
+    return math.ceil(min(density * area / radius / radius, 1e18))
 
 
 def _without_gaps(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gppcs.amounts.groups import group_columns
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import quota_labels
 from gppcs.clouds.cloud import PointCloud, array_of
@@ -33,21 +33,22 @@ class Constraints:
     # (n, ...), the attributes that count as detail, or that the method reads.
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     labels: NDArray[np.uint8] | None = None  # (n,), the quota of each point; see `quota_labels`
-    groups: Sequence[NDArray[Any]] = ()  # (n,) each, the attributes whose equal values make groups
 
     @classmethod
     def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
         """Look up what the options require of the points of a cloud at some indices, (n,)."""
-        keep = _keep_mask(cloud, options.keep)[indices]
+        mask = _keep_mask(cloud, options.keep)
+        keep = mask[indices]
+        if n_dropped := np.count_nonzero(mask) - np.count_nonzero(keep):
+            warnings.warn(f"{n_dropped:,} of the points to keep are dropped: outliers or not finite", stacklevel=2)
         weights, labels, usable = None, None, indices
         if options.weight is not None:
             weights = _weights(cloud, options.weight)[indices]
             usable = indices[keep | (weights > 0.0)]
         columns = {name: values[indices] for name, values in required_columns(cloud, options).items()}
-        if options.quotas or options.group is not None:
+        if options.quotas:
             labels = quota_labels(cloud, usable, options.quotas)[indices]
-        groups = group_columns(cloud, options.group) if options.group is not None else []
-        return cls(np.flatnonzero(keep), weights, columns, labels, [values[indices] for values in groups])
+        return cls(np.flatnonzero(keep), weights, columns, labels)
 
     def usable(self, n: int) -> Ints:
         """Return the indices, ascending, of those of the n points that may be kept."""
@@ -134,30 +135,40 @@ def required_columns(cloud: PointCloud, options: Options) -> dict[str, NDArray[A
 
 def _keep_mask(cloud: PointCloud, keep: Any) -> Flags:
     """Return which points, (N,), are to be kept."""
-    mask = np.zeros(len(cloud), dtype=np.bool_)
     if keep is None:
-        return mask
-    if isinstance(keep, str):
-        return Expression.from_text(keep).mask(cloud)
-    expected = f"keep to be a condition, a mask of the {len(cloud):,} points, or indices"
+        return np.zeros(len(cloud), dtype=np.bool_)
+    return Expression.from_text(keep).mask(cloud) if isinstance(keep, str) else mask_of(keep, len(cloud))
+
+
+def mask_of(keep: ArrayLike, n: int) -> Flags:
+    """Return which of n points are to be kept, (n,), by a mask or indices."""
+    expected = f"keep to be a condition, a mask of the {n:,} points, or indices"
     values = array_of(keep, expected)
-    if values.dtype == np.bool_ and values.shape == (len(cloud),):
+    if values.dtype == np.bool_ and values.shape == (n,):
         return values
     if values.ndim != 1 or not (np.issubdtype(values.dtype, np.integer) or values.size == 0):
         raise ParameterError(f"expected {expected}, found {shown(keep)}")
-    outside = (values < 0) | (values >= len(cloud))
+    outside = (values < 0) | (values >= n)
     if outside.any():
-        raise ParameterError(f"expected {expected} from 0 to {len(cloud) - 1}, found {values[outside][0]}")
+        raise ParameterError(f"expected {expected} from 0 to {n - 1}, found {values[outside][0]}")
+    mask = np.zeros(n, dtype=np.bool_)
     mask[values.astype(np.int64)] = True
     return mask
 
 
 def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
-    if isinstance(weight, str):
-        return numbers_in(cloud, weight, "to weigh its points by")
-    expected = f"weight to be an attribute, or a number for each of the {len(cloud):,} points"
+    if not isinstance(weight, str):
+        return weights_of(weight, len(cloud))
+    if weight not in cloud.attributes and not weight.isidentifier():
+        return Expression.from_text(weight).numbers(cloud)
+    return numbers_in(cloud, weight, "to weigh its points by")
+
+
+def weights_of(weight: ArrayLike, n: int) -> Floats:
+    """Return the weight of each of n points, (n,)."""
+    expected = f"weight to be an attribute, or a number for each of the {n:,} points"
     values = array_of(weight, expected)
-    if values.shape != (len(cloud),) or values.dtype.kind not in "biuf":
+    if values.shape != (n,) or values.dtype.kind not in "biuf":
         raise ParameterError(f"expected {expected}, found {shown(weight)}")
     return as_floats(values)

@@ -60,8 +60,8 @@ class Options:
     )
     weight: str | ArrayLike | None = _option(
         None,
-        "Multiply the density of the kept points by this attribute, from 0 on; in Python also by an array. No point "
-        "of weight 0 is kept, but those to keep (method gp).",
+        "Multiply the density of the kept points by this attribute or formula, such as 1/(x*x + y*y), from 0 on; in "
+        "Python also by an array. No point of weight 0 is kept, but those to keep (method gp).",
     )
     detail: str | Mapping[str, float] | None = _option(
         None,
@@ -72,11 +72,6 @@ class Options:
         None,
         "Keep exactly this number of points that meet a condition, or this fraction of the kept ones: 'classification "
         "== 6: 10%', in Python {'classification == 6': '10%'} (methods that rank their points).",
-    )
-    group: str | None = _option(
-        None,
-        "Keep or drop groups whole: points with an equal attribute, such as the pulses of a laser by gps_time "
-        "(methods that rank their points).",
     )
     method: str | Method = _option(DEFAULT, "The method: its name, or in Python an instance with other parameters.")
     seed: int | None = _option(None, "Seed of random numbers. Methods without random numbers ignore it.")
@@ -142,9 +137,7 @@ class Options:
         one_of("invalid", self.invalid, ("error", "drop"))
         one_of("order", self.order, ("importance", "input", "gps_time"))
         for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
-            flag(name, getattr(self, name))
-        if self.group is not None and not isinstance(self.group, str):
-            raise ParameterError(f"expected `group` to be the name of an attribute, found {shown(self.group)}")
+            object.__setattr__(self, name, flag(name, getattr(self, name)))
         self._check_size()
         self._check_features()
         if self.unit is not None:
@@ -239,21 +232,8 @@ class Options:
     @property
     def constrains_points(self) -> bool:
         """Whether anything is asked of single points; see `Constraints`."""
-        by_name = self.details or self.quotas or self.group or self.algorithm.reads_attribute
+        by_name = self.details or self.quotas or self.algorithm.reads_attribute
         return self.keep is not None or self.weight is not None or bool(by_name)
-
-    @property
-    def needs_memory(self) -> str | None:
-        """The option for which all points have to be in memory, if any."""
-        reasons = {
-            "tolerance": self.tolerance is not None,
-            "max_gap": self.max_gap is not None,
-            "denoise": self.denoises,
-            "normals": self.normals,
-            "keep": self.keep is not None and not isinstance(self.keep, str),
-            "weight": self.weight is not None and not isinstance(self.weight, str),
-        }
-        return next((f"`{name}`" for name, is_set in reasons.items() if is_set), None)
 
     def check_in_memory(self) -> None:
         """Check that no option is given that is only for clouds in files."""
@@ -280,7 +260,7 @@ class Options:
             Feature.KEEP: self.keep is not None,
             Feature.WEIGHT: self.weight is not None,
             Feature.DETAIL: bool(self.details),
-            Feature.RANKING: bool(self.quotas) or self.group is not None,
+            Feature.RANKING: bool(self.quotas),
             Feature.SCORES: self.scores,
         }
         for feature, is_needed in features.items():
@@ -290,11 +270,9 @@ class Options:
             raise ParameterError("expected `spacing` without `keep` and `weight`, found both")
         if features[Feature.RANKING] and (self.size is None or self.max_gap is not None):
             raise ParameterError(
-                "expected `ratio` or `n_points` with `quota` or `group`, without `spacing`, `tolerance` and `max_gap`"
+                "expected `ratio` or `n_points` with `quota`, without `spacing`, `tolerance` and `max_gap`"
             )
-        if self.quotas and self.group:
-            raise ParameterError("expected `quota` without `group`, found both")
-        refused = ("tolerance", "max_gap", "keep", "quota", "group")  # of denoised points, all are off the surface
+        refused = ("tolerance", "max_gap", "keep", "quota")  # of denoised points, all are off the surface
         for name in refused if self.denoises else ():
             if getattr(self, name) is not None:
                 raise ParameterError(f"expected `denoise` without `{name}`, found both")

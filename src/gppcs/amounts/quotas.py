@@ -78,9 +78,9 @@ def choose_quotas(
     latter are `repeats`. Each quota gets the first of its own in one ranking, which is long enough for the quota that
     needs most, so that there are no seams. Shapes: labels (N,).
     """
-    numbers = _numbers(quotas, labels, count, keep)
     parts = len(quotas) + 1
     n_points = _count(labels, parts)
+    numbers = numbers_of(quotas, n_points, _count(labels[keep], parts), count)
     n_ranked = numbers - _count(labels[repeats], parts)
     needed = np.where(n_ranked < n_points, n_ranked, 0)  # all points of a quota need no ranking
     n = int(n_points.sum())
@@ -105,8 +105,11 @@ def _count(labels: Labels, parts: int) -> Ints:
     return sum((np.bincount(block, minlength=parts)[:parts] for block in blocks), start=np.zeros(parts, dtype=np.int64))
 
 
-def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Ints) -> Ints:
-    """Return how many points each part gets, the last one what the quotas leave; check that this is possible."""
+def numbers_of(quotas: Sequence[Quota], n_points: Ints, n_keep: Ints, count: int) -> Ints:
+    """Return how many points each part gets, the last one what the quotas leave; check that this is possible.
+
+    Shapes: n_points, n_keep (parts,), the points of each part, and those to keep.
+    """
     numbers = np.array([quota.number(count) for quota in quotas] + [0])
     rest = count - int(numbers.sum())
     if rest < 0:
@@ -115,9 +118,8 @@ def _numbers(quotas: Sequence[Quota], labels: Labels, count: int, keep: Ints) ->
             "or ask for more points"
         )
     numbers[-1] = rest
-    n_points, n_kept = (_count(part, len(numbers)) for part in (labels, labels[keep]))
     names = [f"points with {quota.condition.text}" for quota in quotas] + ["points of no quota"]
-    for name, number, n, fixed in zip(names, numbers, n_points, n_kept, strict=True):
+    for name, number, n, fixed in zip(names, numbers, n_points, n_keep, strict=True):
         if number > n:
             raise InputError(f"expected at least {number:,} {name}, found {n:,}; change the quotas")
         if fixed > number:

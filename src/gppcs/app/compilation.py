@@ -2,59 +2,107 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
-
 import gppcs
-from gppcs import METHODS, PointCloud, mesh, sample, simplify
+from gppcs import METHODS, PointCloud, Timer, mesh, sample, simplify
+from gppcs.amounts.options import Options
+from gppcs.engine.helpers import Part, run_all
 from gppcs.errors import MissingExtraError
 from gppcs.evaluation.comparison import PREPARATION_POINTS
+from gppcs.gp.local.first_run import compile_choice, compile_placement
+from gppcs.gp.local.greedy import PART_POINTS
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods.hc.clustering import hierarchical_clusters
+from gppcs.simplification import simplify_files
 from gppcs.spatial.kdtree import KdTree
+from gppcs.streaming.plan import make_plan
 from gppcs.surface.surface_variation import features_in_radius
 
 
-def compile_all(on_progress: Callable[[int], None]) -> tuple[int, list[str]]:
-    """Compile every kernel for all types of arrays that the package passes to it."""
-    before = sum(map(_compilations, _loaded()))
-    original = sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
-    for method in METHODS:
-        kept = simplify(original, ratio=0.1, method=method).cloud
-        on_progress(1)
-    gppcs.evaluate(original, kept)
-    gppcs.estimate_normals(original, kept)
-    light = mesh(original, n_points=100, effort=1).mesh
+def parts() -> list[Part]:
+    """Return parts of the work that together compile every kernel, for all types of arrays that it is called with.
+
+    What takes longest comes first, and neighbours call different kernels, as processes work on them at once.
+    """
+    methods: list[Part] = [(_simplify, str(method)) for method in METHODS if method != "gp"]
+    return [
+        (_simplify, "gp"),
+        (compile_choice, 2 * PART_POINTS),
+        (compile_placement,),
+        (_mesh, "village", 40_000, {"n_points": 4_000, "moved": True}),  # which takes most steps of a mesh
+        *methods,
+        (_evaluate,),
+        (_options,),
+        (_read_only,),
+        (_tiles,),
+        (_mesh, "fan", 30_000, {"n_faces": 2_000, "fill_holes": "5%"}),  # triangles cut others; a hole is filled
+        (_mesh, "fan", 10_000, {"n_points": 1_000, "moved": True}),  # some triangles of which relax
+        (_mesh, "medallion", 6_000, {"tolerance": "5%"}),
+        (_mesh, "bracket", PREPARATION_POINTS, {"n_points": 500}),  # whose drilled holes are tried as small handles
+    ]
+
+
+def compile_all() -> Iterator[int]:
+    """Compile every kernel, on all cores; yield how many of them each part of the work took."""
+    return run_all(parts())
+
+
+def _scan() -> PointCloud:
+    return sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
+
+
+def _stray() -> PointCloud:
+    return sample("fan", 30_000, noise=0.001, outliers=0.01)
+
+
+def _simplify(method: str) -> None:
+    simplify(_scan(), ratio=0.1, method=method)
+
+
+def _mesh(scan: str, n_points: int, options: dict[str, Any]) -> None:
+    noise = {"fan": 0.001, "medallion": 0.002}.get(scan, 0.0)
+    outliers = 0.01 if "fill_holes" in options else 0.0
+    mesh(sample(scan, n_points, noise=noise, outliers=outliers), **options)
+
+
+def _evaluate() -> None:
+    scan = _scan()
+    kept = simplify(scan, ratio=0.1, method="random").cloud
+    gppcs.evaluate(scan, kept)
+    gppcs.estimate_normals(scan, kept)
     with suppress(MissingExtraError):  # raised after all kernels
-        gppcs.evaluate_mesh(original, light)
-    mesh(original, tolerance="2%")
-    mesh(sample("room", 40_000), n_points=4_000, moved=True)  # which takes most steps of a mesh
-    mesh(sample("fan", 10_000, noise=0.002), n_points=1_000, moved=True)  # some triangles of which relax
-    mesh(sample("bracket", PREPARATION_POINTS), n_points=500)  # whose drilled holes are tried as small handles
-    stray = sample("statue", 30_000, noise=0.001, outliers=0.01)
-    mesh(stray, n_faces=2_000, fill_holes="5%")  # which removes triangles that cut others, and fills a hole
+        gppcs.evaluate_mesh(scan, mesh(scan, n_points=100, effort=1).mesh)
+
+
+def _options() -> None:
+    scan, stray = _scan(), _stray()
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
-    simplify(original, tolerance="2%", keep="curvature > 0", weight=abs(original.attributes["curvature"]))
-    simplify(stray, ratio=0.02, denoise=True)
-    simplify(original, ratio=0.1, detail="rgb")
-    hierarchical_clusters(original.points, size=10, variation=0.1)
-    original.points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
-    gppcs.info(PointCloud(original.points))
-    simplify(original.points, ratio=0.5, method="random")
-    folders = {path for kernel in _loaded() if (path := kernel.stats.cache_path)}
-    return sum(map(_compilations, _loaded())) - before, sorted(folders)
+    simplify(scan, tolerance="2%", keep="curvature > 0", weight=abs(scan.attributes["curvature"]))
+    simplify(sample("sphere", 30_000, noise=0.003), ratio=0.02, denoise=True)  # whose noise is found
+    simplify(scan, ratio=0.1, detail="rgb")
+    hierarchical_clusters(scan.points, size=10, variation=0.1)
 
 
-def _loaded() -> list[Any]:
-    """Return the kernels in all loaded modules of the package."""
-    modules = [module for name, module in sys.modules.items() if name.startswith("gppcs.")]
-    values = [value for module in modules for value in vars(module).values()]
-    return list({id(value): value for value in values if isinstance(value, Dispatcher)}.values())
+def _read_only() -> None:
+    points = _scan().points
+    points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
+    gppcs.info(PointCloud(points))
+    simplify(points, ratio=0.5, method="random")
 
 
-def _compilations(kernel: Any) -> int:
-    return sum(kernel.stats.cache_misses.values())
+def _tiles() -> None:
+    """Compile what only clouds beyond memory need."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "scan.ply")
+        gppcs.write(path, _stray())
+        for method in ("gp", "fps", "voxel"):
+            options = Options(ratio=0.02, method=method, drop_outliers=True)
+            with CloudFiles([path]) as files:
+                simplify_files(files, options, replace(make_plan(files, options), in_memory=False), Timer())

@@ -1,4 +1,4 @@
-"""Which files a command reads, and which file it writes for each: a file, a folder, or a pattern of names."""
+"""Which files a command reads, and which file it writes for each."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from string import Formatter
 
 from gppcs import io
 from gppcs.app.printing import print_error
 from gppcs.errors import FileFormatError, OutputError, file_path
 from gppcs.io import text
 
-FIELDS = ("stem", "name", "suffix", "parent")  # of a pattern, named as in `pathlib.Path`
-LEVEL = "level"  # the field for the number of a level, and the name of the attribute
+LEVEL = "level"  # the name of the attribute
+LEVEL_FIELD = "{level}"  # stands for the number of a level in the name of its file
 
 
 @dataclass(frozen=True)
@@ -61,30 +60,23 @@ def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Se
 
 
 def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, levels: int = 0) -> list[Output]:  # noqa: A002
-    """Return where results go: that of each input to a folder or by a pattern, else that of all as one cloud."""
+    """Return where results go: that of each input to a folder, else that of all as one cloud to a file."""
     sources = sources_of(inputs)
-    fields = _fields_of(output, (*FIELDS, LEVEL) if levels else FIELDS)
-    is_folder = not fields and _means_folder(output.format(), sources != list(inputs) or len(sources) > 1)
-    clouds = [[source] for source in sources] if is_folder or fields - {LEVEL} else [sources]
-
-    def target(source: Path, number: int) -> Path:
-        if is_folder:
-            return Path(output.format(), source.name)
-        name, stem = source.name, io.inner_name(source).stem  # the suffix of a compression belongs to the suffix
-        values = {"stem": stem, "name": name, "suffix": name[len(stem) :], "parent": source.parent}
-        return file_path(output.format(**values, level=number))
-
-    outputs = []
-    first_source: dict[Path, Path] = {}
-    for cloud in clouds:
-        targets = [target(cloud[0], number) for number in range(levels if LEVEL in fields else 1)]
-        if (other := first_source.setdefault(targets[0], cloud[0])) is not cloud[0]:
+    if LEVEL_FIELD in output:
+        if not levels:
+            raise OutputError(f"{output}: expected {LEVEL_FIELD} with `levels`; choose another name")
+        targets = [file_path(output.replace(LEVEL_FIELD, str(number))) for number in range(levels)]
+        return [Output(sources, targets, makes_folders=True, format=format)]
+    if not _means_folder(output, sources != list(inputs) or len(sources) > 1):
+        return [Output(sources, [file_path(output)], format=format)]
+    by_name: dict[str, Path] = {}
+    for source in sources:
+        if (other := by_name.setdefault(source.name, source)) is not source:
             raise OutputError(
-                f"{output}: expected inputs with different names, found that {other} and {cloud[0]} both go to "
-                f"{targets[0]}; rename one, or write a pattern with {{parent}}, {{stem}} and {{suffix}}"
+                f"{output}: expected inputs with different names, found {other} and {source}; rename one, or choose "
+                "a folder for each"
             )
-        outputs.append(Output(cloud, targets, is_folder or bool(fields), format))
-    return outputs
+    return [Output([source], [Path(output, source.name)], makes_folders=True, format=format) for source in sources]
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:
@@ -115,24 +107,9 @@ def _is_other_text(path: Path) -> bool:
 
 
 def _means_folder(output: str, is_one_of_several: bool) -> bool:
-    """Return whether a name without fields is that of a folder."""
+    """Return whether a name is that of a folder."""
     slashes = tuple(filter(None, (os.sep, os.altsep)))
     if output.endswith(slashes) and Path(output).is_file():
         raise OutputError(f"{output}: expected a folder, found a file; choose another name")
     is_bare = not Path(output).suffix and output != "-"  # which is standard output
     return Path(output).is_dir() or output.endswith(slashes) or (is_one_of_several and is_bare)
-
-
-def _fields_of(pattern: str, fields: Sequence[str]) -> set[str]:
-    """Return the names of the fields in a pattern, after checking that these exist."""
-    try:
-        parts = list(Formatter().parse(pattern))
-    except ValueError:
-        rule = "write {{ and }} for braces in a name"
-        raise OutputError(f"{pattern}: expected a pattern of names, found single braces; {rule}") from None
-    for _, name, details, conversion in parts:
-        field = f"{name}" + (f"!{conversion}" if conversion else "") + (f":{details}" if details else "")
-        if name is not None and field not in fields:
-            expected = ", ".join(f"{{{name}}}" for name in fields)
-            raise OutputError(f"{pattern}: expected the fields {expected}, found {{{field}}}")
-    return {name for _, name, _, _ in parts if name}

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from gppcs import __version__, io
 from gppcs.app.printing import print_error
 from gppcs.clouds.cloud import PointCloud
@@ -17,13 +15,12 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint, spread_over
 from gppcs.drawing.cloud_images import ColouredCloud, painted
 from gppcs.drawing.colours import RGB, Colourable
-from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
+from gppcs.drawing.side_by_side import Column, draw_comparison
 from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
-from gppcs.evaluation.mesh_comparison import MeshEntry
 
 SUFFIXES = (".html", ".htm")  # of pages
 MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
@@ -55,16 +52,6 @@ def named_clouds(entries: Sequence[Entry], finite: PointCloud, is_measured: bool
     return [Named(str(result.method), result.cloud, mesh, result.method.summary) for result, mesh in results]
 
 
-def named_meshes(entries: Sequence[MeshEntry]) -> list[Named]:
-    """Return the meshes of a comparison that were measured, with the vertices that triangles have."""
-    shown = []
-    for entry in entries:
-        if entry.report and entry.mesh:
-            vertices, reason = np.unique(entry.mesh.faces), f"it is a vertex of the mesh by {entry.pipeline}"
-            shown.append(Named(entry.pipeline, PointCloud(entry.mesh.vertices[vertices]), entry.mesh, reason, True))
-    return shown
-
-
 def named_inputs(paths: Sequence[Path], read: Sequence[tuple[PointCloud, Mesh | None]]) -> list[Named]:
     """Return clouds and meshes that were read, by the names of their files."""
     named = zip(different_names(paths), read, strict=True)
@@ -77,8 +64,6 @@ def draw_beside(
     results: Sequence[tuple[Named, str]],
     viewpoint: Viewpoint,
     colour: str | None,
-    counted: str = "points",
-    close_ups: int = CLOSE_UPS,
 ) -> None:
     """Write a PNG of a finite cloud and of results with captions, in the colours of the nearest original points."""
     captions = [caption for _, caption in results]
@@ -86,8 +71,8 @@ def draw_beside(
     everything, legend = painted(original.cloud, colour)
     columns = [Column(original.name, everything, "", original.mesh)]
     for named, caption in zip(shown, captions, strict=True):
-        columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh, counted))
-    draw_comparison(file, columns, viewpoint, legend, close_ups)
+        columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh))
+    draw_comparison(file, columns, viewpoint, legend)
 
 
 def draw_pair(

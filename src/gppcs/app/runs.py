@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,7 +23,8 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods.method import SCORES
-from gppcs.simplification import Result, simplify_cloud, simplify_files
+from gppcs.simplification import Result, simplify_cloud, simplify_each, simplify_files
+from gppcs.streaming.folder import Target
 from gppcs.streaming.plan import Plan, make_plan
 
 
@@ -69,7 +70,8 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         result, clouds = _simplified(job, output, files, plan, timer)
         note_unused(output.input_title, files)
     with timer("writing"):
-        dropped = _store(job, output, clouds)
+        is_ranked = result.ranked and job.mark is None and _order(job, output) == "importance"
+        dropped = _store(job, output, clouds, is_ranked)
     note_left_out(output.targets[-1], dropped)
     note_units(output.input_title, preview, job.options.unit)
     for note in _notes(result, job.options):
@@ -85,9 +87,37 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         "method": result.method.name,
         "parameters": dataclasses.asdict(result.method),
         "readings": plan.readings,
-        **record_of_run(result.diagnostics, result.seconds),
+        **record_of_run(result.diagnostics, timer.seconds),
     }
     return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
+
+
+def run_folder(job: Job, outputs: Sequence[Output], timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
+    """Simplify several files as one cloud, and write the kept points of each; return record and rows, as `run_job`."""
+    sources = [output.sources[0] for output in outputs]
+    targets = [Target(output.targets[0], output.format, _order(job, output), job.lossy) for output in outputs]
+    with job.options.open(sources) as files:
+        plan = make_plan(files, job.options)
+        _check_storable(job, outputs[0], files.preview)
+        written, diagnostics = simplify_each(files, targets, job.options, plan, timer, job.force)
+        points_in = files.n_points
+    points_out = sum(file.n_points for file in written)
+    record = {
+        "input": list(map(str, sources)),
+        "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
+        "points_in": points_in,
+        "points_out": points_out,
+        "method": job.options.algorithm.name,
+        "parameters": dataclasses.asdict(job.options.algorithm),
+        **record_of_run(diagnostics, timer.seconds),
+    }
+    rows = {
+        "points": f"{points_in:,} in, {points_out:,} out ({100 * points_out / points_in:.3g} %)",
+        "files": f"{len(written):,}, and index.vpc, which lists them",
+        "method": str(job.options.algorithm),
+        "time": time_in_words(timer.seconds),
+    }
+    return record, rows
 
 
 def _simplified(
@@ -169,7 +199,7 @@ def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
     return counts
 
 
-def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
+def _store(job: Job, output: Output, clouds: list[PointCloud], is_ranked: bool) -> list[str]:
     """Write all files of an output, which replace others only when all are complete; return what they do not hold."""
     dropped: list[str] = []
     with ExitStack() as stack:
@@ -177,7 +207,8 @@ def _store(job: Job, output: Output, clouds: list[PointCloud]) -> list[str]:
             if output.makes_folders:
                 target.parent.mkdir(parents=True, exist_ok=True)
             file = stack.enter_context(io.whole_output(target, job.force))
-            dropped = io.store_in(file, target, cloud, io.format_to_write(target, output.format), job.lossy)
+            chosen = io.format_to_write(target, output.format, is_ranked=is_ranked)
+            dropped = io.store_in(file, target, cloud, chosen, job.lossy)
     return dropped
 
 
@@ -224,7 +255,7 @@ def _effect(noise: float, options: Options) -> str:
 def _notes(result: Result, options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
     kept, fraction = len(result.indices), len(result.indices) / result.points_in
-    if isinstance(options.size, int) and kept < options.size and options.group is None:
+    if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:

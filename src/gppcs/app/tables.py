@@ -13,39 +13,29 @@ from rich.text import Text
 
 from gppcs.app.printing import visible
 from gppcs.evaluation.comparison import Entry
-from gppcs.evaluation.mesh_comparison import MeshEntry
 from gppcs.evaluation.report import definition_of
 
 UNITS = "Lengths in 1e-4 diagonals of the original's bounding box, Chamfer in 1e-6 squared diagonals, angles in degrees"
 SHOWN = (
-    "points_out", "vertices", "triangles", "seconds",
+    "points_out", "seconds",
     "hausdorff_mean", "hausdorff_max", "estimated_hausdorff_mean", "estimated_hausdorff_max", "stray_share",
     "surface_mean", "surface_mean_by_area", "surface_max", "feature_error", "feature_recall", "normal_deviation",
     "mean_surface_variation", "covering_radius", "covering_p999", "mean_distance", "chamfer",
-    "mesh_mean", "mesh_max", "mesh_back_mean", "mesh_back_max", "mesh_pieces", "boundary_loops", "genus",
-    "non_manifold_edges", "non_manifold_vertices", "self_intersections", "slivers",
 )  # fmt: skip
 
 Cell = tuple[str, bool]  # a value as text, and whether it is the best of its column
 
 
-def record_of(entry: Entry | MeshEntry) -> dict[str, Any]:
-    """Return the record of a method or a pipeline, as `--json` prints it."""
-    if isinstance(entry, Entry):
-        record: dict[str, Any] = {"method": entry.method.name, "parameters": dataclasses.asdict(entry.method)}
-    else:
-        record = {"pipeline": entry.pipeline}
-    return record | {
+def record_of(entry: Entry) -> dict[str, Any]:
+    """Return the record of a method, as `--json` prints it."""
+    return {
+        "method": entry.method.name,
+        "parameters": dataclasses.asdict(entry.method),
         "seconds": entry.seconds,
-        "figures": entry.report.figures() if entry.report else {},
-        "relative": entry.report.figures(relative=True) if entry.report else {},
+        "figures": entry.report.figures(),
+        "relative": entry.report.figures(relative=True),
         "failure": entry.failure,
     }
-
-
-def label_of(entry: Entry | MeshEntry) -> str:
-    """Return what tables call a method or a pipeline."""
-    return str(entry.method) if isinstance(entry, Entry) else entry.pipeline
 
 
 def columns_of(records: Sequence[dict[str, Any]]) -> dict[str, list[Cell]]:
@@ -77,9 +67,9 @@ def _text(value: float | None, factor: float) -> str:
     return rounded if abs(float(rounded)) < 1000 else f"{factor * value:.0f}"
 
 
-def print_table(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]) -> None:
+def print_table(labels: Sequence[str], columns: dict[str, list[Cell]]) -> None:
     """Print a comparison, wider than the terminal rather than cut. The best value of each column is bold."""
-    table = Table(kind, box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    table = Table("method", box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for title, cells in columns.items():
         width = max(len(word) for word in (*title.split(), *(text for text, _ in cells)))
         table.add_column(title, justify="right", width=width)
@@ -92,9 +82,9 @@ def print_table(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]
     console.print(UNITS, style="dim")
 
 
-def as_markdown(kind: str, labels: Sequence[str], columns: dict[str, list[Cell]]) -> str:
+def as_markdown(labels: Sequence[str], columns: dict[str, list[Cell]]) -> str:
     """Return a comparison as a Markdown table."""
-    lines = [[kind, *columns], ["---"] * (len(columns) + 1)]
+    lines = [["method", *columns], ["---"] * (len(columns) + 1)]
     for number, label in enumerate(labels):
         row = [cells[number] for cells in columns.values()]
         lines.append([label, *(f"**{text}**" if best else text for text, best in row)])
@@ -107,8 +97,7 @@ def as_csv(records: Sequence[dict[str, Any]]) -> str:
     for record in records:
         row = {name: value for name, value in record.items() if name not in ("figures", "relative")}
         row["failure"] = " ".join((record["failure"] or "").split())
-        if "parameters" in row:
-            row["parameters"] = " ".join(f"{name}={value}" for name, value in record["parameters"].items())
+        row["parameters"] = " ".join(f"{name}={value}" for name, value in record["parameters"].items())
         for name, value in record["relative"].items():
             if name != "diagonal" and definition_of(name).power:
                 row[f"{name}_relative"] = value

@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.kernels import kernel
-
 
 class Topology(NamedTuple):
     """How triangles hang together."""
@@ -53,30 +51,9 @@ def connected(begins: NDArray[np.int64], ends: NDArray[np.int64], n: int) -> tup
 
     Components are numbered in the order of their first nodes.
     """
-    begins, ends = (np.ascontiguousarray(nodes, dtype=np.int64) for nodes in (begins, ends))  # compiled for one type
-    labels = np.arange(n)
-    return int(_join_all(begins, ends, labels)), labels
+    from scipy.sparse import coo_array  # only here, as it is slow to load
+    from scipy.sparse.csgraph import connected_components
 
-
-@kernel(allocates=False)
-def _join_all(begins, ends, labels):
-    """Join the nodes of each edge; fill the component of each node, (n,), at first its number; return how many."""
-    for e in range(len(begins)):
-        a, b = _root(labels, begins[e]), _root(labels, ends[e])
-        labels[max(a, b)] = min(a, b)  # so that the root is the first node
-    count = 0
-    for node in range(len(labels)):
-        if labels[node] == node:
-            labels[node], count = count, count + 1
-        else:
-            labels[node] = labels[labels[node]]
-    return count
-
-
-@kernel(allocates=False)
-def _root(labels, node):
-    """Return the root of a node, and halve the path to it."""
-    while labels[node] != node:
-        labels[node] = labels[labels[node]]
-        node = labels[node]
-    return node
+    graph = coo_array((np.ones(len(begins)), (begins, ends)), shape=(n, n))
+    count, labels = connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)

@@ -33,13 +33,12 @@ class Column:
     cloud: ColouredCloud
     caption: str
     mesh: Mesh | None
-    counted: str = "points"
     is_mesh: bool = False  # whether the mesh stands in place of the cloud, in its colours
 
     @property
     def size_text(self) -> str:
         """The number of points, or of vertices and triangles."""
-        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud.points):,} {self.counted}"
+        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud.points):,} points"
 
 
 def draw_comparison(

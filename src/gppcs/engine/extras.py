@@ -33,11 +33,6 @@ require_sklearn = partial(
 )
 
 
-def require_cgal(module: str) -> Any:
-    """Import a part of CGAL's Python package."""
-    return require(f"CGAL.CGAL_{module}", "the advancing front needs CGAL", "cgal", extra="cgal")
-
-
 def require_all(*checks: Callable[[], object]) -> None:
     """Check for several packages, and raise one error that names all that are missing."""
     missing = []
@@ -47,4 +42,4 @@ def require_all(*checks: Callable[[], object]) -> None:
         except MissingExtraError as error:
             missing.append(str(error))
     if missing:
-        raise MissingExtraError("\n".join(missing))
+        raise MissingExtraError("; ".join(missing))

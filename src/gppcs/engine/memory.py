@@ -14,16 +14,21 @@ def peak_memory() -> int | None:
     """Return the peak resident memory of this process, where the system tells it."""
     with suppress(OSError, IndexError):  # preferred to getrusage, which includes the peak of the parent process
         return int(STATUS.read_text().split("VmHWM:")[1].split()[0]) * 1024
-    import psutil
+    with suppress(OSError, RuntimeError):  # without /proc
+        import psutil
 
-    return getattr(psutil.Process().memory_info(), "peak_wset", None)  # on Windows
+        return getattr(psutil.Process().memory_info(), "peak_wset", None)  # on Windows
+    return None
 
 
-def available_memory(root: Path = Path("/")) -> int:
-    """Return how much memory this process may still take without swapping; in a container, the limit of that counts."""
-    import psutil
+def available_memory(root: Path = Path("/")) -> int | None:
+    """Return how much memory this process, or its container, may take without swapping; None if that is unknown."""
+    limits = list(_left_to_groups(root))
+    with suppress(OSError, RuntimeError):
+        import psutil
 
-    return max(0, min([psutil.virtual_memory().available, *_left_to_groups(root)]))
+        limits.append(psutil.virtual_memory().available)
+    return max(0, min(limits)) if limits else None
 
 
 def size_of(memory: int) -> str:

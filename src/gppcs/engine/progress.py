@@ -6,6 +6,8 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
+from gppcs.engine import timer
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -43,9 +45,12 @@ class ProgressBar:
 
         console = Console(stderr=True)
         if console.is_jupyter or (sys.stderr.isatty() and not console.is_dumb_terminal):
-            name, times = TextColumn("{task.description}"), (TimeElapsedColumn(), TimeRemainingColumn())
+            name, times = (
+                TextColumn("{task.description}{task.fields[compiled]}"),
+                (TimeElapsedColumn(), TimeRemainingColumn()),
+            )
             self._bar = Progress(SpinnerColumn(), name, BarColumn(), *times, console=console, transient=True)
-            self._bar.add_task(stage, total=total)
+            self._bar.add_task(stage, total=total, compiled=_Compiled())
             self._start = threading.Timer(PATIENCE, self._bar.start)
             self._start.daemon = True
             self._start.start()
@@ -56,6 +61,17 @@ class ProgressBar:
             self._start.join()
             self._bar.stop()
         self._stage = self._bar = None
+
+
+class _Compiled:
+    """How many kernels were compiled since the start of a stage, as the bar shows it."""
+
+    def __init__(self) -> None:
+        self._before = timer.compile_timer.kernels
+
+    def __str__(self) -> str:
+        count = timer.compile_timer.kernels - self._before
+        return f", kernels compiled: {count}" if count else ""
 
 
 class ProgressLines:

@@ -27,7 +27,7 @@ RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough
 _wanted: int | None = None  # what `set_threads` set
 _pool: ThreadPoolExecutor | None = None  # the helping threads, which start when they are first needed
 _growing = threading.Lock()
-_here = threading.local()  # `shares` is true in threads that share the cores
+_here = threading.local()  # `shares` is true in threads that share the cores, `alone` in those that use one thread
 _sharing = 0  # how many threads these are
 
 
@@ -86,6 +86,8 @@ def _pool_of(size: int) -> ThreadPoolExecutor:
 
 def number_of_threads() -> int:
     """Return the number of threads that a call uses."""
+    if getattr(_here, "alone", False):
+        return 1
     threads = _wanted or int(min(_cores(), _quota()))
     return max(1, threads // _sharing) if getattr(_here, "shares", False) else threads
 
@@ -108,6 +110,16 @@ def sharing_cores() -> Iterator[None]:
         _here.shares = False
         with _growing:
             _sharing -= 1
+
+
+@contextlib.contextmanager
+def on_one_thread() -> Iterator[None]:
+    """Let the calls of the calling thread use no other one."""
+    before, _here.alone = getattr(_here, "alone", False), True
+    try:
+        yield
+    finally:
+        _here.alone = before
 
 
 def set_threads(count: int | None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -91,33 +90,29 @@ def timer_of(timer: Timer | None) -> Timer:
 
 
 class CompileTimer:
-    """Measures the time in which at least one kernel is being compiled, without the garbage collector."""
+    """Measures the time in which at least one kernel is being compiled."""
 
     def __init__(self) -> None:
+        self.kernels = 0  # that were compiled so far
         self.seconds = 0.0  # of all compilations in this process, in any of its threads, that have ended
         self._depth = 0  # one kernel may need another; Numba lets only one thread compile at a time
         self._start = 0.0
-        self._collects = False
         self._is_announced = False
 
     def start(self) -> None:
-        """Note that a compilation starts; the garbage collector, which would take a tenth of the time, is off."""
+        """Note that a compilation starts."""
         if not self._is_announced:
             self._is_announced = True
             _announce()
         if self._depth == 0:
             self._start = perf_counter()
-            self._collects = gc.isenabled()
-            gc.disable()
         self._depth += 1
 
     def stop(self) -> None:
-        """Note that the compilation of a kernel has ended, and switch the collector on again if it was."""
+        """Note that the compilation of a kernel has ended."""
         self._depth -= 1
         if self._depth == 0:
             self.seconds += perf_counter() - self._start
-            if self._collects:
-                gc.enable()
 
 
 compile_timer = CompileTimer()

@@ -116,7 +116,7 @@ def compare(
 def those_that_fit(methods: Iterable[Method], n: int, options: Options) -> list[Method]:
     """Return the methods that can choose so many of n points in the memory that is free."""
     free, kept = available_memory(), options.count(n) or n
-    return [method for method in methods if method.memory(n, kept) <= free]
+    return [method for method in methods if free is None or method.memory(n, kept) <= free]
 
 
 def checked_methods(

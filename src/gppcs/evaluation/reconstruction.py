@@ -69,28 +69,6 @@ def without_membranes(mesh: Mesh, points: Floats) -> Mesh:
     return Mesh(mesh.vertices, faces)
 
 
-def decimated(mesh: Mesh, n_faces: int) -> Mesh:
-    """Return a mesh with fewer triangles, by quadric edge collapse (Garland and Heckbert 1997)."""
-    meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
-    meshes.meshing_remove_unreferenced_vertices()
-    parameters = {"targetfacenum": n_faces, "preservenormal": True}
-    return _filtered(meshes, "the decimation", "meshing_decimation_quadric_edge_collapse", **parameters)
-
-
-def oriented_alike(mesh: Mesh) -> Mesh:
-    """Return a mesh whose triangles are turned so that neighbours agree in orientation, where that is possible."""
-    meshes = _mesh_set(mesh.vertices, face_matrix=mesh.faces)
-    return _filtered(meshes, "turning the triangles", "meshing_re_orient_faces_coherently")
-
-
-def ball_pivoted(points: Floats, normals: Floats) -> Mesh:
-    """Return the mesh of points, (M, 3), by ball pivoting (Bernardini et al. 1999), with PyMeshLab's guessed radius."""
-    meshes = _mesh_set(points, v_normals_matrix=normals)
-    return _filtered(
-        meshes, f"ball pivoting of the {len(points)} points", "generate_surface_reconstruction_ball_pivoting"
-    )
-
-
 def distances_to(mesh: Mesh, points: Floats) -> Floats:
     """Return the distance of each point to the surface of a mesh. Shapes: points (M, 3); returns (M,)."""
     _, squared, _ = nearest_triangles(mesh.vertices, mesh.faces, points)

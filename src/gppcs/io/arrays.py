@@ -19,7 +19,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, Reader, Span, keeping
+from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
 from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
 
 
@@ -45,6 +45,12 @@ def _mapped(file: BufferedReader) -> Column:
 
 def open_npz(file: BufferedReader) -> Reader:
     """Open an NPZ file: the array `points`, as NPY files have it, and all other arrays as attributes."""
+    with _reported(), zipfile.ZipFile(file) as archive:
+        return read_at_once(file, _read_npz, sum(member.file_size for member in archive.infolist()))
+
+
+def _read_npz(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of an NPZ file."""
     with _reported(), np.load(file, allow_pickle=False) as archive:
         arrays = {name: np.asarray(archive[name]) for name in archive.files}
     if "points" not in arrays:
@@ -53,8 +59,7 @@ def open_npz(file: BufferedReader) -> Reader:
     for name in arrays:
         if name in columns:
             raise FileFormatError(f"expected arrays of different names, found {name!r} twice; rename one")
-    cloud = PointCloud.from_columns({**columns, **arrays})
-    return Reader(lambda n: iter([cloud]), len(cloud), at_once=True)
+    return PointCloud.from_columns({**columns, **arrays}), []
 
 
 def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
@@ -69,9 +74,21 @@ def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         file.seek(0)
-        return read_records(file, record, n_points, n, span=span)
+        for cloud in read_records(file, record, n_points, n, span=span):
+            _check_places(cloud)
+            yield cloud
 
     return Reader(chunks, n_points, spans=partial(equal_spans, n_points))
+
+
+def _check_places(cloud: PointCloud) -> None:
+    """Check that coordinates may be metres around a sensor: nothing else tells bare records from other bytes."""
+    sizes = np.abs(cloud.points[cloud.points != 0.0])
+    if len(sizes) and not (sizes.max() < 1e6 and np.median(sizes) > 1e-6):
+        raise FileFormatError(
+            f"expected coordinates of metres around a sensor, found {np.median(sizes):g} as the median of their sizes, "
+            f"and {sizes.max():g} as the largest; the file is in another format: leave out `format`, or name that"
+        )
 
 
 def _reported() -> AbstractContextManager[None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -28,23 +29,45 @@ def open_parquet(file: BufferedReader) -> Reader:
 
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
-        count = table.metadata.num_rows
-        return _reader(table.schema_arrow, lambda n: table.iter_batches(min(n, _ROWS)), count)
+        _check_names(table.schema_arrow.names)
+        groups = map(table.metadata.row_group, range(table.metadata.num_row_groups))
+        sizes = [group.column(i).total_uncompressed_size for group in groups for i in range(group.num_columns)]
+        count, row = table.metadata.num_rows, sum(map(_width, table.schema_arrow.types))
+        reader = _reader(table.schema_arrow, lambda n: table.iter_batches(min(n, _ROWS)), count)
+        return replace(reader, memory=max([row * min(count, _ROWS), *sizes]))
 
 
 def open_feather(file: BufferedReader) -> Reader:
     """Open a Feather file of version 2, which is an Arrow file."""
+    require_pyarrow()
+    import pyarrow.dataset
+
     with _reported():
-        table = require_pyarrow().ipc.open_file(file)
+        table = pyarrow.ipc.open_file(file)
+        _check_names(table.schema.names)
+        count = pyarrow.dataset.IpcFileFormat().make_fragment(file).count_rows()
         batches = range(table.num_record_batches)
-        return _reader(table.schema, lambda n: map(table.get_batch, batches))
+        reader = _reader(table.schema, lambda n: map(table.get_batch, batches), count)
+        return replace(reader, memory=count * sum(map(_width, table.schema.types)) // max(1, len(batches)))
 
 
-def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | None = None) -> Reader:
-    """Return a reader of a table, whose batches have at most n rows."""
-    names = list(schema.names)
+def _width(kind: Any) -> int:
+    """Return the bytes of a value in a column; 0 if they differ."""
+    if hasattr(kind, "list_size"):
+        return int(kind.list_size) * _width(kind.value_type)
+    try:
+        return -(-kind.bit_width // 8)
+    except ValueError:
+        return 0
+
+
+def _check_names(names: list[str]) -> None:
     if len(set(names)) < len(names):
         raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
+
+
+def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int) -> Reader:
+    """Return a reader of a table, whose batches have at most n rows."""
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:
@@ -54,7 +77,7 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int | N
                 if batch.num_rows:
                     yield from at_most(n, [_cloud(batch)])
                 done += batch.num_rows
-            if count is not None and done != count:
+            if done != count:
                 raise ends_early("row", done, count)
             if not done:
                 yield empty
@@ -79,6 +102,9 @@ def _values(name: str, column: Any) -> Column:
     if types.is_struct(column.type) and [part.name for part in column.type] == ["x", "y", "z"]:
         return np.stack([_values(name, part) for part in column.flatten()], axis=1)
     if types.is_dictionary(column.type):
+        texts = (value for value in column.dictionary.to_pylist() if isinstance(value, str))
+        if (longest := max(map(len, texts), default=0)) * len(column) > 1 << 30:
+            raise _too_long(name, longest)
         column = column.dictionary_decode()
     kind = column.type
     if column.null_count and not types.is_floating(kind):
@@ -102,10 +128,14 @@ def _texts(name: str, texts: list[str]) -> Column:
     """Return texts as an array, which drops zero characters at their ends."""
     longest, total = max(map(len, texts), default=0), sum(map(len, texts))
     if longest * len(texts) > 64 * (total + _ROWS):  # NumPy stores all as long as the longest
-        raise FileFormatError(
-            f"expected texts of similar length in {name!r}, found one of {longest:,} characters; shorten or remove it"
-        )
+        raise _too_long(name, longest)
     return np.array(texts, f"<U{max(longest, 1)}")
+
+
+def _too_long(name: str, longest: int) -> FileFormatError:
+    return FileFormatError(
+        f"expected texts of similar length in {name!r}, found one of {longest:,} characters; shorten or remove it"
+    )
 
 
 def write_parquet(file: BinaryIO, cloud: PointCloud) -> None:

@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
-from gppcs.errors import FileFormatError, ParameterError, file_path, flag, shown
+from gppcs.engine.memory import available_memory, size_of
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.joining import JointColumns
+from gppcs.io.joining import joined
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
@@ -66,10 +68,14 @@ class _Opened:
             return sum(map(len, self.reader.chunks(BLOCK))), True
         if self.reader.n_points is not None and not is_part:
             return self.reader.n_points, True
-        first = self.first()
-        if self.reader.at_once or len(first) < BLOCK:
+        if self.reader.at_once:
+            return len(self.first()), True
+        chunks = filter(len, self.reader.chunks(BLOCK))
+        first = next(chunks, ())
+        position = self.file.tell()
+        if next(chunks, None) is None:
             return len(first), True
-        return round(len(first) * self.size / max(1, self.file.tell())), False
+        return round(len(first) * self.size / max(1, position)), False
 
 
 class CloudFiles:
@@ -99,7 +105,7 @@ class CloudFiles:
         self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
         self._paths = [file for path in paths for file in files_of(file_path(path))]
         self._span: Span | None = None  # the part of a single file that is read
-        self._header: Header | None = None  # of the first file that has one
+        self._header: Header | None = None  # of the first file with a coordinate system
         self._opened: dict[Path, _Opened] = {}
 
     def __enter__(self) -> CloudFiles:
@@ -146,18 +152,30 @@ class CloudFiles:
 
     @property
     def at_once(self) -> tuple[str | None, int]:
-        """The name of a format, if any, that has all points in memory before some are read, and their bytes, about."""
+        """The name of a format, if any, whose points are all in memory before some are read; and the bytes at once."""
         name, size = None, 0
         for opened in map(self._open, self._paths):
+            n, memory = opened.reader.n_points, opened.reader.memory
             if opened.reader.at_once:
-                name, n = opened.format.name, opened.reader.n_points
-                size += opened.size if n is None else 24 * n
+                name = opened.format.name
+                size += max(memory, opened.size if n is None else 24 * n)
+            size = max(size, memory)
         return name, size
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
+        return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
 
     @property
     def reads_standard_input(self) -> bool:
         """Whether one of the files is standard input, which no other process can read."""
         return any(map(is_standard, self._paths))
+
+    @property
+    def has_copies(self) -> bool:
+        """Whether one of the files is copied to a temporary file before it is read."""
+        return any(opened.is_copy for opened in map(self._open, self._paths))
 
     @property
     def n_faces(self) -> int:
@@ -174,12 +192,29 @@ class CloudFiles:
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
-        clouds, columns = [], JointColumns()
+        return joined(self.read_each())
+
+    def read_each(self) -> list[PointCloud]:
+        """Read the points of each file."""
+        self._check_memory()
+        clouds = []
         for path in self._paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
-                columns.add(clouds[-1])
-        return columns.joined(clouds)
+        return clouds
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """The files."""
+        return self._paths
+
+    def _check_memory(self) -> None:
+        """Check, before many points are read, that there is memory for them."""
+        n = sum(opened.reader.n_points or 0 for opened in map(self._open, self._paths))
+        if n > 1 << 22 and self.query is None:
+            preview = self.preview
+            size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
+            _check_free(size * n // len(preview))
 
     def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, at most n at once unless a file is read at once."""
@@ -194,6 +229,7 @@ class CloudFiles:
         """Return each file, or parts of about n points of a file, by itself."""
         parts = []
         header = self.preview.header if self._assume_same_crs else None
+        header = header if header and header.crs else None
         for path in self._paths:
             with self._reading(path) as opened:
                 spans = [] if opened.is_copy else opened.reader.spans(n)
@@ -206,11 +242,13 @@ class CloudFiles:
         return parts
 
     def _in_one_system(self, cloud: PointCloud) -> PointCloud:
-        """Return a cloud with the header of the first file, if its coordinate system counts for all files.
+        """Return a cloud with the first header of a coordinate system, if that counts for all files.
 
         A cloud whose attributes are to be read in another way keeps its own header, which says so.
         """
         if not self._assume_same_crs or cloud.header is None:
+            return cloud
+        if self._header is None and cloud.header.crs is None:
             return cloud
         first = self._header = self._header or cloud.header
         ours, theirs = first.conventions, cloud.header.conventions
@@ -219,7 +257,7 @@ class CloudFiles:
     @contextmanager
     def _reading(self, path: Path) -> Iterator[_Opened]:
         """Yield an open file; errors in the block name it."""
-        with np.errstate(invalid="ignore"):  # of a signalling NaN
+        with np.errstate(invalid="ignore"):
             opened = self._open(path)
             with naming(path):
                 yield opened
@@ -230,10 +268,11 @@ class CloudFiles:
             plain = [path for path, opened in self._opened.items() if not opened.is_copy]
             if len(plain) >= 64:  # a process may not open many more
                 self._opened.pop(plain[0]).close()
-            with naming(path), ExitStack() as stack:
+            with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
                 file = stack.enter_context(plain_input(path))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))
+                _check_free(reader.memory)
                 reader = self.query.restricted(file_format, reader) if self.query else reader
                 self._opened[path] = _Opened(file, file_format, reader, stack.pop_all().close)
         return self._opened[path]
@@ -244,6 +283,15 @@ class CloudFiles:
             raise FileFormatError(f"expected a text table, whose columns can be named, found {file_format.name}")
         options = {"query": self.query, "columns": self._columns}
         return {name: value for name, value in options.items() if name in file_format.options and value is not None}
+
+
+def _check_free(size: int) -> None:
+    """Check that there is memory for some bytes."""
+    if (free := available_memory()) is not None and size > free:
+        raise InputError(
+            f"expected {size_of(size)} of free memory to unpack the points, found {size_of(free)}; read a part with "
+            "`inside` or `only`, or use a machine with more memory"
+        )
 
 
 def _checked_columns(columns: Sequence[str]) -> list[str]:

@@ -35,6 +35,18 @@ def coordinate_type(cloud: PointCloud) -> np.dtype[Any]:
     return kept
 
 
+def with_digits(cloud: PointCloud) -> PointCloud:
+    """Return a cloud for text: of double coordinates if the digits of single ones, as others read them, move points."""
+    sizes = np.abs(cloud.points[np.isfinite(cloud.points)])
+    if cloud.coordinate_dtype != np.float32 or not len(sizes):
+        return cloud
+    finite = cloud.points[cloud.is_finite()]
+    diagonal = float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 0.0
+    with np.errstate(over="ignore"):
+        shift = np.spacing(np.float32(sizes.max())) / 2
+    return cloud if shift <= 1e-6 * diagonal else replace(cloud, coordinate_dtype=np.dtype(np.float64))
+
+
 def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
     """Return coordinates and attributes by name; those of `flat` columns are one number or text for each point."""
     points = cloud.points.astype(coordinate_type(cloud), copy=False)

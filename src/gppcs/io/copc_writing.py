@@ -1,7 +1,8 @@
 """Writes COPC files: LAZ files whose chunks are the nodes of an octree, from coarse to fine.
 
 The order of the points decides: each lies in the coarsest node around it that is not full yet. So the first node holds
-the first points of a ranking, and every node the first ones of those in its cell that no coarser node holds.
+the first points of a ranking, and every node the first ones of those in its cell that no coarser node holds. Points
+that have no ranking are taken in an order that spreads each node's over those in its cell.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.io import copc, las
 from gppcs.io.format import Format
-from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of
+from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, kind_of
 from gppcs.io.laz import chunks_of
 
 if TYPE_CHECKING:
     import laspy
 
-ORDERS = ("order", "random")
+ORDERS = ("order", "even")
 BLOCK = 1 << 20  # Points that are sorted at once.
 FULL = 1 << 16  # Points of a node with others below it. With fewer, these would hold less than some 10,000.
 LARGEST = 100_000  # Points of a node that takes in those of small nodes below it. Viewers load complete nodes.
@@ -31,21 +32,33 @@ DEEPEST = 20  # Octree level whose cells three numbers of 20 bits name.
 _SPREAD = np.array([sum((i >> bit & 1) << 3 * bit for bit in range(10)) for i in range(1024)])  # two zeros between bits
 
 
-def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str = ORDERS[0]) -> None:
+def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str | None = None) -> None:
     """Write a COPC file of a cloud in memory, which `stored` has returned."""
     header = las.header_of(cloud)
     records = las.records_of(cloud, header)
-    if levels_by == "random":
-        np.random.default_rng(0).shuffle(records)
-    write_octree(file, header, records)
+    rank = cloud.attributes.get("rank")
+    if levels_by is None and rank is not None and _is_ranking(rank):
+        records, levels_by = records[np.argsort(rank)], "order"
+    is_even = levels_by != "order"
+    if is_even and len(records) > BLOCK:
+        records = records[np.random.default_rng(0).permutation(len(records))]
+    write_octree(file, header, records, is_even)
 
 
-def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any]) -> None:
-    """Write a COPC file of points as they are stored, (n,), the most important first. It sorts them in place."""
+def _is_ranking(rank: NDArray[Any]) -> bool:
+    """Return whether an attribute numbers the points, as that of `gppcs simplify --rank` does."""
+    return rank.dtype.kind in "iu" and rank.ndim == 1 and len(np.unique(rank)) == len(rank)
+
+
+def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any], is_even: bool) -> None:
+    """Write a COPC file of points as they are stored, (n,). It sorts them in place.
+
+    The most important points come first, or if the levels are to be even, the points are in random order.
+    """
     import laspy
     import lazrs
 
-    header, info = deepcopy(header), laspy.VLR("copc", 1, "copc info", bytes(160))
+    header, info = dated(header), laspy.VLR("copc", 1, "copc info", bytes(160))
     header.vlrs.insert(0, info)
     header.are_points_compressed = True
     writer: Any = laspy.LazBackend.LazrsParallel.create_writer(file, header)
@@ -56,7 +69,7 @@ def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any])
         writer.write_initial_header_and_vlrs(header, "surrogateescape")
         times = _count(header, records)
         octree = Octree(header)
-        pieces = octree.sort(records)
+        pieces = octree.sort(records, is_even)
         keys = sorted(pieces)
         for begin in range(0, len(keys), 16):  # nodes that are compressed at once
             nodes = (np.concatenate([records[i:j] for i, j in pieces[key]]) for key in keys[begin : begin + 16])
@@ -119,13 +132,16 @@ class Octree:
         self.side = float(np.max(header.maxs - self.lower)) or 1.0
         self.counts: Counter[int] = Counter()  # points of each node
 
-    def sort(self, records: NDArray[Any]) -> dict[int, list[tuple[int, int]]]:
+    def sort(self, records: NDArray[Any], is_even: bool) -> dict[int, list[tuple[int, int]]]:
         """Sort points block by block, and return for each node, by its key, the slices with its points."""
         pieces = defaultdict(list)
         for begin in range(0, len(records), BLOCK):
             block = records[begin : begin + BLOCK]
-            keys = self._keys_of(self._codes_of(block))
-            order = np.argsort(keys, kind="stable")
+            codes, keys = self._codes_of(block), np.empty(len(block), np.int64)
+            order = np.argsort(codes, kind="stable")[_evenly(len(block))] if is_even else np.arange(len(block))
+            keys[order] = self._keys_of(codes[order])
+            # Neighbours that follow each other are compressed better.
+            order = np.lexsort([codes, keys]) if is_even else np.argsort(keys, kind="stable")
             block[:] = block[order]
             nodes, starts = np.unique(keys[order], return_index=True)
             ends = [*starts[1:], len(block)]
@@ -173,6 +189,14 @@ class Octree:
             if not len(remaining):
                 break
         return keys
+
+
+def _evenly(n: int) -> NDArray[np.int64]:
+    """Return the numbers below n in the order of their reversed bits: the first ones are spread over all."""
+    order = np.zeros(1, np.int64)
+    while len(order) < n:
+        order = np.concatenate([2 * order, 2 * order + 1])
+    return order[order < n]
 
 
 def stored(cloud: PointCloud) -> PointCloud:

@@ -12,7 +12,8 @@ import re
 import shutil
 import tempfile
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import BufferedReader
 from pathlib import Path
@@ -68,12 +69,14 @@ class E57Header(Header):
 
 def open_e57(file: BufferedReader) -> Reader:
     """Open an E57 file to read all scans, each moved by its pose, without points that have no valid position."""
-    require_pye57()
-    return read_at_once(file, _read)
+    with _opened(file) as (_, scans):
+        memory = sum(8 * scan.point_count * len(scan.point_fields) for scan in scans)
+    return read_at_once(file, _read, memory)
 
 
-def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
-    """Return the points of all scans, with the attributes that all have, and in words what is left out."""
+@contextmanager
+def _opened(file: BufferedReader) -> Iterator[tuple[Any, list[Any]]]:
+    """Yield an open E57 file of pye57, and the headers of its scans; errors in the block are those of the file."""
     pye57 = require_pye57()
     size = os.fstat(file.fileno()).st_size
     _check_xml(file, size)
@@ -82,13 +85,26 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
     with reported("libE57Format", "a whole E57 file", errors):
         opened = pye57.E57(os.path.abspath(file.name) if is_named else f"/dev/fd/{file.fileno()}")
         root = opened.root
-        crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
-        scans = [opened.get_header(i) for i in range(len(root["data3D"]) if root.isDefined("data3D") else 0)]
+        nodes = root["data3D"] if root.isDefined("data3D") else []
+        scans = [opened.get_header(i) for i in range(len(nodes)) if nodes[i].isDefined("points")]
+        scans = [scan for scan in scans if scan.point_count or scan.point_fields]
+        if not scans:
+            raise FileFormatError(f"expected a scan of points in the E57 file, found {len(nodes)} without")
         count = sum(scan.point_count for scan in scans)
-        if not scans or count > 8 * size:
+        n_values = sum(scan.point_count * len(scan.point_fields) for scan in scans)
+        if count > 8 * size or n_values > 16 * size:  # those of constant fields take no bytes
             raise FileFormatError(
-                f"expected scans that fit into {size:,} bytes, found {len(scans)} of {count:,} points"
+                f"expected scans that fit into {size:,} bytes, found {len(scans)} of {count:,} points and {n_values:,} "
+                "values"
             )
+        yield opened, scans
+
+
+def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
+    """Return the points of all scans, with the attributes that all have, and in words what is left out."""
+    with _opened(file) as (opened, scans):
+        root, count = opened.root, sum(scan.point_count for scan in scans)
+        crs = root["coordinateMetadata"].value() if root.isDefined("coordinateMetadata") else ""
         tables = [_table(opened.image_file, scan) for scan in scans]
     names = [name for name in tables[0] if all(name in table for table in tables)]
     clouds = [PointCloud.from_columns({name: table[name] for name in names}) for table in tables]
@@ -98,6 +114,7 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
+    skipped += [f"names and poses of scans ({len(scans):,})"] if len(scans) > 1 else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped
 

@@ -69,6 +69,7 @@ def format_to_write(
     format: str | None = None,  # noqa: A002
     ascii: bool | None = None,  # noqa: A002
     levels_by: str | None = None,
+    is_ranked: bool = False,
 ) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
     target = file_path(path)
@@ -78,6 +79,8 @@ def format_to_write(
         name = inner_name(target).name if format is None else format
         file_format = _named(name, [item for item in FORMATS if item.write])
         options: dict[str, Any] = {}
+        if is_ranked and levels_by is None and "levels_by" in file_format.options:
+            levels_by = "order"
         if levels_by is not None:
             options["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
         if ascii is not None:
@@ -101,4 +104,7 @@ def _named(name: str, formats: Sequence[Format]) -> Format:
     listed = " ".join(suffix for file_format in formats for suffix in file_format.suffixes)
     suffix = Path(name).suffix or (name if name.startswith(".") else "")
     actual = shown(suffix) if suffix else "a name without a suffix"
-    raise FileFormatError(f"expected one of the formats {listed}, found {actual}")
+    if formats is not FORMATS and any(kind.has_suffix(name) for kind in FORMATS if "faces" in kind.options):
+        actual += ", in which gppcs mesh writes meshes, but points are only read"
+    hint = "; name its format, such as `format='kitti'` or `format='points3d.bin'`" if suffix == ".bin" else ""
+    raise FileFormatError(f"expected one of the formats {listed}, found {actual}{hint}")

@@ -37,13 +37,17 @@ class Reader:
     skipped: list[str] = field(default_factory=list)  # in words what of the file, besides faces, is not read
     spans: Callable[[int], list[Span]] = lambda n: []
     triangles: Callable[[], NDArray[np.int64]] | None = None  # the faces, of a mesh format
+    bounds: NDArray[np.float64] | None = None  # corners (2, 3) of the bounding box, if the header tells them
+    memory: int = 0  # bytes that are unpacked at once, as the file says
 
     def read(self) -> PointCloud:
         """Read all points."""
         return joined(self.chunks(sys.maxsize))
 
 
-def read_at_once(file: BufferedReader, read: Callable[[BufferedReader], tuple[PointCloud, list[str]]]) -> Reader:
+def read_at_once(
+    file: BufferedReader, read: Callable[[BufferedReader], tuple[PointCloud, list[str]]], memory: int = 0
+) -> Reader:
     """Return a reader of a file of which `read` returns all points, and in words what it skips."""
 
     def chunks(n: int) -> Iterator[PointCloud]:
@@ -51,7 +55,7 @@ def read_at_once(file: BufferedReader, read: Callable[[BufferedReader], tuple[Po
         cloud, reader.skipped[:] = read(file)
         yield cloud
 
-    reader = Reader(chunks, at_once=True)
+    reader = Reader(chunks, at_once=True, memory=memory)
     return reader
 
 

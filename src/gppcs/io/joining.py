@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,24 +30,18 @@ class JointColumns:
 
     def __init__(self) -> None:
         self._first: PointCloud | None = None
+        self.header: Header | None = None  # of the first part that has a coordinate system, or else of the first
+        self._lacks_crs = False
         self._types: dict[str, set[np.dtype[Any]]] = {}
         self._coordinates: set[np.dtype[Any]] = set()
-
-    @property
-    def header(self) -> Header | None:
-        """The header of the first part."""
-        return None if self._first is None else self._first.header
 
     def add(self, cloud: PointCloud) -> None:
         """Take note of a part, after checking that it has the attributes and the coordinate system of the first."""
         if self._first is None:
-            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which has names and header, and no points
-        crs = [part.header.crs if part.header else None for part in (self._first, cloud)]
-        if None not in crs and crs[0] != crs[1]:
-            raise FileFormatError(
-                f"expected one coordinate system in all files of a cloud, found {crs[0]} and {crs[1]}; bring them to "
-                "one first, or join them with gppcs convert --assume-same-crs (in Python, assume_same_crs)"
-            )
+            self._first = cloud.take(np.empty(0, dtype=np.int64))  # which has names and no points
+            self.header = cloud.header
+        if cloud.header is not self.header:
+            self._add_header(cloud.header)
         first, kinds = _kinds(self._first), _kinds(cloud)
         for name in sorted(first.keys() | kinds.keys()):
             if first.get(name) != kinds.get(name):
@@ -57,10 +53,26 @@ class JointColumns:
         for name, values in cloud.attributes.items():
             self._types.setdefault(name, set()).add(values.dtype)
 
+    def _add_header(self, header: Header | None) -> None:
+        """Choose one of two headers, after checking that they do not name different coordinate systems."""
+        ours, theirs = (each.crs if each else None for each in (self.header, header))
+        if ours and theirs and ours != theirs:
+            raise FileFormatError(
+                f"expected one coordinate system in all files of a cloud, found {ours} and {theirs}; bring them to "
+                "one first, or join them with gppcs convert --assume-same-crs (in Python, assume_same_crs)"
+            )
+        if bool(ours) != bool(theirs) and not self._lacks_crs:
+            self._lacks_crs = True
+            warnings.warn(
+                f"some files have no coordinate system: that of others, {ours or theirs}, counts", stacklevel=2
+            )
+        if theirs and not ours:
+            self.header = header
+
     def merge(self, other: JointColumns) -> None:
         """Take note of the parts that another has noted."""
         if other._first is not None:
-            self.add(other._first)
+            self.add(replace(other._first, header=other.header))
         self._coordinates |= other._coordinates
         for name, types in other._types.items():
             self._types[name] |= types

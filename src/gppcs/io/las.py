@@ -23,7 +23,7 @@ from gppcs.clouds.columns import COLOUR, Column, exact_as_double
 from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.las_header import WAVEFORMS, LasHeader, kind_of, read_header
+from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.laz import checked_chunks, points_of
 from gppcs.io.rows import BLOCK, at_most
 
@@ -47,7 +47,12 @@ def open_las(
             f"expected finite scales and offsets, found {las.scales} and {las.offsets}; the file may be damaged"
         )
     header = LasHeader.from_laspy(las)
-    skipped = ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
+    skipped = [
+        f"the mark of no data of attribute {name} ({' '.join(map(str, value))} is read as a number, with its scale)"
+        for name, value in no_data_of(las).items()
+        if las.point_format.dimension_by_name(name).is_scaled
+    ]
+    skipped += ["waveforms"] if las.version.minor == 3 and las.start_of_waveform_data_packet_record else []
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         """Read the points in chunks, the first of which has no points."""
@@ -68,7 +73,8 @@ def open_las(
                 begins.append(end)
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-    return Reader(chunks, las.point_count, skipped=skipped, spans=spans)
+    bounds = np.array([las.mins, las.maxs])
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -119,7 +125,7 @@ def write_las(file: BinaryIO, cloud: PointCloud, compressed: bool) -> None:
     """Write a LAS or LAZ file of a cloud that `stored` has returned."""
     import laspy
 
-    las = header_of(cloud)
+    las = dated(header_of(cloud))
     with (
         reported_writing(),
         laspy.LasWriter(file, las, compressed, closefd=False, encoding_errors="surrogateescape") as writer,
@@ -194,7 +200,7 @@ def to_laspy(cloud: PointCloud) -> laspy.LasData:
     fit = FORMATS[0].fit(cloud)
     if fit.values:
         raise InputError(f"expected what LAS can hold, found {', '.join(fit.values)}; convert or drop it")
-    las = deepcopy(header_of(fit.cloud))
+    las = dated(header_of(fit.cloud))
     block = records_of(fit.cloud, las)
     las.update(laspy.PackedPointRecord(block, las.point_format))
     return laspy.LasData(las, laspy.ScaleAwarePointRecord(block, las.point_format, las.scales, las.offsets))
@@ -214,6 +220,18 @@ def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, wi
         las.scales[i], las.offsets[i] = scale_and_offset(partial(list, [values]), las.scales[i], las.offsets[i])
     points = multiples(cloud.points, las.scales, las.offsets)
     return PointCloud(points, attributes, header=LasHeader.from_laspy(las))
+
+
+def in_thousandths(cloud: PointCloud, unit: str, metres: str) -> PointCloud:
+    """Return a cloud whose coordinates are multiples of 0.001 in LAS 1.4, in a local system of a unit."""
+    import laspy
+
+    las = laspy.LasHeader(version="1.4", point_format=7)
+    las.scales, las.creation_date, las.global_encoding.wkt = np.full(3, 0.001), None, True
+    wkt = f'LOCAL_CS["sample",UNIT["{unit}",{metres}]]'
+    las.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    points = multiples(cloud.points, 0.001, 0.0)
+    return PointCloud(points, cloud.attributes, header=LasHeader.from_laspy(las))
 
 
 @cache
@@ -281,6 +299,7 @@ def _new_header(cloud: PointCloud, point_formats: Collection[int]) -> laspy.LasH
     is_new = best.id >= 6 or len(cloud) >= 2**32
     las = laspy.LasHeader(version="1.4" if is_new else "1.2", point_format=best)
     las.global_encoding.wkt = best.id >= 6
+    las.creation_date = None
     las.scales = np.zeros(3)  # which no coordinates fit, so that `scale_and_offset` looks for better ones
     return las
 
@@ -309,9 +328,14 @@ def _fit_attributes(cloud: PointCloud, las: laspy.LasHeader, widest: int) -> dic
                 dtype = np.dtype((numbers.dtype, numbers.shape[1:]))
                 extra.append(DimensionInfo.from_dtype(part, dtype, is_standard=False))
     standard.dimensions += extra
+    no_data = no_data_of(las)
     if standard != las.point_format:
         with reported_writing():
             las.point_format = standard
+        for description in descriptions_of(las):
+            name = description.format_name()
+            if name in no_data and any(dimension is dimensions[name] for dimension in extra):
+                description.no_data = no_data[name]
     return kept
 
 

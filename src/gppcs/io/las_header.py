@@ -6,13 +6,15 @@ The chunks of the points are checked in laz.py (`checked_chunks`).
 from __future__ import annotations
 
 import logging
+import os
 import struct
+from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass
-from datetime import date
+from datetime import UTC, date, datetime
 from decimal import Decimal
 from io import BufferedReader, BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,25 +49,24 @@ class LasHeader(Header):
         las = deepcopy(header)
         for records in (las.vlrs, las.evlrs or []):
             records[:] = [record for record in records if kind_of(record) not in _OF_ONE_FILE]
-        for record in las.vlrs.get("ExtraBytesVlr"):
-            for description in record.extra_bytes_structs:
-                if description.data_type:  # otherwise the options are the number of bytes
-                    # laspy would take the first point for the minimum and maximum of all.
-                    description.options &= ~(description.MIN_BIT_MASK | description.MAX_BIT_MASK)
+        for description in descriptions_of(las):
+            # laspy would take the first point for the minimum and maximum of all.
+            description.options &= ~(description.MIN_BIT_MASK | description.MAX_BIT_MASK)
         las.partial_reset()
         las.maxs = np.zeros(3)
         las.mins = np.zeros(3)
         las.start_of_waveform_data_packet_record = 0
         las.are_points_compressed = False
-        las.generating_software, las.creation_date = "gppcs", date.today()  # as it is written
+        las.generating_software = "gppcs"  # as it is written
         return cls(las)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LasHeader) and self._content() == other._content()
 
     def _content(self) -> bytes:
-        """Return the header as it is written."""
+        """Return the header as it is written, but for its date."""
         las = deepcopy(self.las)
+        las.creation_date = date.min
         with BytesIO() as file:
             las.write_to(file, encoding_errors="surrogateescape")
             if las.evlrs:
@@ -76,6 +77,14 @@ class LasHeader(Header):
         """Return the content of a record of the coordinate system; no bytes if there is none."""
         records = [*self.las.vlrs, *(self.las.evlrs or [])]
         return next((r.record_data_bytes() for r in records if kind_of(r) == (_PROJECTION, number)), b"")
+
+    def with_crs_of(self, other: Header | None) -> LasHeader:
+        """Return this header, with the coordinate system of another if it has none."""
+        if self.crs or not isinstance(other, LasHeader):
+            return self
+        las = deepcopy(self.las)
+        las.vlrs += [record for record in (*other.las.vlrs, *(other.las.evlrs or [])) if record.user_id == _PROJECTION]
+        return LasHeader(las)
 
     @property
     def wkt(self) -> str:
@@ -135,6 +144,27 @@ class LasHeader(Header):
         ]
 
 
+def descriptions_of(header: laspy.LasHeader) -> Iterator[Any]:
+    """Yield the descriptions of extra bytes, but not those whose options are a number of bytes."""
+    for record in header.vlrs.get("ExtraBytesVlr"):
+        yield from (description for description in record.extra_bytes_structs if description.data_type)
+
+
+def no_data_of(header: laspy.LasHeader) -> dict[str, Any]:
+    """Return the stored numbers that mean no data, (1,) to (3,), by the names of extra bytes that have some."""
+    marked = (description for description in descriptions_of(header) if description.no_data is not None)
+    return {description.format_name(): description.no_data for description in marked}
+
+
+def dated(header: laspy.LasHeader) -> laspy.LasHeader:
+    """Return a copy of a header that is to be written, with its date, or else that of SOURCE_DATE_EPOCH or today."""
+    header = deepcopy(header)
+    if header.creation_date is None:
+        epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+        header.creation_date = datetime.fromtimestamp(int(epoch), UTC).date() if epoch.isdecimal() else date.today()
+    return header
+
+
 def kind_of(record: laspy.VLR) -> tuple[str, int]:
     """Return the user that has defined a variable-length record, and its number among the user's kinds."""
     return record.user_id, record.record_id
@@ -150,6 +180,12 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     file.seek(0)
     block = file.read(375)  # of LAS 1.4, which is the longest
     length, start, n_records = struct.unpack_from("<HII", block, 94)
+    minimum = {3: 235, 4: 375}.get(block[25], 227)
+    if not minimum <= length <= start:
+        raise FileFormatError(
+            f"expected a LAS header of at least {minimum} bytes before the points, found that it gives its own size as "
+            f"{length}, and {start} as the place of the points; get the file again"
+        )
     n_complete = _n_complete(file, length, min(start, size), n_records)
     if block[25] >= 4 and len(block) == 375:
         position, n_extended = struct.unpack_from("<QI", block, 235)

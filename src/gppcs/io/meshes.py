@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -23,9 +24,9 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import coordinate_type, default_names
+from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import as_count, ends_early, lines_of, read_table, reported, shortened, write_rows
+from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
 
 GENERATOR = "gppcs"  # of glTF files whose node turns y up
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -71,6 +72,7 @@ def open_obj(file: BufferedReader) -> Reader:
     vertices: list[str] = []
     face_lines: list[tuple[int, str]] = []  # with the number of vertices before them
     n_others = {"vn": 0, "vt": 0}
+    other = ""
     for line in lines_of(file):
         keyword, _, text = line.partition(" ")
         if keyword not in ("v", "f"):  # few lines begin with blanks, or have tabs
@@ -81,16 +83,23 @@ def open_obj(file: BufferedReader) -> Reader:
             face_lines.append((len(vertices), text))
         elif keyword in n_others:
             n_others[keyword] += 1
+        elif is_row(line):
+            other = other or line.strip()
+    if other and not vertices:
+        raise FileFormatError(f"expected lines of vertices of an OBJ file, such as 'v 0 0 0', found {shortened(other)}")
 
     def polygon(n_vertices: int, line: str) -> list[int]:
         indices = [int(field.partition("/")[0]) for field in line.split()]
         return [index - 1 if index > 0 else n_vertices + index for index in indices]
 
-    have_colours = vertices and len(vertices[0].split()) == 6
-    names = [*default_names(3), *(COLOUR if have_colours else ())]
+    named = {"normals": n_others["vn"], "texture coordinates": n_others["vt"]}
+    skipped = [f"{name} ({n:,})" for name, n in named.items() if n]
+    sizes = Counter(len(line.split()) for line in vertices)
+    if sizes.keys() == {3, 6}:
+        vertices = [f"{' '.join(line.split()[:3])}\n" for line in vertices]
+        skipped.append(f"colours, which only some vertices have ({sizes[6]:,} of {sizes.total():,})")
+    names = [*default_names(3), *(COLOUR if sizes.keys() == {6} else ())]
     cloud = _cloud(read_table(iter(vertices), what="vertex"), names)
-    named = zip(("normals", "texture coordinates"), n_others.values(), strict=True)
-    skipped = [f"{name} ({n:,})" for name, n in named if n]
     return _reader(cloud, len(face_lines), lambda: _triangles(starmap(polygon, face_lines)), skipped)
 
 
@@ -146,13 +155,16 @@ def open_gltf(file: BufferedReader) -> Reader:
     data = file.read()
     if (version := int.from_bytes(data[4:8], "little")) != 2:
         raise FileFormatError(f"expected version 2 of glTF, found {version}; export the file in that version")
-    with reported("trimesh", "a whole glTF file"):  # it checks little of a damaged file
+    # It checks little of a damaged file, and infinite coordinates are found later.
+    with reported("trimesh", "a whole glTF file"), np.errstate(all="ignore"):
         description = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])  # the first chunk
         counts = [accessor["count"] for accessor in description.get("accessors", [])]
         if max(counts, default=0) > len(data):
             raise FileFormatError(f"expected at most {len(data):,} numbers in a file of so many bytes, found more")
         primitives = [item for part in description.get("meshes", []) for item in part["primitives"]]
         _check_gltf(description, primitives)
+        if not description.get("scenes"):
+            raise FileFormatError("expected a scene in the glTF file, found none; export one with its objects")
         # Without a resolver, no other file is read.
         scene = trimesh.load_scene(BytesIO(data), file_type="glb", process=False, skip_materials=True)
         repeated = sum(len(scene.geometry[scene.graph[node][1]].vertices) for node in scene.graph.nodes_geometry)
@@ -173,7 +185,7 @@ def open_gltf(file: BufferedReader) -> Reader:
         n_others = sum(item.get("mode", 4) not in _TRIANGLES for item in primitives)
         skipped += [f"points, lines or fans ({n_others:,})"] if n_others else []
         skipped += [f"textures ({len(textures):,})"] if (textures := description.get("textures")) else []
-    is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
+        is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
     return _reader(cloud, len(faces), lambda: faces, skipped)
 
@@ -304,7 +316,7 @@ def stored_of(
             columns = dict(zip((*COLOUR, "alpha"), colours.T, strict=False))
             stored = replace(stored, attributes={**stored.attributes, **columns})
     if not single:
-        return stored
+        return with_digits(stored)
     origin = origin_of(stored.points)
     with np.errstate(over="ignore"):
         return replace(stored, points=(stored.points - origin).astype(np.float32).astype(np.float64) + origin)

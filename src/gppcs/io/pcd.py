@@ -54,7 +54,9 @@ def open_pcd(file: BufferedReader) -> Reader:
             clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
         return map(_with_channels, clouds)
 
-    return Reader(chunks, n_points, at_once=encoding == "binary_compressed")
+    is_compressed = encoding == "binary_compressed"
+    memory = n_points * record.itemsize if is_compressed else 0
+    return Reader(chunks, n_points, at_once=is_compressed, memory=memory)
 
 
 def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
@@ -96,14 +98,16 @@ def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) ->
     fields = {name: record[name] for name in record.names or ()}
     done = 0
     for numbers in read_rows(lines_of(file), sum(math.prod(dtype.shape) for dtype in fields.values()), n_points):
-        columns, values = {}, iter(numbers)
+        values = iter(numbers)
+        table = {name: [*islice(values, math.prod(dtype.shape))] for name, dtype in fields.items()}
+        axes = [name for name in coordinate_names(fields) if fields[name] == np.float32]
+        if any(_loses_digits(table[name][0]) for name in axes):
+            fields |= dict.fromkeys(axes, np.dtype(np.float64))
+        columns = {}
         for name, dtype in fields.items():
-            parts = [*islice(values, math.prod(dtype.shape))]
-            if name in ("x", "y", "z") and dtype == np.float32 and _loses_digits(parts[0]):
-                dtype = np.dtype(np.float64)
             what = f"{dtype.base.name} as {name} of point"
-            table = np.stack([cast(part, dtype.base, what, done) for part in parts], axis=1)
-            columns[name] = table.reshape(-1, *dtype.shape)
+            parts = np.stack([cast(part, dtype.base, what, done) for part in table[name]], axis=1)
+            columns[name] = parts.reshape(-1, *dtype.shape)
         yield columns
         done += len(numbers[0])
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from functools import partial
 from io import BufferedReader
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,9 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, read_at_once
-from gppcs.io.rows import cast, lines_of, read_table
+from gppcs.io.rows import as_count, cast, ends_early, is_number, lines_of, read_table, shortened
+
+WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # of the lines before points: sizes, position and axes of the scanner, pose
 
 
 def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
@@ -37,15 +39,20 @@ def _scans(file: BufferedReader) -> Iterator[dict[str, Column]]:
     """Yield the columns of each scan."""
     lines = lines_of(file)
     for scan, line in enumerate(filter(str.strip, lines)):
-        (sizes,) = read_table(chain([line], lines), 1, 2, f"size of scan {scan + 1}, line")
-        read_table(lines, 3, 4, f"scanner of scan {scan + 1}, line")  # its position and axes
-        pose = np.stack(read_table(lines, 4, 4, f"pose of scan {scan + 1}, line"), axis=1)
-        if sizes.dtype.kind not in "iu" or sizes.min() < 0 or not np.isfinite(pose).all():
+        header = [text.split() for text in chain([line], islice(lines, len(WIDTHS) - 1))]
+        for number, (width, fields) in enumerate(zip(WIDTHS, header, strict=False), 1):
+            if len(fields) != width or not all(map(is_number, fields)):
+                actual = shortened(" ".join(fields))
+                raise FileFormatError(f"scan {scan + 1}, line {number}: expected {width} numbers, found {actual}")
+        if len(header) < len(WIDTHS):
+            raise ends_early(f"scan {scan + 1}, line", len(header), len(WIDTHS))
+        sizes, pose = [as_count(fields[0]) for fields in header[:2]], np.array(header[6:], np.float64)
+        if None in sizes or not np.isfinite(pose).all():
             raise FileFormatError(
                 f"expected whole numbers as the size of scan {scan + 1} and finite ones as its pose, found "
-                f"{sizes[0]:g}, {sizes[1]:g} and {pose.tolist()}"
+                f"{header[0][0]}, {header[1][0]} and {pose.tolist()}"
             )
-        count = math.prod(sizes.tolist())
+        count = math.prod(size or 0 for size in sizes)
         yield _columns(read_table(lines, None if count else 4, count), pose, scan)
 
 
@@ -67,7 +74,7 @@ def _columns(table: list[Column], pose: NDArray[np.float64], scan: int) -> dict[
 def _is_ptx(start: bytes, size: int) -> bool:
     """Return whether a file begins with the sizes and the pose of a scan."""
     lines = [line.split() for line in start.split(b"\n")[:10]]
-    return list(map(len, lines)) == [1] * 2 + [3] * 4 + [4] * 4 and all(line[0].isdigit() for line in lines[:2])
+    return tuple(map(len, lines)) == WIDTHS and all(line[0].isdigit() for line in lines[:2])
 
 
 FORMAT = Format("PTX", (".ptx",), partial(read_at_once, read=_read), recognises=_is_ptx)

@@ -20,6 +20,8 @@ from gppcs.io.format import Span
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
 MISSING = ("", "NA", "N/A", "null", "nan", "NaN", "NAN", "-nan", "-NaN")  # fields that stand for NaN
 
+is_row = re.compile(r"\s*+(?!#|//)\S").match  # whether a line is neither empty nor a comment
+
 _QUOTED = r'"(?:[^"]|"")*+"'
 _UNWRITABLE = re.compile("[\0\n\r\ufffd\ud800-\udfff]")  # in text: \ufffd stands for bytes that are not UTF-8
 
@@ -28,9 +30,8 @@ def lines_of(file: BufferedReader) -> Generator[str, None, None]:
     """Yield the rest of a file as lines of text."""
     text = TextIOWrapper(file, encoding="utf-8-sig", errors="replace")
     try:
-        # "yield from" would close the file with the generator.
-        for line in text:  # noqa: UP028
-            yield line
+        while lines := text.readlines(1 << 20):
+            yield from lines
     finally:
         if not file.closed:  # the caller closes the file
             text.detach()
@@ -54,12 +55,6 @@ def is_number(field: str) -> bool:
     except ValueError:
         return False
     return "_" not in field
-
-
-def is_row(line: str) -> bool:
-    """Return whether a line is neither empty nor a comment."""
-    text = line.lstrip()
-    return text != "" and not text.startswith(("#", "//"))
 
 
 def fields_of(line: str, delimiter: str | None) -> list[str]:
@@ -118,12 +113,11 @@ def read_rows(
 
     Without a row, one block is empty: of three columns if no width is given.
     """
-    done = 0
-    while block := list(islice(lines, BLOCK if count is None else min(BLOCK, count - done))):
-        if kept := [line for line in block if line[:1] not in " \t\r\n#/" or is_row(line)]:
-            width = width or len(fields_of(kept[0], delimiter))
-            yield _columns(kept, width, delimiter, texts, f"{what} ", done + 1)
-        done += len(kept)
+    rows, done = islice(filter(is_row, lines), count), 0
+    while block := list(islice(rows, BLOCK)):
+        width = width or len(fields_of(block[0], delimiter))
+        yield _columns(block, width, delimiter, texts, f"{what} ", done + 1)
+        done += len(block)
     if count is not None and done < count:
         raise ends_early(what, done, count)
     if not done:
@@ -294,8 +288,13 @@ def texts_of(values: Column) -> list[str]:
     if values.dtype.kind == "b":
         values = values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype != np.float64:
-        return list(map(str, values))  # str of a NumPy number is the shortest text for its own type
-    return list(map(repr, values.tolist()))
+        texts = list(map(str, values))  # str of a NumPy number is the shortest text for its own type
+    else:
+        texts = list(map(repr, values.tolist()))
+    for i, text in enumerate(texts):
+        if "e" in text and 1e-20 < abs(values[i]) < 1e20:  # some programs read no exponents
+            texts[i] = np.format_float_positional(values[i], trim="0")
+    return texts
 
 
 def _quoted(text: str) -> str:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import errno
 import gzip
+import hashlib
 import os
+import platform
+import re
 import secrets
 import shutil
 import sys
 import tempfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,15 +38,20 @@ def plain_input(path: Path) -> Any:
     if path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
     file = _standard_input() if is_standard(path) else path.open("rb")
-    is_compressed = file.read(2) == b"\x1f\x8b"
+    start = file.read(1024)
     file.seek(0)
-    if not is_compressed:
-        return file
-    with file:
-        try:
-            return _copied(gzip.GzipFile(fileobj=file))
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
+    if start.startswith(b"\x1f\x8b"):
+        with file:
+            try:
+                file = _copied(gzip.GzipFile(fileobj=file), file)
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
+        start = file.read(1024)
+        file.seek(0)
+    if re.fullmatch(rb"[\t\x20-\x7e]*\r[\t\r\x20-\x7e]*", start) and b"format binary" not in start:
+        with file:  # text whose lines end as in old Mac OS
+            return _copied(BytesIO(file.read().replace(b"\r", b"\n")))
+    return file
 
 
 def _standard_input() -> Any:
@@ -53,11 +62,16 @@ def _standard_input() -> Any:
         return _copied(stream)
 
 
-def _copied(stream: Any) -> Any:
-    """Return a temporary file with the content of a stream."""
+def _copied(stream: Any, packed: Any = None) -> Any:
+    """Return a temporary file with the content of a stream, which may unpack a file."""
     with ExitStack() as stack:
         copy = stack.enter_context(tempfile.TemporaryFile())
-        shutil.copyfileobj(stream, copy)
+        while block := stream.read(1 << 20):
+            copy.write(block)
+            if packed and copy.tell() > 200 * packed.tell() + (1 << 24):
+                raise FileFormatError(
+                    "expected at most 200 times the bytes of the gzip file, found more; unpack it first"
+                )
         copy.seek(0)
         stack.pop_all()
     return copy
@@ -66,7 +80,7 @@ def _copied(stream: Any) -> Any:
 def check_writable(path: str | os.PathLike[str], force: bool = False, makes_folders: bool = False) -> None:
     """Check that a file, or standard output, can be written. Call it before long work."""
     if is_standard(path):
-        if sys.stdout is None:
+        if sys.stdout is None or getattr(sys.stdout, "name", "") == os.devnull:  # as the command has it
             raise OutputError("expected standard output, found that it is closed; name a file")
         return
     target = Path(path)
@@ -113,7 +127,9 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
             sys.stdout.buffer.flush()
         return
     target = Path(os.path.realpath(path))  # so that a symbolic link stays one
-    temporary = target.with_name(f".gppcs-{secrets.token_hex(8)}.part")
+    start = f".gppcs-{hashlib.blake2b(f'{platform.node()}/{target.name}'.encode(), digest_size=8).hexdigest()}"
+    _remove_left_over(target.parent.glob(f"{start}-*.part"))
+    temporary = target.with_name(f"{start}-{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         with open(temporary, "x+b") as file:  # permissions follow the umask, unlike those of tempfile
             with suppress(OSError):  # there is no file to replace, or its file system stores no permissions
@@ -137,6 +153,16 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
         raise OutputError(f"{expected}; free some in {folders}, or write to another disk") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _remove_left_over(paths: Iterable[Path]) -> None:
+    """Remove temporary files of processes that have ended."""
+    for path in paths:
+        import psutil
+
+        with suppress(OSError):  # without /proc
+            if not psutil.pid_exists(int(path.name.split("-")[2])):
+                path.unlink()
 
 
 def _exists(target: Path) -> OutputError:

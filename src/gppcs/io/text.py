@@ -20,9 +20,9 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import coordinate_names
+from gppcs.clouds.columns import COLOUR, coordinate_names
 from gppcs.errors import FileFormatError
-from gppcs.io.columns import columns_of, default_names, with_byte_colours
+from gppcs.io.columns import columns_of, default_names, with_byte_colours, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import (
     MISSING,
@@ -37,6 +37,8 @@ from gppcs.io.rows import (
     text_columns,
     write_rows,
 )
+
+MAX_COLUMNS = 4096  # pandas takes a millisecond for each
 
 _NAMES = "names of columns, each once, with x, y, z"
 # By these, a comment names columns.
@@ -78,7 +80,12 @@ def open_table(
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
-    return Reader(chunks)
+    are_bytes = all(field.isdecimal() and (as_count(field) or 0) <= 255 for field in preview.fields[3:6])
+    skipped = []
+    if names[3:6] == default_names(6)[3:] and are_bytes:
+        given = ",".join(["x", "y", "z", *COLOUR, *names[6:]])
+        skipped.append(f"columns 4 to 6 as colours, which they may be: `columns='{given}'` names them")
+    return Reader(chunks, skipped=skipped)
 
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
@@ -140,6 +147,11 @@ def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callabl
         raise FileFormatError(
             f"line {preview.line}: expected at least three numbers, found {shortened(' '.join(preview.fields))}"
         )
+    if width > MAX_COLUMNS:
+        raise FileFormatError(
+            f"line {preview.line}: expected at most {MAX_COLUMNS:,} columns, found {width:,}; write a table with one "
+            "point in each line, or a file of another format"
+        )
     names = preview.names
     if names is None:
         names = list(preview.comment) if len(preview.comment) == width else names_of_width(width)
@@ -183,7 +195,7 @@ def _with_decimals(cloud: PointCloud) -> PointCloud:
     """Return a cloud whose coordinates have the digits of their file: 0.41 in place of 41 times 0.01."""
     decimals = cloud.header.decimals if cloud.header else None
     if decimals is None or not all(0 <= n <= 15 for n in decimals):
-        return cloud
+        return with_digits(cloud)
     rounded = np.column_stack([np.round(values, n) for values, n in zip(cloud.points.T, decimals, strict=True)])
     shift = np.abs(rounded - cloud.points)
     return replace(cloud, points=np.where(shift <= 2 * np.spacing(np.abs(cloud.points)), rounded, cloud.points))

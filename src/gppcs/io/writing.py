@@ -45,8 +45,9 @@ def write(
     ascii : bool, optional
         Whether to write PLY and PCD as text. By default, they are binary.
     levels_by : str, optional
-        Which points are on the coarse levels of a COPC file: "order", the default, takes the first ones of the cloud,
-        such as those that `simplify` has chosen first; "random" takes random ones.
+        Which points are on the coarse levels of a COPC file: "order" takes the first ones of the cloud, "even" spreads
+        them over all points. The default is "order" for a `Result` whose points are ranked, the order of an attribute
+        `rank` if that numbers the points, and otherwise "even".
 
     Raises
     ------
@@ -66,7 +67,8 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    store(path, as_cloud(cloud), format_to_write(path, format, ascii, levels_by), force, lossy)
+    chosen = format_to_write(path, format, ascii, levels_by, getattr(cloud, "ranked", False))
+    store(path, as_cloud(cloud), chosen, force, lossy)
 
 
 def store(path: str | os.PathLike[str], cloud: PointCloud, chosen: Format, force: bool, lossy: bool) -> list[str]:

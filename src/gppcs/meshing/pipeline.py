@@ -371,4 +371,4 @@ def _result(
         vertices = dataclasses.replace(vertices, coordinate_dtype=np.dtype(np.float64))
     if vertices.normals() is None:
         vertices = with_normals(vertices, draft.normals)
-    return MeshResult(Mesh(vertices.points, draft.mesh.faces()), indices, vertices, timer.seconds, diagnostics)
+    return MeshResult(Mesh(vertices.points, draft.mesh.faces()), indices, vertices, dict(timer.seconds), diagnostics)

@@ -41,7 +41,9 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     if decided is None:
         return None
     at, sigma, fit = decided
-    nearest = KdTree.build(np.ascontiguousarray(sampled.points.T[at])).nearest_of(tree.points.T, 1)[0][:, 0]
+    nearest = KdTree.build(np.ascontiguousarray(sampled.points.T[at])).nearest_of(
+        np.ascontiguousarray(tree.points.T), 1
+    )[0][:, 0]
     return sigma[nearest], strides[fit][nearest]
 
 

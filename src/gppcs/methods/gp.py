@@ -49,6 +49,8 @@ class LocalGP(Method):
         Feature.SCORES: "The score, and the standard deviation relative to the prior, when the point was chosen.",
     }
 
+    points_per_kept = 48.0
+
     feature_weight: float = parameter(
         0.5, "How much denser points are where the surface is rough, from 0, an even cover, to 1.", minimum=0, maximum=1
     )
@@ -73,7 +75,7 @@ class LocalGP(Method):
         """The weights of the selection: at the default, 0.5, the error has none; at 1 that of the paper."""
         from gppcs.gp.local.algorithm import Criterion
 
-        return Criterion.from_feature_weight(self.feature_weight, self.lengthscale, self.neighbours)
+        return Criterion.from_feature_weight(self.feature_weight, self.lengthscale, self.neighbours, self.candidates)
 
     @property
     def moves_points(self) -> bool:
@@ -82,27 +84,24 @@ class LocalGP(Method):
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
-        from gppcs.gp.local.algorithm import choose, choose_denoised
+        from gppcs.engine.helpers import helped
+        from gppcs.gp.local.algorithm import Problem, choose, choose_denoised
+        from gppcs.gp.local.first_run import compile_choice, compile_placement
+        from gppcs.gp.local.greedy import PART_POINTS
 
-        timer, count = task.timer, task.n_points
-        if task.spacing is not None:
-            with timer("tree"):
-                count = _number_at(task)
-        if count < len(task.points) and self.denoise:
-            ranking = choose_denoised(
-                task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
-            )
-        elif count < len(task.points):
-            ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail
-            )
-        else:
+        if task.n_points >= len(task.points):
             return Selection(np.arange(len(task.points)), ranked=False)
+        problem = Problem(task.points, task.n_points, task.fixed, task.weights, task.detail, task.settled, task.scale)
+        candidates = min(round(self.candidates * task.n_points), len(task.points), 2 * PART_POINTS)
+        with helped((compile_choice, candidates), (compile_placement,)):  # at a first run
+            ranking = (choose_denoised if self.denoise else choose)(problem, self.criterion, task.timer)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
-        return Selection(
-            ranking.indices, {"noise_in_spacings": ranking.noise_in_spacings}, moved, attributes, normals=normals
-        )
+        diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}
+        return Selection(ranking.indices, diagnostics, moved, attributes, normals=normals, scale=ranking.scale)
+
+    def number_at(self, area: float, spacing: float) -> int:
+        return max(1, round(min(area / spacing / spacing, 1e18)))
 
     def memory(self, n: int, n_points: int) -> int:
         from gppcs.gp.local.candidates import sample_size
@@ -113,17 +112,3 @@ class LocalGP(Method):
         ranked = 300 * min(n, round(1.5 * self.candidates * n_points))  # 1.5 cells for each on slopes
         placed = 130 * min(n, CELL_POINTS * n_points)
         return 16 * n + max(sampled + ranked, placed)
-
-
-def _number_at(task: Task) -> int:
-    """Return how many points have a spacing on the surface, whose area is that of a sample."""
-    from gppcs.gp.local.candidates import RANDOM_BITS, sample
-    from gppcs.spatial.kdtree import KdTree
-    from gppcs.spatial.samples import short_hashes
-    from gppcs.spatial.spacing import surface_area
-
-    assert task.spacing is not None
-    points = task.points
-    indices = sample(short_hashes(points, RANDOM_BITS), 1)
-    area = surface_area(KdTree.build(points[indices]))
-    return max(1, round(min(area / task.spacing / task.spacing, task.n_points)))

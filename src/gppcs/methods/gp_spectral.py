@@ -34,7 +34,7 @@ class SpectralGP(Method):
         "worse than a constant, which can happen if the chosen points are not typical."
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
-    _bytes_per_point = 1000
+    _bytes_per_point = 300
 
     neighbours: int = parameter(25, "k: about how many points a neighbourhood holds.", minimum=3)
     eigenfunctions: int = parameter(
@@ -77,38 +77,50 @@ class SpectralGP(Method):
         """Choose the points in the order of the paper's Algorithm 1."""
         import numpy as np
 
+        from gppcs.engine.blas import one_blas_thread
         from gppcs.gp.spectral import greedy, hyperparameters, kernel
         from gppcs.gp.spectral.laplacian import eigenpairs
-        from gppcs.gp.spectral.posterior import posterior, predict
+        from gppcs.gp.spectral.posterior import posterior
         from gppcs.spatial.farthest_points import farthest_points
         from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.spacing import neighbourhood_radius
         from gppcs.surface.surface_variation import features_in_radius
 
         points, n_points, timer = task.points, task.n_points, task.timer
+        k_init = min(self.k_init or max(1, n_points // 3), n_points)
         with timer("tree"):
             tree = KdTree.build(points)
         with timer("surface variation"):  # y, Eqs. 1 and 2
             y = features_in_radius(tree, neighbourhood_radius(tree, self.neighbours)).surface_variation
+        landmarks = self.landmarks if self.landmarks < len(points) else 0
+        with timer("farthest points", max(k_init, landmarks)) as on_progress:  # P_simp <- FPS(P, k_init)
+            initial, _ = farthest_points(points, max(k_init, landmarks), tree, on_progress)
         with timer("eigenfunctions"):  # lambda_n and f_n of Eq. 6
-            values, functions = eigenpairs(points, self.eigenfunctions, self.landmarks, tree)
+            eigenvalues, functions = eigenpairs(points, self.eigenfunctions, initial[:landmarks] if landmarks else None)
         with timer("hyperparameters"):
-            mean_squares = np.einsum("nl,nl->l", functions, functions) / len(points)
-            opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]  # P_opt <- random subset of P
+            # P_opt <- random subset of P
+            opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt].copy()
             theta = hyperparameters.fit(  # optimise theta using Eq. 5
-                values, functions[opt], y[opt], mean_squares, self.nu, self.fit_nu, self.iterations
+                eigenvalues, functions.at(points[opt]), y[opt], self.nu, self.fit_nu, self.iterations
             )
-            phi = kernel.kernel_features(functions, kernel.spectral_weights(values, mean_squares, theta))  # Eq. 6
-        subset = random_candidates(len(points), self.candidates, n_points, self.seed)
-        if len(subset) < len(points):
-            points, phi, y, tree = points[subset], phi[subset], y[subset], KdTree.build(points[subset])
-        k_init = min(self.k_init or max(1, n_points // 3), n_points)
-        with timer("farthest points", k_init) as on_progress:  # P_simp <- FPS(P, k_init)
-            initial, _ = farthest_points(points, k_init, tree, on_progress)
+        subset = None
+        if self.candidates and max(self.candidates, n_points) < len(points):
+            subset = random_candidates(len(points), self.candidates, n_points, self.seed)
+            points, y = points[subset], y[subset]
+            tree = KdTree.build(points)
+            with timer("farthest points", k_init) as on_progress:
+                initial, _ = farthest_points(points, k_init, tree, on_progress)
+        with timer("features"):  # at the points in tree order
+            weights = kernel.spectral_weights(eigenvalues, theta)
+            features = functions._replace(values=kernel.kernel_features(functions.values, weights))  # Eq. 6
+            phi, order, initial = features.at(tree.points.T), tree.order, tree.positions()[initial[:k_init]]
+            y = y[order]
+            del tree  # large
         with timer("greedy selection", n_points - k_init) as on_progress:  # while |P_simp| < M: add MAX(s, R, k_add)
             k_add = self.k_add or max(1, -(-(n_points - k_init) // 200))  # about 200 updates
-            indices = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, on_progress)
-        with timer("explained variance"):
-            mean, _ = predict(phi, *posterior(phi[indices], y[indices], theta.noise))
-            explained = 1 - float(np.mean((mean - y) ** 2) / (np.var(y) or 1.0))
-        return Selection(subset[indices], {**asdict(theta), "explained": explained})
+            chosen = greedy.select(phi, y, theta.noise, initial, n_points, k_add, order, on_progress)
+        with timer("explained variance"), one_blas_thread():
+            mean, _ = posterior(phi[chosen], y[chosen], theta.noise)
+            explained = 1 - float(np.mean((phi @ mean - y) ** 2) / (np.var(y) or 1.0))
+        indices = order[chosen] if subset is None else subset[order[chosen]]
+        return Selection(indices, {**asdict(theta), "explained": explained})

@@ -8,10 +8,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer
+from gppcs.errors import ParameterError
 from gppcs.methods.parameters import WIDTH, check_parameter, completed, described
 
 if TYPE_CHECKING:
@@ -59,6 +60,10 @@ class Task:
         as a sharp edge.
     values : (N,) array, float64, optional
         Of the attribute that `Method.reads_attribute` names, if any.
+    settled : (N,) array, bool, optional
+        Points that only show where the surface is: those of finished tiles, if the points are a part of a cloud.
+    scale : object, optional
+        `Selection.scale` of a choice in a sample of the whole cloud, if the points are a part of one.
     timer : Timer
         Measures the time of each stage, and reports progress.
 
@@ -77,6 +82,8 @@ class Task:
     weights: Floats | None = None
     detail: NDArray[np.float32] | None = None
     values: Floats | None = None
+    settled: NDArray[np.bool_] | None = None
+    scale: Any = None
     timer: Timer = field(default_factory=Timer)
 
 
@@ -99,6 +106,9 @@ class Selection(ComparedByValue):
         but repeats are chosen, in the order of the cloud.
     normals : (M, 3) array, float64, optional
         Unit normals at the new positions, whose signs have no meaning, if the method finds them.
+    scale : object, optional
+        What the method measured of the whole cloud that a choice in a part of it needs. `scale.refined(other)` is that
+        of a choice of fewer points together with that of a choice of more.
     """
 
     indices: Ints
@@ -107,6 +117,7 @@ class Selection(ComparedByValue):
     attributes: Mapping[str, Floats] = field(default_factory=dict)
     ranked: bool = True
     normals: Floats | None = None
+    scale: Any = None
 
     def arranged(self, indices: Ints) -> Selection:
         """Return a selection of other indices, (K,): points that are not of this one have scores of 0."""
@@ -165,6 +176,8 @@ class Method(ABC):
     description: ClassVar[str] = ""
     source: ClassVar[str]
     supports: ClassVar[Mapping[Feature, str]] = {}
+    by_cells: ClassVar[bool] = False  # whether it chooses, with a spacing, from each cell of a grid for itself
+    points_per_kept: ClassVar[float] = 256.0  # of more points for each kept one, tiles of a large cloud look at so many
     _bytes_per_point: ClassVar[int] = 200
 
     def __init_subclass__(cls) -> None:
@@ -189,6 +202,15 @@ class Method(ABC):
         return False
 
     @property
+    def halo(self) -> tuple[float, float, float]:
+        """How far, in spacings along each axis, points may lie that matter for a choice with a spacing."""
+        return (1.0, 1.0, 1.0)
+
+    def number_at(self, area: float, spacing: float) -> int | None:
+        """Return how many points of a surface have a spacing, if its area tells; None if the choice does."""
+        return None
+
+    @property
     def reads_attribute(self) -> str | None:
         """The attribute of the cloud whose values `Task.values` has to hold, if any."""
         return None
@@ -208,6 +230,23 @@ class Method(ABC):
     def memory(self, n: int, n_points: int) -> int:
         """Return about how many bytes a call takes to choose M of n points, beyond the points themselves."""
         return self._bytes_per_point * n
+
+
+def selected(method: Method, task: Task) -> Selection:
+    """Let a method choose, and check that it chose as many different points as it must, also if others wrote it."""
+    import numpy as np
+
+    selection, n = method(task), len(task.points)
+    indices = np.asarray(getattr(selection, "indices", ()))
+    are_indices = indices.ndim == 1 and indices.dtype.kind in "iu" and bool(((indices >= 0) & (indices < n)).all())
+    n_different = len(np.unique(indices)) if are_indices else 0
+    if n_different < len(indices) or (len(indices) != task.n_points if task.spacing is None else not len(indices)):
+        expected = f"{task.n_points:,}" if task.spacing is None else "1 or more"
+        raise ParameterError(
+            f"expected a Selection of {expected} different indices from 0 to {n - 1:,} from method {method.name!r}, "
+            f"found {len(indices):,}, {n_different:,} of which are different ones; report this to its authors"
+        )
+    return selection
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> Ints:

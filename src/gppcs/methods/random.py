@@ -21,7 +21,7 @@ class Random(Method):
         "random numbers divided by areas (Efraimidis and Spirakis 2006)."
     )
     source = "baseline"
-    supports = {Feature.RANKING: RANKING}
+    supports = {Feature.RANKING: RANKING, Feature.KEEP: "The others are random ones."}
     _bytes_per_point = 60
 
     seed: int = parameter(0, "Seed of the random numbers.", minimum=0)
@@ -42,5 +42,6 @@ class Random(Method):
             numbers: Any = point_hashes(task.points, self.seed)
             if self.even:
                 numbers = -np.log((numbers + 1.0) / 2.0**64) / squared_radii(KdTree.build(task.points))
-            chosen = np.argpartition(numbers, task.n_points - 1)[: task.n_points]
-            return Selection(chosen[np.argsort(numbers[chosen])])
+            count = task.n_points - task.fixed
+            chosen = np.argpartition(numbers[task.fixed :], max(0, count - 1))[:count] + task.fixed
+            return Selection(np.concatenate([np.arange(task.fixed), chosen[np.argsort(numbers[chosen])]]))

@@ -27,8 +27,7 @@ class Jet:
     @property
     def value(self) -> Floats:
         """Floats of the function, (N,)."""
-        value: Floats = self.parts[0]
-        return value
+        return self.parts[0]
 
     def __add__(self, other: Jet | float | Floats) -> Jet:
         if isinstance(other, Jet):

@@ -1,9 +1,4 @@
-"""Painted samples, whose detail is colour or intensity rather than shape: a statue, a wall with a fresco, a road.
-
-Lengths are in millimetres.
-"""
-
-import dataclasses
+"""Painted samples, whose detail is colour or intensity, not shape: a wall with a fresco, and a road; in mm."""
 
 import numpy as np
 
@@ -11,42 +6,23 @@ from gppcs.clouds.columns import COLOUR
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Attributes, Patch, Scan
-from gppcs.scans.statue import STATUE
 
 WIDE, HIGH, RELIEF = 4000.0, 3000.0, 4.0  # the wall, and its unevenness
 LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the road, and its slope to both sides
 BARE, MARKED = 60.0, 180.0  # intensity of asphalt and of its markings
 
 
-def _coloured(colours: Floats) -> Attributes:
+def coloured(colours: Floats) -> Attributes:
+    """Return colours, (N, 3), as attributes."""
     return dict(zip(COLOUR, np.clip(colours, 0, 255).round().astype(np.uint8).T, strict=True))
 
 
-def _laid_over(count: int, ground: tuple[int, int, int], *layers: tuple[Flags, tuple[int, int, int]]) -> Floats:
+def laid_over(count: int, ground: tuple[int, int, int], *layers: tuple[Flags, tuple[int, int, int]]) -> Floats:
     """Return colours, (N, 3): that of the last layer that covers a point, or of the ground."""
     colours = np.tile(np.array(ground, dtype=np.float64), (count, 1))
     for where, colour in layers:
         colours[where] = colour
     return colours
-
-
-def _dressed(points: Floats, rng: np.random.Generator) -> Attributes:
-    """Paint the statue: a robe with a pattern, a belt, a hem with a zigzag, skin and hair."""
-    height, angle = points[:, 2] / 100.0, np.arctan2(points[:, 1], points[:, 0])
-    zigzag = 0.13 + 0.16 * np.abs((3.0 * angle / np.pi) % 1.0 - 0.5)
-    turns, heights = (angle / np.pi * 4.0) % 1.0 - 0.5, (height * 7.0) % 1.0 - 0.5
-    from_dot = np.hypot(turns * 0.8, heights)
-    robe = (height > 0.29) & (height < 0.47)
-    return _coloured(_laid_over(
-        len(points), (150, 40, 40),
-        (robe & (from_dot < 0.3), (235, 225, 200)),
-        (robe & (from_dot < 0.15), (40, 90, 60)),
-        (height < 0.12, (45, 60, 130)),
-        (np.abs(height - zigzag) < 0.012, (225, 190, 80)),
-        (np.abs(height - 0.5 - 0.03 * np.sin(angle)) < 0.02, (225, 190, 80)),
-        (height > 0.86, (222, 178, 145)),
-        (height > 0.935, (70, 45, 30)),
-    ))  # fmt: skip
 
 
 def _fresco(points: Floats, rng: np.random.Generator) -> Attributes:
@@ -57,7 +33,7 @@ def _fresco(points: Floats, rng: np.random.Generator) -> Attributes:
     house, roof = (np.abs(x - 1.3) < 0.4) & (np.abs(z - 1.3) < 0.3), np.abs(x - 1.3) < 1.2 * (2.05 - z)
     window = (np.abs(np.abs(x - 1.3) - 0.2) < 0.07) & (np.abs(z - 1.35) < 0.1)
     diamonds = np.abs((x / 0.4) % 1.0 - 0.5) + np.abs(z - 0.25) / 0.3 < 0.45
-    colours = _laid_over(
+    colours = laid_over(
         len(points), (150, 185, 215),
         (sun < 0.42, (240, 225, 170)),
         (sun < 0.33, (225, 150, 50)),
@@ -71,7 +47,7 @@ def _fresco(points: Floats, rng: np.random.Generator) -> Attributes:
     )  # fmt: skip
     sky = (z > far) & (sun > 0.42)
     colours[sky] += 25.0 * (z[sky, np.newaxis] - 2.0)
-    return _coloured(colours)
+    return coloured(colours)
 
 
 def _marked(points: Floats, rng: np.random.Generator) -> Attributes:
@@ -92,7 +68,6 @@ def _cambered(u: Jet, v: Jet) -> tuple[Jet, Jet, Jet]:
     return u, v, (v.squared() * (-CAMBER / ACROSS)) + (u * 0.0006).sin() * 40.0
 
 
-PAINTED = dataclasses.replace(STATUE, paint=_dressed)
 FRESCO = Scan(
     (Patch(_uneven, (0.0, WIDE), (0.0, HIGH), 1.001, (205, 190, 160)),),
     ((0.0, -RELIEF, 0.0), (WIDE, RELIEF, HIGH)),

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gppcs.clouds.cloud import NORMALS
+from gppcs.clouds.columns import COLOUR
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.jets import Jet
 
-if TYPE_CHECKING:
-    from gppcs.scans.implicit import Solid
-
 Range = tuple[float, float]
 Colour = tuple[int, int, int]
-Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # its lower and upper corners
+Place = tuple[float, float, float]
+Box = tuple[Place, Place]  # its lower and upper corners
 Attributes = dict[str, NDArray[Any]]
 Paint = Callable[[Floats, np.random.Generator], Attributes]
 Trim = Callable[[Floats, Floats], Flags]
+Measured = tuple[NDArray[np.float32], Attributes, Box]  # points, (N, 3), and the box of the surface
 
 
 class SurfacePoints(NamedTuple):
@@ -43,6 +44,7 @@ class Patch:
     colour: Colour
     side: int = 1
     trim: Trim | None = None
+    code: int | None = None  # of the LAS specification
 
     @property
     def weight(self) -> float:
@@ -63,8 +65,7 @@ class Patch:
 
     def draw(self, count: int, rng: np.random.Generator) -> SurfacePoints:
         """Draw points that are uniform by area, by rejection sampling."""
-        u = rng.uniform(*self.u, count)
-        v = rng.uniform(*self.v, count)
+        u, v = rng.uniform(*self.u, count), rng.uniform(*self.v, count)
         threshold = rng.uniform(0.0, self.stretch, count)
         if self.trim is not None:
             inside = self.trim(u, v)
@@ -76,11 +77,47 @@ class Patch:
 
 @dataclass(frozen=True)
 class Scan:
-    """A sample scan: patches or a solid with its whole surface, the corners of its box in mm, what paints points."""
+    """A sample scan: its parts, the corners of its box, and what paints points."""
 
-    patches: tuple[Patch | Solid, ...]
+    patches: tuple[Patch, ...]
     box: Box
     paint: Paint | None = None
+
+    def measure(self, n_points: int, uneven: float, rng: np.random.Generator) -> Measured:
+        """Draw points by rejection sampling."""
+        points, normals = np.empty((n_points, 3), np.float32), np.empty((n_points, 3), np.float32)
+        curvature, numbers = np.empty(n_points, np.float32), np.empty(n_points, np.int64)
+        # Proposals in proportion to the upper bounds of the areas make the accepted points uniform over all patches.
+        weights = np.array([patch.weight for patch in self.patches])
+        # A scanner at such a distance from the low end of x makes the density at the far end 1 - uneven of the highest.
+        growth, start, end = 1.0 / np.sqrt(1.0 - uneven) - 1.0, self.box[0][0], self.box[1][0]
+        filled = 0
+        while filled < n_points:
+            # At most so many at once that their derivatives stay in the CPU cache.
+            proposed = rng.multinomial(min(32_768, 64 + 4 * (n_points - filled)), weights / weights.sum())
+            by_patch = [patch.draw(count, rng) for patch, count in zip(self.patches, proposed, strict=True)]
+            drawn = SurfacePoints(*map(np.concatenate, zip(*by_patch, strict=True)))
+            order = rng.permutation(len(drawn.points))
+            density = (1.0 + growth * (drawn.points[order, 0] - start) / (end - start)) ** -2.0
+            order = order[rng.uniform(0.0, 1.0, len(order)) < density][: n_points - filled]
+            new = slice(filled, filled + len(order))
+            points[new], normals[new], curvature[new] = (values[order] for values in drawn[:3])
+            numbers[new] = np.repeat(np.arange(len(by_patch)), [len(part.points) for part in by_patch])[order]
+            filled += len(order)
+        # Hollows are darker and ridges brighter, like the patina of a used object.
+        lightness = 1.0 + 0.3 * np.tanh(2.0 * curvature)
+        base = np.array([patch.colour for patch in self.patches])[numbers]
+        colours = np.clip(base * lightness[:, None], 0.0, 255.0).astype(np.uint8)
+        attributes: Attributes = {
+            **dict(zip(NORMALS, normals.T, strict=True)),
+            "curvature": curvature,
+            **dict(zip(COLOUR, colours.T, strict=True)),
+        }
+        if self.patches[0].code is not None:
+            attributes["classification"] = np.array([patch.code for patch in self.patches], np.uint8)[numbers]
+        if self.paint:
+            attributes |= self.paint(points.astype(np.float64), rng)
+        return points, attributes, self.box
 
 
 def flat(axis: int, at: float, u: Range, v: Range, side: int, colour: Colour, trim: Trim | None = None) -> Patch:
@@ -100,6 +137,7 @@ def turned(
     colour: Colour,
     angle: Range = (0.0, 2.0 * np.pi),
     trim: Trim | None = None,
+    code: int | None = None,
 ) -> Patch:
     """Return the surface of revolution of a line segment: a cylinder, cone, disc or ring."""
 
@@ -109,7 +147,7 @@ def turned(
         return _in_order(axis, height, radius * angle.cos() + centre[0], radius * angle.sin() + centre[1])
 
     length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
-    return Patch(surface, (0.0, 1.0), angle, length * max(start[0], end[0]), colour, 1, trim)
+    return Patch(surface, (0.0, 1.0), angle, length * max(start[0], end[0]), colour, 1, trim, code)
 
 
 def _in_order(axis: int, *jets: Jet) -> tuple[Jet, Jet, Jet]:
@@ -119,5 +157,4 @@ def _in_order(axis: int, *jets: Jet) -> tuple[Jet, Jet, Jet]:
 
 def _dot(a: Floats, b: Floats) -> Floats:
     """Return the products, (N,), of vectors (N, 3)."""
-    product: Floats = np.einsum("ni,ni->n", a, b)
-    return product
+    return np.einsum("ni,ni->n", a, b)

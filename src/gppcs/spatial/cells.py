@@ -108,7 +108,7 @@ def _write_hashes(begin, end, points, grid, spare, bits, slots, entries):
             slots[c, part] += 1
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _part(h, bits):
     """Return the first `bits` bits of a hash as a number."""
     return (h >> np.uint64(1)) >> np.uint64(63 - bits)
@@ -122,7 +122,7 @@ def _mark_parts(begin, end, points, grid, values, spare, entries, starts, marks)
         table = _mark_part(points, grid, values, spare, entries[starts[part] : starts[part + 1]], table, marks)
 
 
-@kernel
+@kernel(inline="always")
 def _mark_part(points, grid, values, spare, entries, table, marks):
     """Fill `marks`, (N,), for the entries of one part; return the table, which grows when it is half full."""
     indices, shift = np.uint64((1 << (64 - spare)) - 1), np.uint64(64 - spare)
@@ -164,7 +164,7 @@ def _is_greater(points, values, i, j):
     return False
 
 
-@kernel
+@kernel(inline="always")
 def _grown(table, shift):
     """Return a table, (2 slots,), with the same entries as `table`, (slots,)."""
     larger = np.empty(2 * len(table), dtype=np.uint64)
@@ -179,7 +179,7 @@ def _grown(table, shift):
     return larger
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _same(points, i, j, grid):
     """Return whether two of the points, (N, 3), are in the same cell or, without a grid, at the same position."""
     for axis in range(3):
@@ -204,7 +204,7 @@ def _hash(points, i, grid, spare):
     return _scrambled(np.uint64(number), np.uint64(spare)) << np.uint64(64 - spare)
 
 
-@kernel
+@kernel(inline="always")
 def _scrambled(number, bits):
     """Permute the numbers of `bits` bits: distinct numbers have distinct results."""
     mask, half = (np.uint64(1) << bits) - np.uint64(1), bits >> np.uint64(1)

@@ -190,7 +190,7 @@ def _longest_side(lower, upper):
     return axis
 
 
-@kernel
+@kernel(inline="always")
 def _split(records, node, depth, lower, upper):
     """Fill a node's box in `lower` and `upper`, (nodes, 3); split its records, (N, 4), at the longest side's median."""
     begin, end = leaf_range(len(records), 1 << depth, node)
@@ -234,7 +234,7 @@ def join_boxes(lower, upper):
             upper[node, axis] = max(upper[2 * node, axis], upper[2 * node + 1, axis])
 
 
-@kernel
+@kernel(inline="always")
 def _part(records, axis, begin, middle, end):
     """Permute the records begin..end of (N, 4): keys before `middle` are at most its key, later ones at least.
 

@@ -12,25 +12,33 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.spatial.scaling import bounds
 
+HASHES = 2.0**64
 
-def point_hashes(points: Floats, seed: int = 0) -> NDArray[np.uint64]:
-    """Return a random number for each point, (n, 3), whatever the order of the points or their unit."""
+
+def point_hashes(points: Floats, seed: int = 0, size: float | None = None) -> NDArray[np.uint64]:
+    """Return a random number for each point, (n, 3), whatever the order of the points.
+
+    It depends on where points lie in units of a size: by default that of their largest coordinate.
+    """
     result = np.empty(len(points), dtype=np.uint64)
-    _fill_hashes(points, seed, 64, result)
+    _fill_hashes(points, seed, 64, size, result)
     return result
 
 
 def short_hashes(points: Floats, bits: int) -> NDArray[np.uint32]:
     """Return the first bits, 32 at most, of `point_hashes`."""
     result = np.empty(len(points), dtype=np.uint32)
-    _fill_hashes(points, 0, bits, result)
+    _fill_hashes(points, 0, bits, None, result)
     return result
 
 
-def _fill_hashes(points: Floats, seed: int, bits: int, result: NDArray[np.unsignedinteger[Any]]) -> None:
+def _fill_hashes(
+    points: Floats, seed: int, bits: int, size: float | None, result: NDArray[np.unsignedinteger[Any]]
+) -> None:
     """Fill `result`, (n,), with the first bits of random numbers of points, (n, 3)."""
     start = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
-    size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
+    if size is None:
+        size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
     on_ranges(_hash_all, len(points), points, size or 1.0, start, np.uint64(64 - bits), result, minimum=1 << 14)
 
 

@@ -164,7 +164,7 @@ def approach(points, squared, a, b, c):
         squared[q] = min(squared[q], nearest)
 
 
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+@kernel(inline="always", fastmath={"nsz", "arcp", "contract", "reassoc"})
 def _squared_from_edge(step, edge, by_squared):
     """Return the squared distance of a step from an edge, with 1 over the squared length of this."""
     along = min(max(dot(step, edge) * by_squared, 0.0), 1.0)

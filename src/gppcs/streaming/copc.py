@@ -54,9 +54,10 @@ def write_beyond_memory(
     preview = files.preview
     size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
     size = size * files.n_points // max(1, len(preview))
-    if PROGRAM + 3 * size <= (memory or available_memory() // 2):
+    limit = memory or (available_memory() or 0) // 2
+    if not limit or PROGRAM + 3 * size <= limit:
         return None
-    rng = np.random.default_rng(0) if levels_by == "random" else None
+    rng = None if levels_by == "order" else np.random.default_rng(0)
     with scratch_folder(None, 2 * size) as folder, whole_output(target, force) as file:
         parts = [folder / str(i) for i in range(-(-files.n_points // PART))]
         with timer("points to disk", files.n_points) as on_progress:
@@ -64,7 +65,7 @@ def write_beyond_memory(
         with timer("levels and writing"):
             header, digits = _on_one_scale(target, parts, header, lossy)
             points = _joined(folder / "joined", parts, header.las, rng)
-            write_octree(file, header.las, points)
+            write_octree(file, header.las, points, rng is not None)
     return len(points), [*changes, *digits]
 
 
@@ -123,7 +124,7 @@ def _store(
     if header is None:
         raise InputError(f"{target}: expected points with finite coordinates, found none")
     invalid = [f"points with NaN or infinite coordinates ({n_invalid:,})"] if n_invalid else []
-    return header, [*invalid, *changes]
+    return header.with_crs_of(columns.header), [*invalid, *changes]
 
 
 def _are_rescaled(cloud: PointCloud, stored: PointCloud) -> bool:

@@ -21,6 +21,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Feature
 
 PROGRAM = 180_000_000  # Bytes that the program itself takes, with its libraries and compiled kernels.
+PER_TILE, FIRST_CHOICE = 170_000_000, 160_000_000  # Of a tile that is worked on, and of the sample.
 CHUNK = 1 << 17  # Points of a chunk that is read. It does not depend on the memory, nor do results.
 
 
@@ -35,7 +36,7 @@ class Plan:
     memory: int  # that the process holds at most
     memory_limit: int | None  # None if the platform does not tell what is free
     disk: int = 0  # for temporary files
-    threads: int = 1  # parts that are worked on at once
+    threads: int = 1  # tiles that are worked on at once
     readings: int = 1  # of the files
 
     @property
@@ -49,9 +50,9 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if options.workers is not None and files.reads_standard_input:
         raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
     limit = options.memory_limit or (available_memory() or 0) // 2 or None
-    format_name, size = files.at_once
-    if format_name and limit is not None and PROGRAM + size > limit:  # before it is read
-        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as {format_name} files are read as a whole", limit)
+    size = files.at_once[1]
+    if size and limit is not None and PROGRAM + size > limit:  # before it is read
+        raise _too_little(f"{size_of(PROGRAM + size)} of memory, as the files are unpacked as a whole", limit)
     preview, n = files.preview, files.n_points
     if files.query and not n:
         raise files.query.nothing_found()
@@ -62,11 +63,9 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(outliers, options.algorithm.memory(n, n_kept)))
     readings = 2 if files.query else 1  # the first one counts the points that a query leaves
     in_memory = Plan(True, n, n_kept, files.is_counted, memory, limit, readings=readings)
-    if (limit is None or memory <= limit) and options.workers is None:
+    if limit is None or memory <= limit:
         return in_memory
-    if reason := needs_memory or options.needs_memory or _reason(files, options):
-        if options.workers is not None:
-            raise InputError(f"expected work that several workers can share, but {reason} takes all points at once")
+    if reason := needs_memory or _reason(files, options):
         expected = f"{size_of(memory)} of memory for {n:,} points, as {reason} takes all points at once"
         raise _too_little(expected, limit)
     return _plan_on_disk(in_memory, options, row, len(_columns(preview, options)))
@@ -75,19 +74,16 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
 def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
     """Return the plan with the points on disk, given that in memory and the bytes of a point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
-    per_point = 50 if options.group is not None else 2 if options.quotas else 0
-    kept = (2 * row + 120) * n_kept  # held twice with their attributes
-    fixed = PROGRAM + 60_000_000 + kept + per_point * n  # with the sample, and what is chosen in it
-    per_thread = 95_000_000
+    fixed = PROGRAM + (2 * row + 120) * n_kept  # which are held twice with their attributes
     threads = number_of_threads()
     if limit is not None:
-        threads = min(threads, max(1, (limit - fixed) // per_thread))
-    memory = fixed + per_thread * threads
+        threads = min(threads, max(1, (limit - fixed) // PER_TILE))
+    memory = fixed + max(PER_TILE * threads, FIRST_CHOICE)
     if limit is not None and memory > limit:
         needed = memory if options.workers is not None else min(memory, in_memory.memory)
         expected = f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points"
         raise _too_little(expected, limit, "keep fewer points")
-    disk = (32 + 8 * n_columns) * n + 3000 * n_kept  # the latter for candidates
+    disk = (32 + 8 * n_columns) * n + 120 * n_kept
     readings = in_memory.readings + 1
     return replace(in_memory, in_memory=False, memory=memory, disk=disk, threads=threads, readings=readings)
 
@@ -108,7 +104,8 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
     if len(preview):
         keep, weight = (value if isinstance(value, str) else None for value in (options.keep, options.weight))
         named = replace(options, keep=keep, weight=weight)  # without arrays, which describe all points
-        Constraints.from_cloud(preview, np.flatnonzero(preview.is_finite()), named)
+        finite = preview[preview.is_finite()]
+        Constraints.from_cloud(finite, np.arange(len(finite)), named)
     units = units_of(options.unit, preview.header)
     for length in options.lengths.values():
         length.in_cloud(1.0, units)
@@ -130,4 +127,5 @@ def _reason(files: CloudFiles, options: Options) -> str | None:
         return f"the format {format_name}"
     if any(values.ndim > 1 or values.dtype.kind not in "biuf" for values in _columns(preview, options).values()):
         return "detail that is not a number for each point"
-    return None if Feature.KEEP in options.algorithm.supports else f"method {options.algorithm.name!r}"
+    goes_by_tiles = Feature.KEEP in options.algorithm.supports or options.algorithm.by_cells
+    return None if goes_by_tiles else f"method {options.algorithm.name!r}"

@@ -108,13 +108,13 @@ def wrap(inverse, index, count, i, on_circle, corners):
     return False
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _length(inverse, slot):
     """Return the squared length of an inverted neighbour."""
     return inverse[slot, 0] ** 2 + inverse[slot, 1] ** 2
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _turn(inverse, current, best, slot, on_circle):
     """Return how far a neighbour is to the left of the line to the best one; 0 if it is hardly off the line."""
     ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
@@ -123,20 +123,20 @@ def _turn(inverse, current, best, slot, on_circle):
     return 0.0 if turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _squared(inverse, current, slot):
     """Return the squared distance between two inverted neighbours."""
     return (inverse[slot, 0] - inverse[current, 0]) ** 2 + (inverse[slot, 1] - inverse[current, 1]) ** 2
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _turns_left(inverse, current, best, on_circle):
     """Return whether the path from a neighbour to another turns left around the origin, by more than a little."""
     turn = inverse[current, 0] * inverse[best, 1] - inverse[current, 1] * inverse[best, 0]
     return turn > 0.0 and turn * turn > on_circle * _length(inverse, current) * _length(inverse, best)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_farther(inverse, current, best, slot, on_circle):
     """Return whether a neighbour on the line from the current to the best one is farther on; not if it is behind."""
     if _is_ahead(inverse, current, best, slot):
@@ -144,7 +144,7 @@ def _is_farther(inverse, current, best, slot, on_circle):
     return _turns_left(inverse, current, slot, on_circle)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _first_in_line(inverse, index, count, i, current, last, on_circle):
     """Return the next neighbour on an edge of the hull with several, so that fans of points on a circle agree."""
     nearest = smallest = last
@@ -160,7 +160,7 @@ def _first_in_line(inverse, index, count, i, current, last, on_circle):
     return smallest if index[smallest] < index[current] else last
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_ahead(inverse, current, last, slot):
     """Return whether an inverted neighbour on the line from the current to the last one lies ahead, not behind."""
     ax, ay = inverse[last, 0] - inverse[current, 0], inverse[last, 1] - inverse[current, 1]

@@ -6,6 +6,7 @@ triangle nearest to it, and all steps of the vertices have one posterior (resear
 
 from __future__ import annotations
 
+import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +102,9 @@ def _posterior_mean(design: Design, right_side: Floats, precision: float) -> Flo
     equations = LinearOperator(
         (size, size), lambda steps: design.transposed(design.times(steps)) + precision * steps, dtype=np.float64
     )
-    steps, _ = cg(equations, right_side, rtol=1e-4)
+    steps, code = cg(equations, right_side, rtol=1e-4)
+    if code:
+        warnings.warn("the equations of inducing points were not solved to the end: points may lie off", stacklevel=2)
     return steps.reshape(-1, 3)
 
 

@@ -41,7 +41,7 @@ def with_step(sums, one, x, y, z):
     )  # fmt: skip
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def middle(lower, upper):
     """Return the middle of a box. Shapes: lower, upper (3,)."""
     return 0.5 * (lower[0] + upper[0]), 0.5 * (lower[1] + upper[1]), 0.5 * (lower[2] + upper[2])
@@ -63,7 +63,7 @@ def add_shifted(moments, x, y, z, total):
     total[9] += moments[9] + 2.0 * z * sz + n * z * z
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def flattest(xx, xy, xz, yy, yz, zz, normal):
     """Find the smallest eigenvalue of a symmetric 3 x 3 matrix (Smith 1961), and its eigenvector, `normal`, (3,)."""
     trace = xx + yy + zz
@@ -94,7 +94,7 @@ def flattest_of(moments, normal):
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _null_vector(xx, xy, xz, yy, yz, zz, normal):
     """Fill `normal`, (3,), with a unit vector that a singular symmetric matrix maps to zero."""
     crosses = (

@@ -91,7 +91,7 @@ def estimate_normals(
         signed = _oriented(tree, None)
     else:
         signed = _signed_nearby(tree, queries, neighbours)
-    return _turned(normals, signed)
+    return with_signs_of(normals, signed)
 
 
 def normals_of(
@@ -107,13 +107,13 @@ def normals_of(
         return _oriented(tree, None, near, sharp, when_fitted)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
-        return _turned(normals, _oriented(tree, None, near))
-    return _turned(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
+        return with_signs_of(normals, _oriented(tree, None, near))
+    return with_signs_of(normals, _signed_nearby(tree, np.ascontiguousarray(tree.points.T), neighbours))
 
 
 def with_signs(tree: KdTree, near: Ints, normals: Floats) -> Floats:
     """Give normals, (N, 3), of the points of a tree signs that agree between their neighbours, (N, EDGES)."""
-    return _turned(normals, _oriented(tree, None, near))
+    return with_signs_of(normals, _oriented(tree, None, near))
 
 
 def _points_of_fits(tree: KdTree) -> int:
@@ -130,7 +130,7 @@ def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     return (SHARP if neighbours > NEIGHBOURS and layer.is_two_sheets() else neighbours), layer
 
 
-def _turned(normals: Floats, signed: Floats) -> Floats:
+def with_signs_of(normals: Floats, signed: Floats) -> Floats:
     """Give normals, (M, 3), the signs of others, in place; return them."""
     normals[np.einsum("ij,ij->i", normals, signed) < 0] *= -1
     return normals

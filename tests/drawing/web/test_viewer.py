@@ -21,6 +21,7 @@ from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.drawing.web.levels import Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.io.copc import CopcNodes
+from scans import sample
 
 ROOT = Path(__file__).parents[3]
 VIEWER = ROOT / "viewer"
@@ -77,7 +78,7 @@ def seen(node, browser, scan, kept, tmp_path_factory):
         ],
         [("command", f"gppcs report {MARKUP}")],
     )
-    street = gppcs.sample("street", n_points=30_000)
+    street = sample("street", n_points=30_000)
     scene = PointCloud(street.points, {**street.attributes, "height": street.points[:, 2]})
     folder = tmp_path_factory.mktemp("page")
     paths = folder / "report.html", folder / "view.html"

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
+from gppcs.gp.local.algorithm import Problem, choose_denoised
 from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
+from scans import sample
 
 NOISE = 0.01
 
@@ -56,7 +59,7 @@ def test_kept_points_come_nearer_to_the_surface_by_a_factor(shape):
 
 
 def test_outliers_do_not_widen_the_neighbourhood():
-    with_outliers = gppcs.sample("statue", 100_000, noise=0.002, outliers=0.05)
+    with_outliers = sample("statue", 100_000, noise=0.002, outliers=0.05)
     assert neighbourhood(KdTree.build(with_outliers.points))[0] <= MANY_POINTS
 
 
@@ -87,6 +90,19 @@ def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
     assert np.abs(result.cloud.points[:, 2]).mean() < NOISE / 4
 
 
+@pytest.mark.parametrize(("size", "n_points"), [(20_000, 200), (3_000, 2_900)])
+def test_fixed_points_are_chosen_first_and_denoised(monkeypatch, size, n_points):
+    """Of a sample in which they are few, and of nearly all points."""
+    monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
+    scan = noisy(plane(size))
+    ranking = choose_denoised(Problem(scan, n_points, fixed=60), gppcs.LocalGP().criterion, Timer())
+    np.testing.assert_array_equal(ranking.indices[:60], np.arange(60))
+    assert len(np.unique(ranking.indices)) == n_points
+    heights = np.abs(ranking.surface.points[:, 2])
+    assert heights[:60].mean() < NOISE / 3
+    assert heights[60:].mean() < NOISE / 3
+
+
 def test_the_result_does_not_depend_on_threads():
     results = []
     for threads in (1, 3):
@@ -105,7 +121,6 @@ def test_the_result_does_not_depend_on_threads():
         ({"max_gap": "1%"}, "`denoise` without `max_gap`, found both"),
         ({"keep": [1]}, "`denoise` without `keep`, found both"),
         ({"quota": {"z > 0": 5}}, "`denoise` without `quota`, found both"),
-        ({"group": "number"}, "`denoise` without `group`, found both"),
     ],
 )
 def test_what_cannot_be_denoised_is_refused(options, told):

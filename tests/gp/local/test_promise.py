@@ -5,13 +5,14 @@ from functools import cache
 import pytest
 
 import gppcs
+from scans import sample
 
 FIGURES = "surface_mean", "feature_error"
 
 
 @cache
 def original(name):
-    return gppcs.sample(name, n_points=30_000)
+    return sample(name, n_points=30_000)
 
 
 def errors(name, method, ratio):

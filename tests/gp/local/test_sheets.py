@@ -10,6 +10,7 @@ from gppcs.gp.local.sheets import normals_of_sheets, toward_other_sheet
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
+from scans import sample
 from shapes import plate
 
 N, SPACING, FINE = 20_000, 0.05, 5.0  # target spacing of a plate of two unit squares, five times that of its points
@@ -50,7 +51,7 @@ def test_two_sheets_are_no_noise():
 @pytest.mark.parametrize(("name", "count"), [("case", 2_000), ("plate", 2_500), ("plate", 3_500)])
 def test_sheets_are_no_noise_in_any_order_of_the_rows(name, count):
     """Within the target spacing are fewer points than a quadric needs to lie in the middle of both sheets."""
-    points = gppcs.sample(name, n_points=N).points
+    points = sample(name, n_points=N).points
     for seed in range(3):
         tree = KdTree.build(np.random.default_rng(seed).permutation(points))
         assert not Noise.measure(tree, count, np.sqrt(surface_area(tree) / count)).thick
@@ -71,7 +72,7 @@ def test_beyond_memory_thin_parts_count(tmp_path, monkeypatch):
 
 def test_beyond_memory_two_sheets_have_the_same_area(tmp_path):
     """Noise is measured in spacings, which are the root of the area for each point."""
-    cloud = gppcs.sample("plate", n_points=N)
+    cloud = sample("plate", n_points=N)
     gppcs.write(tmp_path / "plate.ply", cloud)
     with ThreadPoolExecutor(1) as executor:
         beyond = gppcs.simplify(tmp_path / "plate.ply", n_points=2_000, workers=executor)

@@ -1,11 +1,10 @@
-"""The command `gppcs compare`: several methods, or pipelines to a mesh, on one cloud, as tables and a picture."""
+"""The command `gppcs compare`: several methods on one cloud, as tables and a picture."""
 
 from __future__ import annotations
 
-from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -19,13 +18,6 @@ from gppcs.methods import METHODS
 EPILOG = (
     "gppcs compare scan.ply --ratio 3% -o comparison\n\n"
     "gppcs compare scan.ply --points 5k --methods fps,hc,wlop --mesh surface.ply -o comparison\n\n"
-    "gppcs compare scan.ply --ratio 3% --meshes -o meshes\n\n"
-    "gppcs compare scan.ply --ratio 3% --meshes --methods mesh,poisson-decimated -o meshes\n\n"
-    "[bold]Pipelines to a mesh[/bold]\n\n"
-    "mesh, mesh-moved, mesh-effort: gppcs mesh, without and with --moved, and with --effort 2\n\n"
-    "poisson-kept, ball-pivoting, advancing-front: gp keeps points; then screened Poisson reconstruction, ball "
-    "pivoting or CGAL's advancing front (needs the extra cgal) makes a mesh of them\n\n"
-    "poisson-decimated: screened Poisson reconstruction of all points, then decimation\n\n"
     "gppcs evaluate --help defines the figures of the tables."
 )
 
@@ -38,12 +30,11 @@ def compare(
     ],
     ratio: options.Ratio = None,
     points: options.Points = None,
-    meshes: Annotated[bool, option("Compare pipelines to a mesh (extra evaluate).", METHOD, "--meshes")] = False,
     methods: Annotated[
         str | None,
-        option("Names of methods or pipelines, in the order of the table. By default all.", METHOD, metavar="NAME,..."),
+        option("Names of methods, in the order of the table. By default all.", METHOD, metavar="NAME,..."),
     ] = None,
-    mesh: Annotated[Path | None, option("A mesh file of the true surface of IN, to compare meshes with.", LOOK)] = None,
+    mesh: Annotated[Path | None, option("A mesh file of the true surface of IN, to measure from.", LOOK)] = None,
     seed: options.Seed = None,
     detail: Annotated[
         list[str] | None,
@@ -66,37 +57,25 @@ def compare(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
-    """Simplify a cloud by several methods, evaluate each result, and write tables and a picture.
-
-    With --meshes, make a light mesh of the cloud by several pipelines instead.
-    """
+    """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
     from gppcs.app.inputs import read_each
-    from gppcs.app.pages import draw_beside, how_made, named_clouds, named_meshes, rebuilt
-    from gppcs.app.tables import as_csv, as_markdown, columns_of, label_of, print_table, record_of
+    from gppcs.app.pages import draw_beside, how_made, named_clouds, rebuilt
+    from gppcs.app.tables import as_csv, as_markdown, columns_of, print_table, record_of
     from gppcs.drawing.colours import Colourable
     from gppcs.drawing.web.contents import Named, report_page
     from gppcs.engine.extras import require_all, require_matplotlib, require_pymeshlab
     from gppcs.evaluation.comparison import checked_methods
-    from gppcs.evaluation.mesh_comparison import checked_pipelines, require_pipeline
 
     timer, weights, chosen = started(quiet, threads), options.weights_of(detail), names_of(methods)
     if (ratio is None) == (points is None):
         actual = "none; a ratio of 0.1 keeps a tenth" if ratio is None else "both; leave one out"
         raise ParameterError(f"expected one of --ratio and --points, found {actual}")
-    if meshes and (seed is not None or weights):
-        raise ParameterError("expected --meshes without --seed and --detail, which pipelines do not use")
     if not picture and (colour or ((view or up) and not report)):
         raise ParameterError("expected a picture for --colour, --view and --up; leave out --no-picture")
     if picture:
-        needed = [partial(require_pipeline, name) for name in chosen or ()]
-        require_all(require_pymeshlab, require_matplotlib, *needed)
-    work: Any
-    if meshes:
-        work = partial(gppcs.compare_meshes, pipelines=checked_pipelines(chosen, ratio, points))
-    else:
-        checked_methods(chosen or METHODS, ratio, points, seed)
-        work = partial(gppcs.compare, methods=chosen, seed=seed, detail=weights)
+        require_all(require_pymeshlab, require_matplotlib)
+    checked_methods(chosen or METHODS, ratio, points, seed)
     viewpoint, inputs = options.viewpoint_of(view, up), [cloud, *filter(None, [mesh])]
     names = ["table.csv", "table.md", *(["picture.png"] if picture else []), *(["report.html"] if report else [])]
     _check_folder(output, names, inputs, force)
@@ -105,24 +84,33 @@ def compare(
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
     note_units(cloud, original)
-    entries = work(original, ratio=ratio, n_points=points, mesh=surface, invalid=invalid, timer=timer)
-    kind, labels, records = "pipeline" if meshes else "method", [*map(label_of, entries)], [*map(record_of, entries)]
-    if not (meshes or methods) and (missing := METHODS.keys() - {record["method"] for record in records}):
+    entries = gppcs.compare(
+        original,
+        chosen,
+        ratio=ratio,
+        n_points=points,
+        mesh=surface,
+        seed=seed,
+        detail=weights,
+        invalid=invalid,
+        timer=timer,
+    )
+    labels, records = [str(entry.method) for entry in entries], [*map(record_of, entries)]
+    if not methods and (missing := METHODS.keys() - {record["method"] for record in records}):
         print_error(f"note: {cloud}: left out, as memory is too small: {', '.join(sorted(missing))}")
     with timer("tables and picture"):
-        table = kind, labels, columns_of(records)
+        table = labels, columns_of(records)
         contents = {"table.csv": as_csv(records).encode(), "table.md": as_markdown(*table).encode()}
         finite = original[original.is_finite()]
-        shown = named_meshes(entries) if meshes else named_clouds(entries, finite, bool(surface), picture)
-        if not meshes and picture and surface is None:
+        shown = named_clouds(entries, finite, bool(surface), picture)
+        if picture and surface is None:
             surface = rebuilt("the original", finite, finite, "; give a mesh with --mesh")
         if picture:
-            captions = [_caption(record["relative"]) for record in records if record["relative"]]
+            captions = [_caption(record["relative"]) for record in records]
             image, results = BytesIO(), list(zip(shown, captions, strict=True))
-            counted = "vertices" if meshes else "points"
-            draw_beside(image, Named("original", finite, surface), results, viewpoint, colour, counted)
+            draw_beside(image, Named("original", finite, surface), results, viewpoint, colour)
             contents["picture.png"] = image.getvalue()
-    if report and shown:  # without results no pipeline has found a surface, and the notes say so
+    if report:
         made = how_made(context.obj, inputs)
         page = report_page(Named(cloud.name, original, surface), shown, made, viewpoint, timer, list(weights))
         contents["report.html"] = page.content()
@@ -142,7 +130,7 @@ def compare(
 
 def _caption(figures: dict[str, float]) -> str:
     """Return the figure that stands below a result in the picture."""
-    name = next(name for name in ("mesh_mean", "hausdorff_mean", "surface_mean") if name in figures)
+    name = next(name for name in ("hausdorff_mean", "surface_mean") if name in figures)
     return f"{name.replace('_', ' ')}\n{figures[name]:.2e} diagonals"
 
 

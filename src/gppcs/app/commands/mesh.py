@@ -112,14 +112,14 @@ def mesh(
         "points_in": len(original),
         "vertices": len(result.mesh.vertices),
         "triangles": len(result.mesh.faces),
-        **record_of_run(diagnostics, result.seconds),
+        **record_of_run(diagnostics, timer.seconds),
     }
     table = {name: record[name] for name in ("points_in", "vertices", "triangles")}
     table |= {name: value for name, value in diagnostics.items() if value}
     if excluded := table.pop("excluded", 0.0):
         table["points not covered by the mesh"] = f"{100 * excluded:.3g} %"
     table["unit"] = unit_text(unit_of(original.header, unit))
-    emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(result.seconds)})
+    emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(timer.seconds)})
 
 
 def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:

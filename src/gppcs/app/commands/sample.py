@@ -16,9 +16,9 @@ EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
 
 
 def _names() -> list[str]:
-    from gppcs.scans import SCANS, SCENES
+    from gppcs.scans import SCANS
 
-    return [*SCANS, *SCENES]
+    return list(SCANS)
 
 
 def sample(
@@ -26,8 +26,7 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan, statue, sphere, horse, moth, case, plate, gears or plant; or a scene as a "
-            "sensor sees it: room, street, terrain, forest or plot.",
+            help="medallion, bracket, fan, sphere, fresco, road or village.",
             show_default=False,
             autocompletion=_names,
         ),
@@ -54,12 +53,17 @@ def sample(
     from gppcs import io, scans
     from gppcs.app.outputs import check_output
     from gppcs.clouds.quantities import count_of
+    from gppcs.io.las import in_thousandths
 
     started(quiet)
     chosen = io.format_to_write(output, output_format, ascii)
     check_output(output, [], force)
     settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of("n_points", points), **settings)
+    if chosen.name in ("LAS", "LAZ", "COPC"):  # scenes are in metres, objects in millimetres
+        cloud = in_thousandths(
+            cloud, *(("metre", "1") if "classification" in cloud.attributes else ("millimetre", "0.001"))
+        )
     note_left_out(output, io.store(output, cloud, chosen, force, lossy))
     if io.is_standard(output):
         return

@@ -10,24 +10,26 @@ from gppcs.errors import OutputError
 EPILOG = "gppcs warmup"
 
 
-def warmup(quiet: options.Quiet = False, as_json: options.Json = False) -> None:
+def warmup(threads: options.Threads = None, quiet: options.Quiet = False, as_json: options.Json = False) -> None:
     """Compile all kernels now, in a minute or two. Later runs then start at once.
 
     Compiled kernels are stored in the first of these folders that can be written: the one that NUMBA_CACHE_DIR names,
     that of the installed package, the user's cache folder. Run this again after an update of gppcs or Numba, or on
     another kind of processor.
     """
-    from gppcs.app.compilation import compile_all
+    from gppcs.app.compilation import compile_all, parts
     from gppcs.engine.kernel_cache import folder_to_write
-    from gppcs.methods import METHODS
 
-    if not folder_to_write():
+    folder, compiled = folder_to_write(), 0
+    if not folder:
         raise OutputError("expected a folder for kernels that can be written, found none; set NUMBA_CACHE_DIR to one")
-    timer = started(quiet)
-    with timer("compiling kernels", len(METHODS)) as on_progress:
-        compiled, folders = compile_all(on_progress)
+    timer = started(quiet, threads)
+    with timer("compiling kernels", len(parts())) as on_progress:
+        for count in compile_all():
+            compiled += count
+            on_progress(1)
     seconds = sum(timer.seconds.values())
     if as_json:
-        emit({"compiled": compiled, "seconds": seconds, "folders": folders, "version": __version__}, as_json)
+        emit({"compiled": compiled, "seconds": seconds, "folder": str(folder), "version": __version__}, as_json)
     elif not quiet:
-        say(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {', '.join(folders)}")
+        say(f"kernels compiled: {compiled}, in {seconds:.1f} s; all are kept in {folder}")

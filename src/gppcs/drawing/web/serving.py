@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import secrets
 import sys
-import time
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
@@ -30,14 +29,6 @@ class LevelsServer(ThreadingTCPServer):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.host = f"127.0.0.1:{self.server_address[1]}"
         self.url = f"http://{self.host}/{self.token}/"
-
-    def get_request(self) -> tuple[Any, Any]:
-        """Accept a connection; wait a little if that fails, as it does at once while no descriptor is left."""
-        try:
-            return super().get_request()
-        except OSError:
-            time.sleep(0.1)
-            raise
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a browser that has closed its connection, or takes nothing more."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,8 @@ from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
+from gppcs.gp.local.placement.cells import Measured
+from gppcs.gp.local.scale import FieldScale, Scale
 from gppcs.gp.local.settings import (
     DENSITY_POWER,
     GRADATION,
@@ -29,126 +30,170 @@ from gppcs.gp.local.settings import (
 from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
-from gppcs.surface.noise import Noise
-from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
+S = TypeVar("S", bound=np.generic)
 
-def choose(
-    points: Floats,
-    n_points: int,
-    criterion: Criterion,
-    candidate_density: float,
-    timer: Timer,
-    fixed: int = 0,
-    weights: Floats | None = None,
-    attributes: NDArray[np.float32] | None = None,
-) -> Ranking:
-    """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
 
-    The first `fixed` points are chosen from the start. `candidate_density` is the number of candidate cells in a square
-    whose side is the target spacing; weights multiply the density of the chosen points; attributes count beside the
-    shape.
-    Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k).
-    """
-    candidate_density *= 1.0 if weights is None else refinement(weights)
-    candidate_density = cells_for(candidate_density, len(points), n_points, criterion.density_power)
-    surveyed = survey(points, n_points, candidate_density, timer, attributes)  # step 1
-    noise, detail = surveyed.noise, surveyed.detail
+def _taken(column: NDArray[S] | None, indices: Ints) -> NDArray[S] | None:
+    """Return some entries of a column, if there is one."""
+    return None if column is None else column[indices]
+
+
+class Problem(NamedTuple):
+    """The points of a cloud, and how many of them are to be chosen."""
+
+    points: Floats  # (N, 3), without repeats
+    n_points: int
+    fixed: int = 0  # The first so many points are chosen from the start
+    weights: Floats | None = None  # (N,), above 0: factors of the density of the chosen points
+    attributes: NDArray[np.float32] | None = None  # (N, k), which count beside the shape
+    settled: Flags | None = None  # (N,), points that only show where the surface is
+    scale: Scale | None = None  # Of the cloud of which the points are a part
+
+    def candidate_density(self, criterion: Criterion) -> float:
+        """Return how many candidate cells a square has whose side is the target spacing."""
+        if self.scale is not None:
+            return self.scale.candidate_density
+        density = criterion.candidate_density * (1.0 if self.weights is None else refinement(self.weights))
+        return cells_for(density, len(self.points), self.n_points, criterion.density_power)
+
+    def moved(self, points: Floats, indices: Ints) -> Problem:
+        """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
+        return self._replace(
+            points=points,
+            weights=_taken(self.weights, indices),
+            attributes=_taken(self.attributes, indices),
+            settled=_taken(self.settled, indices),
+        )
+
+
+def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
+    """Choose points of a cloud, the most important first: every prefix is a simplification of its size."""
+    ranking, measured = _choose_candidates(problem, criterion, timer)  # steps 1 to 6, and 8
+    with timer("placement"):
+        indices = place(problem.points, ranking.indices, problem.fixed, measured)  # step 7, Eqs. (10) and (20)
+    return ranking._replace(indices=indices)
+
+
+def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Ranking, Measured]:
+    """Choose among candidates, and return what is measured around all points."""
+    density = _candidate_density(problem, criterion)
+    candidates, stages, measured = _survey(problem, density, timer)  # steps 1, 2, and 5, Eq. (7)
+    ranking = choose_in_stages(problem, candidates, stages, criterion, timer)  # steps 3 to 6, and 8, Eqs. (2) to (9)
+    noise = measured.noise
+    scale = problem.scale or Scale(replace(noise, tree=None), density, stages[-1].largest_gap, ranking.stages)
+    return ranking._replace(noise_in_spacings=noise.in_spacings, scale=scale), measured
+
+
+def _candidate_density(problem: Problem, criterion: Criterion) -> float:
+    """Return the number of cells of the candidates' grid for each point to keep."""
+    if problem.scale is not None:
+        return problem.scale.candidate_density
+    density = criterion.candidate_density * (1.0 if problem.weights is None else refinement(problem.weights))
+    return cells_for(density, len(problem.points), problem.n_points, criterion.density_power)
+
+
+def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
+    """Measure a cloud, and return the candidates of the last stage, as they are observed, and all stages."""
+    points, n_points, fixed, weights, attributes, _, scale = problem
+    area, noise, ranks, detail, tree, normals = survey(points, n_points, density, timer, attributes, scale)
     with timer("candidates"):
-        stages = nested_candidates(points, surveyed.ranks, n_points, surveyed.area, candidate_density, fixed)  # step 2
-    sheets, last = None, stages[-1]
+        stages = nested_candidates(points, ranks, n_points, area, density, fixed, scale and scale.largest_gap)
+    indices = stages[-1].indices
+    positions, sheets = points[indices], None
     if not noise.thick:
         with timer("features"):
-            sheets = normals_of_sheets(surveyed.tree, points[last.indices], last.spacing)
-    tree, normals, ranks = None, None, surveyed.ranks
-    if len(surveyed.tree.order) == len(points):
-        tree, normals = surveyed.tree, surveyed.normals
-    del surveyed  # of a sample, nothing is needed any more
-    fitted = None
-    if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
-        with timer("noise"):
-            fitted = noise.fitted(tree)  # once around all points, as the placement needs them, too
+            sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
+    measured = Measured(stages[-1].area, noise, ranks, None if detail is None else detail.values)
     with timer("noise"):
-        at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[last.indices])
-        # Step 5, Eq. (7).
-        candidates = Candidates.observed(last.indices, points, noise, weights, detail, sheets, at_candidates)
-    # Steps 3 to 6 and 8, Eqs. (2) to (9).
-    ranking = choose_in_stages(points, candidates, stages, criterion, timer, fixed)
-    area = last.area
-    del candidates, stages, last  # as large as what the placement needs
-    with timer("placement"):
-        values = None if detail is None else detail.values
-        # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, area, noise, ranks, values, tree, fitted, normals)
-    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings)
+        quadrics = None
+        if len(tree.order) == len(points):  # the placement needs the same
+            measured = measured._replace(tree=tree, normals=normals)
+            if not noise.is_negligible and NOISY_CELL_POINTS * n_points >= len(points):
+                fitted = noise.fitted(tree)
+                measured, quadrics = measured._replace(quadrics=fitted), fitted.take(tree.positions()[indices])
+        feet, variances = noise.observe(positions, quadrics)
+    detail = None if detail is None else detail.take(indices)
+    return Candidates(indices, feet, variances, _taken(weights, indices), detail, sheets), stages, measured
 
 
 def choose_in_stages(
-    points: Floats, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer, fixed: int
+    problem: Problem, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer
 ) -> Ranking:
-    """Choose among points, (N, 3), in all stages, each of which ends with about twice as many as the one before."""
-    ranking = Ranking.of_fixed(fixed)
+    """Choose in all stages, each of which ends with about twice as many points as the one before."""
+    ranking = Ranking.of_fixed(problem.fixed)
     for stage in stages:
-        with timer("features"):
-            tree, field = field_of(points, candidates, stage, criterion)  # steps 3 and 4, Eqs. (2) to (6)
-        with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
-            # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
-            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress)
-        del tree, field  # as large as those of the next stage
+        ranking = _choose_in_stage(problem, candidates, stage, criterion, ranking, timer)
     return ranking
 
 
-def choose_denoised(
-    points: Floats,
-    n_points: int,
-    criterion: Criterion,
-    candidate_density: float,
-    timer: Timer,
-    weights: Floats | None = None,
-    attributes: NDArray[np.float32] | None = None,
+def _choose_in_stage(
+    problem: Problem, candidates: Candidates, stage: Stage, criterion: Criterion, ranking: Ranking, timer: Timer
 ) -> Ranking:
-    """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
+    """Return the ranking with the points of one more stage, each of the largest score."""
+    with timer("features"):  # steps 3 and 4, Eqs. (2) to (6)
+        tree, field, measured = field_of(problem.points, candidates, stage, criterion, problem.scale)
+    n_added = stage.target - len(ranking.indices)
+    with timer("greedy selection", n_added) as on_progress:  # steps 5 and 6, Eqs. (8) and (9)
+        indices = stage.indices[tree.order]
+        is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
+        is_chosen[ranking.indices] = True
+        chosen = np.flatnonzero(is_chosen[indices])
+        settled = None if problem.settled is None else np.flatnonzero(problem.settled[indices])
+        added, scores, deviations = extend(
+            field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, settled, on_progress
+        )
+    return ranking._replace(
+        indices=np.concatenate([ranking.indices, indices[added]]),
+        scores=np.concatenate([ranking.scores, scores]),
+        deviations=np.concatenate([ranking.deviations, deviations]),
+        stages=(measured, *ranking.stages),
+    )
+
+
+def choose_denoised(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
+    """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud and the fixed ones."""
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
-    indices = sample(short_hashes(points, RANDOM_BITS), n_points)
+    points, n_points, fixed, *_ = problem
+    indices = np.union1d(np.arange(fixed), sample(short_hashes(points, RANDOM_BITS), n_points))
     with timer("denoising"):
         tree = KdTree.build(points[indices])
+        leading = tree.positions()[:fixed]
         indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)
-        surface = denoised(tree.in_own_order(), n_points)  # Eqs. (11) to (13)
-        trusted = np.flatnonzero(surface.trusted)
-    candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
-    indices = indices[candidates]
-    weights = None if weights is None else weights[indices]
-    attributes = None if attributes is None else attributes[indices]
-    ranking = choose(surface.points[candidates], n_points, criterion, candidate_density, timer, 0, weights, attributes)
+        surface = denoised(tree.in_own_order(), n_points, leading)  # Eqs. (11) to (13)
+    is_candidate = surface.trusted.copy()
+    is_candidate[leading] = False
+    if fixed + np.count_nonzero(is_candidate) <= n_points:
+        is_candidate = indices >= fixed
+    candidates = np.concatenate([leading, np.flatnonzero(is_candidate)])
+    ranking = choose(problem.moved(surface.points[candidates], indices[candidates]), criterion, timer)
     chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
-        moved = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
-    return ranking._replace(indices=indices[ranking.indices], surface=chosen._replace(points=moved))
+        positions = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
+    return ranking._replace(indices=indices[candidates[ranking.indices]], surface=chosen._replace(points=positions))
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """The weights of the selection."""
+    """The weights of the selection, and the density of the candidates."""
 
     density_power: float  # p: points per area go as the roughness to this power; lower for flat faces with edges
     normal_weight: float  # beta: distance of normals at a right angle, in spacings; lower then, and with thin parts
     error_weight: float  # w: weight of the error |mu - y| in the score; that of the uncertainty is 1
     lengthscale: float  # kappa: of the Matérn kernel, in desired spacings
     neighbours: int  # K: the number of chosen points on which a posterior is conditioned
+    candidate_density: float  # Number of candidate cells in a square whose side is the target spacing
 
     @classmethod
-    def from_feature_weight(cls, feature_weight: float, lengthscale: float, neighbours: int) -> Criterion:
+    def from_feature_weight(
+        cls, feature_weight: float, lengthscale: float, neighbours: int, candidate_density: float
+    ) -> Criterion:
         """Return the weights: at 0.5, the default, the error has none; at 1 that of the paper."""
+        density_power, normal_weight = DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight
         error_weight = max(0.0, 2.0 * feature_weight - 1.0) ** 2
-        return cls(
-            DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight, error_weight, lengthscale, neighbours
-        )
-
-    def with_thin_parts(self, fraction: float) -> Criterion:
-        """Return the weights for a cloud with this fraction of its candidates beside another sheet."""
-        return replace(self, normal_weight=self.normal_weight * (1.0 - fraction))
+        return cls(density_power, normal_weight, error_weight, lengthscale, neighbours, candidate_density)
 
 
 class Candidates(NamedTuple):
@@ -161,23 +206,6 @@ class Candidates(NamedTuple):
     detail: Detail | None
     sheets: Floats | None = None  # (n, 3), as `normals_of_sheets` returns them
 
-    @classmethod
-    def observed(
-        cls,
-        indices: Ints,
-        points: Floats,
-        noise: Noise,
-        weights: Floats | None,
-        detail: Detail | None,
-        sheets: Floats | None,
-        fitted: Quadrics | None,
-    ) -> Candidates:
-        """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
-        feet, variances = noise.observe(points[indices], fitted)
-        weights = None if weights is None else weights[indices]
-        detail = None if detail is None else detail.take(indices)
-        return cls(indices, feet, variances, weights, detail, sheets)
-
     @property
     def beside_sheets(self) -> Flags:
         """Whether each has another sheet near it, (n,)."""
@@ -187,10 +215,12 @@ class Candidates(NamedTuple):
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
-        feet = None if self.feet is None else self.feet[positions]
-        weights = None if self.weights is None else self.weights[positions]
+        feet, weights, sheets = (
+            _taken(self.feet, positions),
+            _taken(self.weights, positions),
+            _taken(self.sheets, positions),
+        )
         detail = None if self.detail is None else self.detail.take(positions)
-        sheets = None if self.sheets is None else self.sheets[positions]
         return Candidates(self.indices[positions], feet, self.variances[positions], weights, detail, sheets)
 
 
@@ -203,6 +233,8 @@ class Ranking(NamedTuple):
     deviations: Floats  # (M,), posterior standard deviations, in units of the prior's
     noise_in_spacings: float = 0.0  # Standard deviation of the noise, in target spacings
     surface: Denoised | None = None  # Where the chosen points go, if they are denoised
+    stages: tuple[FieldScale, ...] = ()  # What was measured of the candidates of each stage, the finest first
+    scale: Scale | None = None
 
     @classmethod
     def of_fixed(cls, count: int) -> Ranking:
@@ -210,34 +242,9 @@ class Ranking(NamedTuple):
         return cls(np.arange(count), np.zeros(count), np.zeros(count))
 
 
-def choose_in_stage(
-    ranking: Ranking,
-    field: LocalField,
-    tree: KdTree,
-    stage: Stage,
-    criterion: Criterion,
-    on_progress: Callable[[int], None],
-) -> Ranking:
-    """Return the ranking with the points of one more stage, each of the largest score (Eqs. (8) and (9)).
-
-    The field is over the candidates of the stage, in the order of the tree.
-    """
-    indices = stage.indices[tree.order]
-    is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
-    is_chosen[ranking.indices] = True
-    chosen = np.flatnonzero(is_chosen[indices])
-    n_added = stage.target - len(ranking.indices)
-    added, scores, deviations = extend(
-        field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, on_progress=on_progress
-    )
-    return Ranking(
-        indices=np.concatenate([ranking.indices, indices[added]]),
-        scores=np.concatenate([ranking.scores, scores]),
-        deviations=np.concatenate([ranking.deviations, deviations]),
-    )
-
-
-def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion) -> tuple[KdTree, LocalField]:
+def field_of(
+    points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion, scale: Scale | None
+) -> tuple[KdTree, LocalField, FieldScale]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order.
 
     Shapes: points (N, 3), of which the candidates are some.
@@ -248,9 +255,11 @@ def field_of(points: Floats, candidates: Candidates, stage: Stage, criterion: Cr
     else:
         candidates = candidates.take(tree.order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    criterion = criterion.with_thin_parts(float(np.mean(candidates.beside_sheets)))
+    alone = 1.0 - float(np.mean(candidates.beside_sheets))
+    criterion = replace(criterion, normal_weight=criterion.normal_weight * alone)
     variances = candidates.variances / stage.spacing**2
-    return tree, local_field(tree, features, variances, criterion, candidates.detail, candidates.weights)
+    detail, weights = candidates.detail, candidates.weights
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -266,23 +275,6 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     return features
 
 
-class FieldScale(NamedTuple):
-    """What the field at a candidate needs to know of all candidates of the stage, where it has only some."""
-
-    mean: float  # Of the surface variation
-    deviation: float  # Of the surface variation
-    roundness: float  # From 1 for a cloud that is equally rough everywhere to 0 for flat faces and edges only
-    density: float  # Mean of the desired density
-    spacing: float = 1.0  # What makes the mean of 1 / spacing^2 equal to 1
-
-    @classmethod
-    def from_variation(cls, variation: Floats, criterion: Criterion, detail: Floats | float = 0.0) -> FieldScale:
-        """Measure candidates, by their surface variation and the roughness of their detail, (n,)."""
-        roundness = roundness_of(np.sqrt(variation))
-        density = density_of(np.sqrt(variation + detail), criterion.density_power * roundness)
-        return cls(float(np.mean(variation)), float(np.std(variation)), roundness, float(np.mean(density)))
-
-
 def local_field(
     tree: KdTree,
     features: Features,
@@ -290,26 +282,31 @@ def local_field(
     criterion: Criterion,
     detail: Detail | None = None,
     weights: Floats | None = None,
-    scale: FieldScale | None = None,
-) -> LocalField:
+    spacing: float = 1.0,
+    scale: Scale | None = None,
+) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
-    The weights come after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the
-    observations, in units of the prior's, weights (n,).
+    Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
+    after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
+    of the prior's, weights (n,).
     """
     variation = features.surface_variation
-    roundness = scale.roundness if scale else roundness_of(np.sqrt(variation))
+    whole = None if scale is None else scale.at(spacing)
+    roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
-    spacings = graded(tree, np.sqrt((scale.density if scale else np.mean(density)) / density), GRADATION)
+    mean_density = whole.density if whole else float(np.mean(density))
+    spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
         spacings *= weights ** (-0.5 * WEIGHT_POWER)
-    spacings *= scale.spacing if scale else np.sqrt(np.mean(spacings**-2.0))
+    factor = whole.factor if whole else float(np.sqrt(np.mean(spacings**-2.0)))
+    spacings *= factor
+    mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
     y = np.zeros(len(variances))
-    if criterion.error_weight > 0.0:  # otherwise nothing depends on it
-        mean, deviation = (scale.mean, scale.deviation) if scale else (np.mean(variation), np.std(variation))
-        y = (variation - mean) / deviation if deviation > ROUNDING else y
-    return LocalField(
+    if criterion.error_weight > 0.0 and deviation > ROUNDING:  # otherwise nothing depends on it
+        y = (variation - mean) / deviation
+    field = LocalField(
         positions=tree.points,
         normals=np.ascontiguousarray(features.normals.T),
         spacings=spacings,
@@ -319,3 +316,4 @@ def local_field(
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness,
     )
+    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor)

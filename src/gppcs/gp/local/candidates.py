@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.density import ROUNDING
 from gppcs.gp.local.detail import Detail
+from gppcs.gp.local.scale import Scale
 from gppcs.gp.local.settings import (
     FEWEST_CELLS,
     FIRST_STAGE,
@@ -60,18 +62,29 @@ class Survey(NamedTuple):
 
 
 def survey(
-    points: Floats, n_points: int, candidate_density: float, timer: Timer, attributes: NDArray[np.float32] | None = None
+    points: Floats,
+    n_points: int,
+    candidate_density: float,
+    timer: Timer,
+    attributes: NDArray[np.float32] | None = None,
+    scale: Scale | None = None,
 ) -> Survey:
-    """Measure a cloud, (N, 3), or a sample of it. Shapes: attributes (N, k)."""
+    """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k)."""
     with timer("sample"):
         ranks = short_hashes(points, RANDOM_BITS)
         indices = sample(ranks, n_points)
         sampled = points if len(indices) == len(points) else points[indices]
     with timer("tree"):
         tree = KdTree.build(sampled)
-        area, _ = thinned(sampled, ranks[indices], n_points, surface_area(tree), candidate_density)
+        if scale is None:
+            area, _ = thinned(sampled, ranks[indices], n_points, surface_area(tree), candidate_density)
+        else:
+            area = scale.stages[0].spacing ** 2 * n_points
     with timer("noise"):
-        noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
+        if scale is None:
+            noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
+        else:
+            noise = replace(scale.noise, tree=None if scale.noise.is_negligible else tree)
     of_tree, sharpness, normals = indices[tree.order], np.zeros(len(indices), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
@@ -134,6 +147,7 @@ class Stage(NamedTuple):
     thinned: bool  # Whether they are one in each cell; otherwise those of the next finer stage, or all points
     area: float  # Area of the surface, corrected by the number of occupied cells
     tree: KdTree | None = None  # Over the candidates, in units of the target spacing, if there is one
+    largest_gap: float = math.inf  # Distance from all others, in target spacings, beyond which points are excluded
 
     @property
     def spacing(self) -> float:
@@ -142,7 +156,13 @@ class Stage(NamedTuple):
 
 
 def nested_candidates(
-    points: Floats, ranks: Ranks, n_points: int, area: float, candidate_density: float, fixed: int = 0
+    points: Floats,
+    ranks: Ranks,
+    n_points: int,
+    area: float,
+    candidate_density: float,
+    fixed: int = 0,
+    largest: float | None = None,
 ) -> list[Stage]:
     """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
@@ -150,19 +170,22 @@ def nested_candidates(
     stage takes the candidates of the finer stage, and the last stage takes all points. The first `fixed` points are
     candidates of each stage, which aims at more. Shapes: points (N, 3), ranks (N,).
     """
-    area, indices = thinned(points, ranks, n_points, area, candidate_density)
+    thin = thinned if largest is None else sharpest_in_cells  # of a part, whose area is measured in the whole
+    area, indices = thin(points, ranks, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
         tree = KdTree.build(points[indices] / cell_edge(area, n_points))
         gaps = gaps_of_isolated(tree, 1.0)
-        stays = gaps <= largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+        if largest is None:
+            largest = largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+        stays = gaps <= largest
         indices = indices[stays]
-        stages = [Stage(n_points, indices, True, area, tree if stays.all() else None)]
+        stages = [Stage(n_points, indices, True, area, tree if stays.all() else None, largest)]
     else:
         indices = np.arange(len(points))
         stages = [Stage(n_points, indices, False, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
         target = -(-stages[-1].target // 2)
-        area, kept = thinned(points[indices], ranks[indices], target, area, candidate_density)
+        area, kept = thin(points[indices], ranks[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
@@ -229,6 +252,13 @@ def cell_edge(area: float, cells: float) -> float:
 def vanishes(area: float) -> bool:
     """Return whether halving of the area stops, before it becomes zero."""
     return area <= 1e-200
+
+
+def sharpest_in_cells(
+    points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float
+) -> tuple[float, Ints]:
+    """Return the area, and the points of the highest ranks in the cells that fit it."""
+    return area, greatest_in_cells(points, cell_edge(area, candidate_density * target), ranks)
 
 
 def thinned(points: Floats, ranks: Ranks, target: int, area: float, candidate_density: float) -> tuple[float, Ints]:

@@ -33,7 +33,7 @@ from gppcs.gp.local.greedy_state import (
     set_score,
     workspace_below,
 )
-from gppcs.gp.local.kernel import LocalField, detail_distance, field_distance
+from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.gp.local.posterior import condition, posterior_of_all
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, squared_distance_of_boxes
 
@@ -61,34 +61,34 @@ def extend(
     n_added: int,
     neighbours: int,
     error_weight: float,
-    threshold: float = 0.0,
+    settled: Ints | None = None,
     on_progress: Callable[[int], None] = lambda steps: None,
 ) -> tuple[Ints, Floats, Floats]:
-    """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points, or down to a threshold.
+    """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points.
 
     Where parts choose at once, the order is that of falling scores, and the result is not exactly that of one choice
     after another: a new point may raise a score, since posteriors are conditioned only on the nearest points. Shapes:
-    chosen (m,), in any order; returns added, scores, deviations (n_added,).
+    chosen (m,), in any order, settled (k,), which are never chosen; returns added, scores, deviations (n_added,).
     """
-    state = _begin_state(field, tree, chosen, neighbours, error_weight)
+    state = _begin_state(field, tree, chosen, settled, neighbours, error_weight)
     cloud, count = _divide(state, 1), 1
     while 2 * count <= min(tree.leaves, len(field.y) // PART_POINTS, len(chosen) // neighbours):
         count *= 2
     if count > 1:
         parts = _divide(state, count)
-        added, scores = _choose_in_levels(
-            n_added, len(chosen), threshold, field, error_weight, state, parts, cloud, on_progress
-        )
+        added, scores = _choose_in_levels(n_added, len(chosen), field, error_weight, state, parts, cloud, on_progress)
     else:
-        step = 4096  # from one report of progress to the next
+        step, computed = 4096, computed_from(0.0, error_weight)  # from one report of progress to the next
         for begin in range(0, n_added, step):
-            choose_in_parts(0, 1, threshold, min(begin + step, n_added), field, error_weight, state, cloud)
+            choose_in_parts(0, 1, 0.0, computed, min(begin + step, n_added), field, error_weight, state, cloud)
             on_progress(min(step, n_added - begin))
         added, scores = _chosen_by(cloud)
     return added, scores, np.sqrt(state.variances[added])
 
 
-def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int, error_weight: float) -> GreedyState:
+def _begin_state(
+    field: LocalField, tree: KdTree, chosen: Ints, settled: Ints | None, neighbours: int, error_weight: float
+) -> GreedyState:
     """Return the state in which some points are chosen. Shapes: chosen (m,)."""
     conditioning = condition(field, tree, chosen, neighbours)
     _, variances, scores = posterior_of_all(field, conditioning, error_weight)
@@ -98,7 +98,8 @@ def _begin_state(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int,
         np.zeros(len(scores), dtype=bool), np.concatenate([tree.lower, tree.upper, np.empty((count, 2))], axis=1),
         np.empty(count), np.empty(count, dtype=np.int64),
     )  # fmt: skip
-    state.scores[chosen] = state.ranges[chosen] = TAKEN
+    for taken in (chosen,) if settled is None else (chosen, settled):
+        state.scores[taken] = state.ranges[taken] = TAKEN
     on_ranges(_begin_leaves, tree.leaves, field.spacings, state, minimum=256)
     _renew_upper(state, tree.leaves)
     return state
@@ -127,7 +128,6 @@ def _renew_upper(state, count):
 def _choose_in_levels(
     n_added: int,
     n_chosen: int,
-    last: float,
     field: LocalField,
     error_weight: float,
     state: GreedyState,
@@ -137,20 +137,18 @@ def _choose_in_levels(
 ) -> tuple[Ints, Floats]:
     """Choose the `n_added` best points, by ever lower thresholds, after others; parts as in `choose_down`."""
     threshold, taken = np.inf, 0
-    while taken < n_added and threshold > last:
-        threshold = min(threshold, float(state.best[1])) * next_step(n_chosen + taken, n_chosen + n_added)
-        threshold = threshold if threshold > max(last, 1e-6) else last
+    while taken < n_added and threshold > 0.0:
+        # Scores fall about as the spacing of the chosen points, or faster. A little too low, so that 1 % more are
+        # chosen than are needed.
+        step = math.sqrt((n_chosen + taken) / (1.01 * (n_chosen + n_added)))
+        threshold = min(threshold, float(state.best[1])) * step
+        threshold = threshold if threshold > 1e-6 else 0.0
         choose_down(threshold, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), n_added)
         on_progress(taken - before)
     added, scores = (np.concatenate(both) for both in zip(_chosen_by(parts), _chosen_by(rest), strict=True))
     best = np.argsort(-scores, kind="stable")[:n_added]
     return added[best], scores[best]
-
-
-def next_step(n_chosen: int, n_points: int) -> float:
-    """Return by what the threshold is multiplied: scores fall about as the spacing of the chosen points, or faster."""
-    return math.sqrt(n_chosen / (1.01 * n_points))  # a little too low, so that 1 % more are chosen than are needed
 
 
 def _divide(state: GreedyState, count: int) -> Parts:
@@ -188,22 +186,22 @@ def choose_down(
     threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts, rest: Parts
 ) -> None:
     """Choose all points with a score of at least a threshold."""
-    n, count = len(state.scores), len(parts.counts)
+    n, count, computed = len(state.scores), len(parts.counts), computed_from(threshold, error_weight)
     chosen = count
     while chosen >= count:  # with fewer, a round costs more than to choose one after another
-        _exchange_boundaries(threshold, field, error_weight, state, parts)
-        on_ranges(choose_in_parts, count, threshold, n, field, error_weight, state, parts)
+        _exchange_boundaries(computed, field, error_weight, state, parts)
+        on_ranges(choose_in_parts, count, threshold, computed, n, field, error_weight, state, parts)
         chosen = int((parts.counts - parts.sent).sum())
-    _exchange_boundaries(threshold, field, error_weight, state, parts)
+    _exchange_boundaries(computed, field, error_weight, state, parts)
     _renew_upper(state, count)
-    choose_in_parts(0, 1, threshold, n, field, error_weight, state, rest)
+    choose_in_parts(0, 1, threshold, computed, n, field, error_weight, state, rest)
 
 
 def _exchange_boundaries(
-    threshold: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts
+    computed: float, field: LocalField, error_weight: float, state: GreedyState, parts: Parts
 ) -> None:
     """Condition all parts on what their neighbours have chosen since the last exchange."""
-    on_ranges(_receive, len(parts.counts), computed_from(threshold, error_weight), field, error_weight, state, parts)
+    on_ranges(_receive, len(parts.counts), computed, field, error_weight, state, parts)
     parts.sent[:] = parts.counts
 
 
@@ -244,12 +242,12 @@ def _receive_in_part(part, computed, field, error_weight, state, parts, workspac
 
 
 @kernel
-def choose_in_parts(begin, end, threshold, maximum, field, error_weight, state, parts):
+def choose_in_parts(begin, end, threshold, computed, maximum, field, error_weight, state, parts):
     """Let some parts choose their points down to a threshold. A single part chooses one after another."""
     count = len(parts.counts)
     workspace = workspace_below(field, state, count)
     deferred = np.empty(len(workspace.changed), dtype=np.int64)
-    scores, computed = np.empty(len(deferred), dtype=np.float64), computed_from(threshold, error_weight)
+    scores = np.empty(len(deferred), dtype=np.float64)
     for part in range(begin, end):
         _choose_in_part(
             part, threshold, computed, maximum, field, error_weight, state, parts, workspace, deferred, scores
@@ -273,7 +271,7 @@ def _choose_in_part(part, threshold, computed, maximum, field, error_weight, sta
         set_score(state, root, deferred[which], scores[which])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _take(new, part, state, parts):
     """Choose a point for a part."""
     slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
@@ -282,7 +280,7 @@ def _take(new, part, state, parts):
     state.scores[new] = state.ranges[new] = TAKEN
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_deferred(new, part, deferred, field, state, parts):
     """Return whether a better point, outside or deferred itself, may affect a point of a part or be affected by it."""
     for other in deferred:
@@ -294,7 +292,7 @@ def _is_deferred(new, part, deferred, field, state, parts):
     return False
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _affected(new, root, field, state, parts):
     """Return whether a better point below the node `root` may affect a point or be affected by it."""
     n, leaves = len(state.scores), first_leaf(state.best)
@@ -317,12 +315,15 @@ def _affected(new, root, field, state, parts):
     return False
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def _gap(field, i, j):
     """Return the squared distance in the field between two points."""
     positions, normals = field.positions, field.normals
-    return field_distance(
+    of_detail = 0.0
+    for c in range(len(field.detail)):  # Eq. (18)
+        of_detail += (field.detail[c, i] - field.detail[c, j]) ** 2
+    return of_detail + field_distance(
         positions[0, i] - positions[0, j], positions[1, i] - positions[1, j], positions[2, i] - positions[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
         field.spacings[i], field.spacings[j], field.normal_weight,
-    ) + detail_distance(field.detail, i, j)  # fmt: skip
+    )  # fmt: skip

@@ -56,8 +56,7 @@ def workspace_below(field, state, count):
     )
 
 
-@kernel
-def computed_from(threshold, error_weight):
+def computed_from(threshold: float, error_weight: float) -> float:
     """Return from which score on scores are kept up to date while points are chosen down to a threshold.
 
     A variance hardly ever rises, so a score far below the threshold will not reach it. An error may rise.
@@ -65,7 +64,7 @@ def computed_from(threshold, error_weight):
     return 0.9 * threshold if error_weight == 0.0 else 0.0
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def observe(new, root, computed, field, error_weight, state, workspace):
     """Condition the points below a node on a new chosen point; update nodes, and scores from `computed` on."""
     nodes, points = condition_on(new, root, computed, field, state, workspace, 0)
@@ -102,7 +101,7 @@ def condition_on(new, root, computed, field, state, workspace, count):
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
                 field.spacings[i], spacing, field.normal_weight,
             )  # fmt: skip
-        for c in range(len(field.detail)):  # what `detail_distance` adds, in loops that vectorise
+        for c in range(len(field.detail)):  # Eq. (18), in loops that vectorise
             for i in range(begin, end):
                 workspace.gaps[i - begin] += (field.detail[c, i] - field.detail[c, new]) ** 2
         for i in range(begin, end):
@@ -128,7 +127,7 @@ def is_in_range(boxes, node, x, y, z, spacing, squared):
     return dx * dx + dy * dy + dz * dz <= squared * (0.5 * (boxes[node, 7] + spacing**2))
 
 
-@kernel(fastmath=False, allocates=False)
+@kernel(inline="always")
 def _keep_nearest(conditioning, i, new, gap):
     """Insert a chosen point among those that point i is conditioned on, and drop the last."""
     slot = conditioning.nearest.shape[1] - 1
@@ -164,7 +163,7 @@ def set_score(state, root, i, score):
         renew_inner(node, state)
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def renew(node, state):
     """Update score, holder and range of a node, from its children or from its points."""
     if node < first_leaf(state.best):

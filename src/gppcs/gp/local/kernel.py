@@ -37,15 +37,6 @@ def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
 
 
-@kernel(fastmath=False, allocates=False)
-def detail_distance(detail, i, j):
-    """Return what the details, (k, n), of two points add to `field_distance` (Eq. (18))."""
-    squared = 0.0
-    for c in range(len(detail)):
-        squared += (detail[c, i] - detail[c, j]) ** 2
-    return squared
-
-
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
     """Compute the kernel (Eq. (6)) between the a-th and the b-th site of each lane, in units of the prior variance.

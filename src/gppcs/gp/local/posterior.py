@@ -68,7 +68,7 @@ class Work(NamedTuple):
     score: Floats
 
 
-@kernel
+@kernel(inline="always")
 def work_for(neighbours, details):
     """Return memory for posteriors."""
     return Work(
@@ -187,7 +187,7 @@ def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioni
             squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
 
 
-@kernel(fastmath=False)
+@kernel(inline="always")
 def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning):
     """Condition the points of a leaf; return the squared radius of the search that the leaf needed."""
     n, leaves = len(field.y), first_leaf(lower)

@@ -9,9 +9,13 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.gp.spectral.posterior import posterior
 
-BUCKETS = 4096  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
+BUCKETS = 8192  # most buckets of points: each step reads all bounds but rescans few buckets; more would be slower
+BUCKETS_AT_ONCE = 64  # in a range of a thread, at least
+PICKS_PER_CALL = 64  # about as many picks between two scans by all threads, and reports of progress
+LANES = 32  # points whose scores are computed side by side
 # The posterior is computed anew whenever there are this many times as many observations, as the errors of updates stay
 # while the variance shrinks: from one observation on 13,000 updates could lose all digits.
 REFRESHED = 4
@@ -31,15 +35,16 @@ def select(
 
     The result is exactly that of the paper's Algorithm 1, but a step scans only the buckets of points whose bound is
     not below the best score so far. Since a bucket was last scanned, variances can only have decreased. If the weights'
-    mean has moved by dw, the mean at a point has moved by phi dw, which the bounding box of phi bounds. Shapes: phi (N,
-    L), y (N,), initial (k_init,), order (N,); returns (M,).
+    mean has moved by dw, the mean at a point has moved by phi dw, which the bounding box of phi bounds. All threads
+    scan the buckets that are likely to be needed, by the last scores. Neighbours should be near each other in the
+    arrays; ties go to the smallest `order`. Shapes: phi (N, L), y (N,), initial (k_init,), order (N,); returns (M,).
     """
-    order = np.arange(len(y)) if order is None else order
     chosen = np.empty(n_points, dtype=np.int64)
     chosen[: len(initial)] = initial
     free = np.ones(len(y), dtype=np.bool_)
     free[initial] = False
-    points = _Points(np.ascontiguousarray(phi[order].T), y[order], order, free[order], np.empty(len(y)))
+    order = np.arange(len(y)) if order is None else order
+    points = _Points(np.ascontiguousarray(phi.T), y, order, free, np.empty(len(y)))
     k_add = min(k_add, n_points)
     begin, computed = len(initial), 0  # at how many observations the posterior was last computed anew
     while begin < n_points:
@@ -48,9 +53,13 @@ def select(
             mean, covariance = posterior(phi[chosen[:begin]], y[chosen[:begin]], noise)
             covariance, computed = np.ascontiguousarray(covariance), begin
             buckets = _buckets(min(BUCKETS, len(y)), points.phi)  # bounds from an earlier posterior need not hold
-        steps = max(1, -(-min(512, REFRESHED * computed - begin) // k_add))  # from one report of progress to the next
+            likely = last = -np.inf
+        steps = max(1, min(PICKS_PER_CALL, REFRESHED * computed - begin) // k_add)
         end = min(begin + steps * k_add, n_points)
-        _choose(points, buckets, mean, covariance, noise, k_add, chosen[:end], begin)
+        state = points, buckets, mean, covariance
+        on_ranges(_scan_likely, len(buckets.bound), *state, begin, likely, minimum=BUCKETS_AT_ONCE)
+        before, last = last, _choose(*state, noise, k_add, chosen[:end], begin)
+        likely = min(last, 2 * last - before)  # the last score falls by about as much in each call
         if on_progress:
             on_progress(end - begin)
         begin = end
@@ -62,7 +71,7 @@ class _Points(NamedTuple):
 
     phi: Floats  # (L, N): transposed, so that loops over points read contiguous memory
     y: Floats  # (N,)
-    order: Ints  # (N,): indices in the input
+    order: Ints  # (N,): decides ties
     free: Flags  # (N,): false for chosen points
     score: Floats  # (N,): s when the point's bucket was last scanned
 
@@ -82,34 +91,57 @@ class _Buckets(NamedTuple):
 
 def _buckets(count: int, phi: Floats) -> _Buckets:
     """Return `count` buckets of the features, (L, N), that have not been scanned."""
-    starts = np.arange(count) * phi.shape[1] // count
-    return _Buckets(
-        lower=np.ascontiguousarray(np.minimum.reduceat(phi, starts, axis=1).T),
-        upper=np.ascontiguousarray(np.maximum.reduceat(phi, starts, axis=1).T),
+    shape = count, len(phi)
+    buckets = _Buckets(
+        lower=np.empty(shape),
+        upper=np.empty(shape),
         scanned=np.full(count, -1),
-        mean=np.zeros((count, len(phi))),
+        mean=np.zeros(shape),
         above=np.full(count, np.inf),
         below=np.full(count, np.inf),
         bound=np.full(count, np.inf),
         best=np.zeros(count, dtype=np.int64),
     )
+    on_ranges(_measure_boxes, count, phi, buckets.lower, buckets.upper, minimum=BUCKETS_AT_ONCE)
+    return buckets
+
+
+@kernel
+def _measure_boxes(begin, end, phi, lower, upper):
+    """Fill the bounding boxes, `lower` and `upper`, (G, L), of a range of buckets of the features, (L, N)."""
+    for g in range(begin, end):
+        for r in range(len(phi)):
+            values = phi[r, phi.shape[1] * g // len(lower) : phi.shape[1] * (g + 1) // len(lower)]
+            lower[g, r], upper[g, r] = values.min(), values.max()
+
+
+@kernel
+def _scan_likely(begin, end, points, buckets, mean, covariance, now, likely):
+    """Bound the scores of a range of buckets; scan those that may have a score that is likely to be chosen."""
+    for g in range(begin, end):
+        _bound(g, buckets, mean)
+        if buckets.bound[g] >= likely:
+            _scan(g, points, buckets, mean, covariance, now)
 
 
 @kernel
 def _choose(points, buckets, mean, covariance, noise, k_add, chosen, begin):
-    """Fill `chosen`, (M,), from `begin` on; `mean` is (L,), `covariance` (L, L); both are updated."""
-    batch = np.empty(k_add, dtype=np.int64)
+    """Fill `chosen`, (M,), from `begin` on, and return the last score; updates `mean`, (L,), `covariance`, (L, L)."""
+    batch, last = np.empty(k_add, dtype=np.int64), np.inf
     for now in range(begin, len(chosen), k_add):
+        if now > begin:
+            for g in range(len(buckets.bound)):
+                _bound(g, buckets, mean)
         due = min(k_add, len(chosen) - now)
         for b in range(due):
             g = _bucket_of_best(points, buckets, mean, covariance, now)
-            pick = buckets.best[g]
-            batch[b], chosen[now + b] = pick, points.order[pick]
-            points.free[pick] = False  # R <- P - P_simp
+            batch[b], last = buckets.best[g], buckets.bound[g]
+            points.free[batch[b]] = False  # R <- P - P_simp
             _find_best(g, points, buckets)
+        chosen[now : now + due] = batch[:due]
         for pick in batch[:due]:
             _observe(points.phi[:, pick].copy(), points.y[pick], noise, mean, covariance)
-        _bound_all(buckets, mean)
+    return last
 
 
 @kernel(fastmath={"contract", "reassoc", "nsz"})
@@ -151,29 +183,45 @@ def _bucket_of_best(points, buckets, mean, covariance, now):
 @kernel(fastmath={"contract", "reassoc", "nsz"})
 def _scan(g, points, buckets, mean, covariance, now):
     """Compute the scores of a bucket's points and find the best; `mean` is (L,), `covariance` (L, L)."""
-    count = len(buckets.bound)
-    begin, end = len(points.y) * g // count, len(points.y) * (g + 1) // count
-    phi, free, score = points.phi[:, begin:end], points.free[begin:end], points.score[begin:end]
-    error = -points.y[begin:end]
-    variance = np.zeros(end - begin, dtype=np.float64)
-    along = np.empty(end - begin, dtype=np.float64)
-    for r in range(len(mean)):
-        along[:] = 0.5 * covariance[r, r] * phi[r]
-        for c in range(r):
-            along += covariance[r, c] * phi[c]
-        variance += 2.0 * along * phi[r]
-        error += mean[r] * phi[r]
+    n, count, features = len(points.y), len(buckets.bound), len(mean)
+    # Blocks of two by two: half of the covariance below its diagonal, and copies of the features with one more of zeros
+    half = np.zeros((features + 1, features + 1), dtype=np.float64)
+    for r in range(features):
+        half[r, : r + 1] = covariance[r, : r + 1]
+        half[r, r] *= 0.5
+    phi = np.zeros((features + 1, LANES), dtype=np.float64)
+    error, variance = np.empty(LANES, dtype=np.float64), np.empty(LANES, dtype=np.float64)
     above = below = -np.inf
-    for i in range(end - begin):
-        sd = np.sqrt(max(variance[i], 0.0))
-        score[i] = sd + abs(error[i])  # s <- sqrt(diag Sigma_t) + |mu_t - y|
-        if free[i]:
-            above = max(above, sd - error[i])
-            below = max(below, sd + error[i])
+    for begin in range(n * g // count, n * (g + 1) // count, LANES):
+        lanes = min(LANES, n * (g + 1) // count - begin)
+        for i in range(lanes):
+            error[i] = -points.y[begin + i]
+        for r in range(features):
+            for i in range(lanes):
+                phi[r, i] = points.phi[r, begin + i]
+                error[i] += mean[r] * phi[r, i]
+        variance[:] = 0.0
+        for r in range(0, features, 2):
+            for c in range(0, r + 1, 2):
+                _add_block(phi[r], phi[r + 1], phi[c], phi[c + 1], half[r : r + 2, c : c + 2], variance)
+        for i in range(lanes):
+            sd = np.sqrt(max(2.0 * variance[i], 0.0))
+            points.score[begin + i] = sd + abs(error[i])  # s <- sqrt(diag Sigma_t) + |mu_t - y|
+            if points.free[begin + i]:
+                above = max(above, sd - error[i])
+                below = max(below, sd + error[i])
     buckets.above[g], buckets.below[g] = above, below
     buckets.mean[g] = mean
     buckets.scanned[g] = now
     _find_best(g, points, buckets)
+
+
+@kernel(fastmath={"contract", "reassoc", "nsz"}, allocates=False)
+def _add_block(a, b, c, d, weights, variance):
+    """Add to the variances, (LANES,), the terms of four pairs of features, (LANES,) each, with `weights`, (2, 2)."""
+    ac, ad, bc, bd = weights[0, 0], weights[0, 1], weights[1, 0], weights[1, 1]
+    for i in range(LANES):
+        variance[i] += a[i] * (ac * c[i] + ad * d[i]) + b[i] * (bc * c[i] + bd * d[i])
 
 
 @kernel(fastmath=False)
@@ -188,17 +236,15 @@ def _find_best(g, points, buckets):
     buckets.best[g], buckets.bound[g] = best, highest
 
 
-@kernel(fastmath={"contract", "reassoc", "nsz"})
-def _bound_all(buckets, mean):
-    """Update the upper bounds of all buckets' scores from the change of the weights' mean, (L,), since their scans."""
-    lower, upper, seen, bound = buckets.lower, buckets.upper, buckets.mean, buckets.bound
-    for g in range(len(bound)):
-        fall = rise = 0.0
-        for c in range(len(mean)):
-            step = mean[c] - seen[g, c]
-            a, b = lower[g, c] * step, upper[g, c] * step
-            fall += min(a, b)
-            rise += max(a, b)
-        bound[g] = max(buckets.above[g] - fall, buckets.below[g] + rise)
-        if bound[g] > -np.inf:
-            bound[g] += 1e-12 * abs(bound[g])  # well above the rounding errors of a step
+@kernel(fastmath={"contract", "reassoc", "nsz"}, allocates=False)
+def _bound(g, buckets, mean):
+    """Update the upper bound of a bucket's scores from the change of the weights' mean, (L,), since its scan."""
+    fall = rise = 0.0
+    for c in range(len(mean)):
+        step = mean[c] - buckets.mean[g, c]
+        a, b = buckets.lower[g, c] * step, buckets.upper[g, c] * step
+        fall += min(a, b)
+        rise += max(a, b)
+    bound = max(buckets.above[g] - fall, buckets.below[g] + rise)
+    # well above the rounding errors of a step
+    buckets.bound[g] = bound + 1e-12 * abs(bound) if bound > -np.inf else bound

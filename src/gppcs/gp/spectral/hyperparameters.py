@@ -15,15 +15,15 @@ STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likeliho
 
 @one_blas_thread()
 def log_marginal_likelihood(
-    eigenvalues: Floats, eigenfunctions: Floats, y: Floats, mean_squares: Floats, theta: Hyperparameters
+    eigenvalues: Floats, eigenfunctions: Floats, y: Floats, theta: Hyperparameters
 ) -> tuple[float, Floats]:
     """Return log p(y | theta, sigma_y^2) (paper, Eq. 5) and its gradient, in O(n L^2) for n points.
 
-    Shapes: eigenvalues (L,), eigenfunctions (n, L), y (n,), mean_squares (L,); returns gradient (4,).
+    Shapes: eigenvalues (L,), eigenfunctions (n, L), y (n,); returns gradient (4,).
     """
     n, count = eigenfunctions.shape
     noise = theta.noise
-    weights = spectral_weights(eigenvalues, mean_squares, theta)
+    weights = spectral_weights(eigenvalues, theta)
     phi = kernel_features(eigenfunctions, weights)
     inner = scipy.linalg.cho_factor(noise * np.eye(count) + phi.T @ phi)
     # alpha = (K + sigma_y^2 I)^-1 y, and the trace of that inverse, both by the matrix inversion lemma
@@ -35,7 +35,7 @@ def log_marginal_likelihood(
     gram = eigenfunctions.T @ eigenfunctions
     quadratic = np.diag(np.linalg.solve(noise * np.eye(count) + gram * weights, gram))
     by_weight = 0.5 * ((eigenfunctions.T @ alpha) ** 2 - quadratic)
-    fractions = weights * mean_squares / theta.variance
+    fractions = weights / theta.variance
     by_lengthscale, by_nu = (
         by_weight @ (weights * (slope - fractions @ slope))
         for slope in log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[1:]
@@ -49,7 +49,6 @@ def fit(
     eigenvalues: Floats,
     eigenfunctions: Floats,
     y: Floats,
-    mean_squares: Floats,
     nu: float,
     fit_nu: bool = False,
     iterations: int = 200,
@@ -70,7 +69,7 @@ def fit(
     def loss(moved: Floats, fixed: Floats) -> tuple[float, Floats]:
         logarithms = fixed.copy()
         logarithms[free] = moved
-        value, gradient = log_marginal_likelihood(eigenvalues, eigenfunctions, y, mean_squares, theta_of(logarithms))
+        value, gradient = log_marginal_likelihood(eigenvalues, eigenfunctions, y, theta_of(logarithms))
         return -value, -gradient[free]
 
     ends = []

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.engine.blas import one_blas_thread
 
 DIMENSION = 2  # d in Eq. 6: the manifold is a surface
 
@@ -36,15 +35,14 @@ def log_spectrum(eigenvalues: Floats, lengthscale: float, nu: float) -> tuple[Fl
     return -power * logs, -power * (2 * ratio), power * ratio - nu * logs
 
 
-@one_blas_thread()
-def spectral_weights(eigenvalues: Floats, mean_squares: Floats, theta: Hyperparameters) -> Floats:
-    """Return the weights w_n of the kernel k(x, x') = sum_n w_n f_n(x) f_n(x') (paper, Eq. 6).
+def spectral_weights(eigenvalues: Floats, theta: Hyperparameters) -> Floats:
+    """Return the weights w_n of the kernel k(x, x') = sum_n w_n f_n(x) f_n(x') (paper, Eq. 6), (L,).
 
-    They are scaled by C_nu so that the mean prior variance over the cloud is sigma^2. Shapes: eigenvalues (L,),
-    mean_squares (L,); returns (L,).
+    They are scaled by C_nu so that the mean prior variance over the surface is sigma^2, as the eigenfunctions have mean
+    squares of one. Shapes: eigenvalues (L,).
     """
     weights = np.exp(log_spectrum(eigenvalues, theta.lengthscale, theta.nu)[0])
-    return theta.variance * weights / (weights @ mean_squares)
+    return theta.variance * weights / weights.sum()
 
 
 def kernel_features(eigenfunctions: Floats, weights: Floats) -> Floats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.linalg
 import scipy.sparse
@@ -9,37 +11,56 @@ import scipy.sparse.linalg
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.blas import one_blas_thread
+from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, limit_beside, nearest_in_tree
 from gppcs.surface.fans import ANY_NORMAL, corners_of_fans
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, SIN_MAX_SLOPE
 from gppcs.surface.surface_variation import features_of_nearest
 
 FAN_NEIGHBOURS = 30  # points that can be corners of a fan; with more, fans reach over gaps, with fewer they stay open
+LIFTED_FROM = 8  # landmarks from which the value at another point is interpolated
 ROUNDING = 1e-20  # squared sine of a turn at which points of a flat grid count as lying on one circle
 
 
+class Eigenfunctions(NamedTuple):
+    """Functions on the surface that are known at landmarks."""
+
+    landmarks: Floats  # (n, 3)
+    values: Floats  # (n, L)
+    neighbours: int  # landmarks from which the value at a point is interpolated
+
+    def at(self, points: Floats) -> Floats:
+        """Interpolate by a partition of unity (Nasikun et al. 2018). Shapes: points (N, 3); returns (N, L)."""
+        tree, lifted = KdTree.build(self.landmarks), np.empty((self.values.shape[1], len(points)))
+        queries, values = np.ascontiguousarray(points.T), self.values[tree.order]
+        on_ranges(_lift, len(points), *tree.arrays, values, self.neighbours, queries, lifted, minimum=QUERIES_AT_ONCE)
+        return lifted.T
+
+
 @one_blas_thread()
-def eigenpairs(points: Floats, count: int, landmarks: int = 4000, tree: KdTree | None = None) -> tuple[Floats, Floats]:
+def eigenpairs(points: Floats, count: int, landmarks: Ints | None = None) -> tuple[Floats, Eigenfunctions]:
     """Compute the L lowest eigenpairs of the Laplace-Beltrami operator (paper, Eq. 6), with the surface of area 1.
 
-    Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions, (N, L),
-    have a mean square of one over the surface. A cloud of more than `landmarks` points is represented by that many
-    farthest points. Shapes: points (N, 3).
+    Eigenvalues, (L,), ascend from zero; those of the surface itself are smaller by its area. Eigenfunctions have a mean
+    square of one over the surface. Large clouds, (N, 3), are represented by the points at indices, (n,): landmarks.
     """
-    chosen, _ = farthest_points(points, landmarks, tree) if landmarks < len(points) else (np.arange(len(points)), None)
+    chosen = np.arange(len(points)) if landmarks is None else landmarks
     chosen = chosen[first_occurrences(points[chosen])]
     triangles = local_triangles(points[chosen])
     joined = np.bincount(triangles.ravel(), minlength=len(chosen)) > 0
     if 2 * np.count_nonzero(joined) < len(chosen):  # most points lie on lines
         operator, mass = _graph_laplacian(points[chosen])
+        joined[:] = True
     else:
         chosen, triangles = chosen[joined], (np.cumsum(joined) - 1)[triangles]
         operator, mass = surface_laplacian(points[chosen], triangles)
     area = mass.sum()
     eigenvalues, functions = _lowest(operator, mass, min(count, len(chosen)))
-    return np.maximum(eigenvalues * area, 0.0), _lift(points[chosen], functions * np.sqrt(area), points)
+    neighbours = 1 if landmarks is None and joined.all() else min(LIFTED_FROM, len(chosen))
+    lifted = Eigenfunctions(points[chosen], functions * np.sqrt(area), neighbours)
+    return np.maximum(eigenvalues * area, 0.0), lifted
 
 
 def local_triangles(points: Floats) -> Ints:
@@ -94,16 +115,26 @@ def _lowest(operator: scipy.sparse.csr_matrix, mass: Floats, count: int) -> tupl
     return values[ascending], functions[:, ascending]
 
 
-def _lift(landmarks: Floats, functions: Floats, points: Floats) -> Floats:
-    """Interpolate functions, (landmarks, L), at points, (N, 3), by a partition of unity (Nasikun et al. 2018)."""
-    nearest, squared = KdTree.build(landmarks).nearest_of(points, min(8, len(landmarks)))
-    if not squared[:, 0].any():  # all points are landmarks
-        return functions[nearest[:, 0]]
-    # The radius is slightly larger, since landmarks that are all equally far would all have the weight zero.
-    x = np.sqrt(squared) / (1.001 * np.sqrt(squared[:, -1:]))
-    weights = 1.0 - x * x * (3.0 - 2.0 * x)
-    weights /= weights.sum(axis=1, keepdims=True)
-    lifted = np.zeros((len(points), functions.shape[1]))
-    for slot in range(nearest.shape[1]):
-        lifted += weights[:, slot, None] * functions[nearest[:, slot]]
-    return lifted
+@kernel(fastmath=False)
+def _lift(begin, end, points, lower, upper, values, k, queries, lifted):
+    """Fill `lifted`, (L, Q), at a range of queries, (3, Q), from the k nearest landmarks, by their values, (n, L)."""
+    positions, squared = np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64)
+    weights, sums = np.empty(k, dtype=np.float64), np.empty(len(lifted), dtype=np.float64)
+    limit = np.inf
+    for q in range(begin, end):
+        x, y, z = queries[0, q], queries[1, q], queries[2, q]
+        if q > begin:
+            limit = limit_beside(squared[-1], x - queries[0, q - 1], y - queries[1, q - 1], z - queries[2, q - 1])
+        nearest_in_tree(points, lower, upper, x, y, z, positions, squared, limit)
+        # The radius is slightly larger, since landmarks that are all equally far would all have the weight zero.
+        radius = 1.001 * np.sqrt(squared[-1])
+        for slot in range(k):
+            share = np.sqrt(squared[slot]) / radius if radius > 0.0 else 0.0
+            weights[slot] = 1.0 - share * share * (3.0 - 2.0 * share)
+        weights /= weights.sum()
+        sums[:] = 0.0
+        for slot in range(k):
+            for r in range(len(sums)):
+                sums[r] += weights[slot] * values[positions[slot], r]
+        for r in range(len(sums)):
+            lifted[r, q] = sums[r]

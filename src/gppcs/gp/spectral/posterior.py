@@ -19,9 +19,3 @@ def posterior(phi: Floats, y: Floats, noise: float) -> tuple[Floats, Floats]:
     factor = scipy.linalg.cho_factor(precision)
     covariance = scipy.linalg.cho_solve(factor, np.eye(phi.shape[1]))
     return scipy.linalg.cho_solve(factor, phi.T @ y / noise), covariance
-
-
-@one_blas_thread()
-def predict(phi: Floats, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Return the posterior mean (Eq. 3) and variance (diagonal of Eq. 4) of f, (N,) each, at phi, (N, L)."""
-    return phi @ mean, ((phi @ np.linalg.cholesky(covariance)) ** 2).sum(axis=1)

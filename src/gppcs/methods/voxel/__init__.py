@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -26,6 +27,7 @@ class Voxel(Method):
     supports = {
         Feature.SPACING: "The edge length of the cells; each occupied cell keeps one point.",
     }
+    by_cells = True
     _bytes_per_point = 170
 
     keep: Literal["nearest", "mean", "highest", "lowest", "most", "least", "random"] = parameter(
@@ -50,6 +52,12 @@ class Voxel(Method):
         return self.keep == "mean"
 
     @property
+    def halo(self) -> tuple[float, float, float]:
+        from gppcs.methods.voxel.grid import COLUMNS
+
+        return (1.0, 1.0, math.inf if self.keep in COLUMNS else 1.0)
+
+    @property
     def reads_attribute(self) -> str | None:
         return self.attribute
 
@@ -63,8 +71,6 @@ class Voxel(Method):
         points, n_points, timer = task.points, task.n_points, task.timer
         # A finer grid has more cells than whole numbers can count.
         edge = None if task.spacing is None else max(task.spacing, 1e-12)
-        corner = points.min(axis=0)
-        points = points - corner
         placed = in_cells(points, self.keep)
         if edge is None:
             if placed is not points:
@@ -80,4 +86,4 @@ class Voxel(Method):
         if task.spacing is None and len(indices) > n_points:
             with timer("elimination"):
                 kept, _ = thin(points[indices], n_points)
-        return Selection(indices[kept], {}, means[kept] + corner if self.keep == "mean" else None)
+        return Selection(indices[kept], {}, means[kept] if self.keep == "mean" else None)

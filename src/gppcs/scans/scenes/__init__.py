@@ -1,1 +1,0 @@
-"""Scenes that a depth camera, a moving LiDAR, a tripod, a drone and an aeroplane measure."""

@@ -1,0 +1,145 @@
+"""What is done tile by tile before and after the choice: outliers, errors, gaps, points to fill a number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from gppcs.amounts.accuracy import distances_to
+from gppcs.clouds.quantities import MEASURES, Measure
+from gppcs.engine.arrays import Floats, Ints
+from gppcs.spatial.boxes import inside, neighbours_before
+from gppcs.spatial.farthest_points import fill_gaps
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import point_hashes
+from gppcs.streaming.rows import Rows
+from gppcs.streaming.tiles import Kept, Tiling, normals_at
+from gppcs.surface.outliers import NEIGHBOURS, outliers_among
+
+BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distances, in tolerances, which is one of them.
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Which of the kept points of all tiles stay: the first ones of each quota, or those below a rank."""
+
+    tiling: Tiling
+    n_staying: Ints  # (tiles, 256), of each quota
+    below: float = np.inf
+
+    def kept(self, number: int) -> Kept:
+        """Read the points of a tile that stay."""
+        kept = Kept.read(self.tiling.file(number))
+        order = np.argsort(kept.labels, kind="stable")
+        labels = kept.labels[order]
+        place = np.empty(len(order), dtype=np.int64)
+        place[order] = np.arange(len(order)) - np.searchsorted(labels, labels)
+        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks < self.below)))
+
+    def near(self, number: int, margin: Floats) -> Floats:
+        """Read where those points are that stay in a tile or within a margin, (3,); (n, 3)."""
+        tile = self.tiling.tiles[number]
+        lower, upper = tile.lower - margin, tile.upper + margin
+        points = np.concatenate([self.kept(i).positions for i in self.tiling.meeting(lower, upper)])
+        return points[inside(points, lower, upper)]
+
+
+def outliers_in_tile(tiling: Tiling, number: int) -> Rows:
+    """Return the outliers of a tile, by a halo in which most points' neighbours and theirs lie."""
+    own = tiling.own(number)
+    points = own.points
+    if not len(points):
+        return own
+    sampled = points[:: max(1, len(points) // 1024)]
+    radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(NEIGHBOURS + 1, len(points)))[1][:, -1])
+    tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
+    rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
+    rows = rows.only(outliers_among(tiling.frame.local(rows.points)))
+    return rows.only(tiling.tile_of(rows.points) == number)
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Distances of points from a surface, summed up."""
+
+    n: int
+    total: float
+    squared: float
+    largest: float
+    histogram: Ints  # by `BINS`
+
+    @classmethod
+    def from_values(cls, distances: Floats, tolerance: float) -> Distances:
+        """Sum up distances, (n,)."""
+        bins = np.searchsorted(BINS, distances / tolerance)  # a distance of the tolerance counts below that edge
+        histogram = np.bincount(bins, minlength=len(BINS) + 1)
+        squared = float((distances**2).sum())
+        return cls(len(distances), float(distances.sum()), squared, float(distances.max(initial=0.0)), histogram)
+
+    def __add__(self, other: Distances) -> Distances:
+        return Distances(
+            self.n + other.n,
+            self.total + other.total,
+            self.squared + other.squared,
+            max(self.largest, other.largest),
+            self.histogram + other.histogram,
+        )
+
+    def errors(self, tolerance: float) -> dict[Measure, float]:
+        """Return the errors, the 95th percentile up to 4 %: it is above the tolerance where the exact one is."""
+        below = int(np.searchsorted(np.cumsum(self.histogram), 0.95 * self.n))
+        p95 = min(float(np.append(BINS, np.inf)[below]) * tolerance, self.largest)
+        values = self.total / self.n, float(np.sqrt(self.squared / self.n)), p95, self.largest
+        return dict(zip(MEASURES, values, strict=True))
+
+
+def distances_in_tile(choice: Choice, tolerance: float, number: int) -> Distances:
+    """Measure how far the points of a tile are from the local surface of the kept points."""
+    tiling = choice.tiling
+    points = tiling.own(number).points
+    kept = choice.near(number, tiling.halo)
+    if not (len(points) and len(kept)):
+        return Distances.from_values(np.full(len(points), np.inf), tolerance)
+    local = tiling.frame.local(points)
+    local = local[KdTree.build(local).order]  # so that neighbours follow each other
+    return Distances.from_values(distances_to(tiling.frame.near(kept), local), tolerance)
+
+
+def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Kept:
+    """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
+    rows = choice.tiling.own(number)
+    rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
+    rows = rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
+    firsts = [np.flatnonzero(rows.labels == label)[: missing[label]] for label in np.flatnonzero(missing > 0)]
+    return _added(choice.tiling, number, rows.take(np.concatenate(firsts)))
+
+
+def fill_gaps_in_tile(choice: Choice, gap: float, number: int) -> float:
+    """Add points of a tile until none is farther than a gap from a kept one; return the largest gap that is left."""
+    tiling, rows = choice.tiling, choice.tiling.own(number)
+    margin = margin_of_gaps(tiling, gap)
+    before = neighbours_before(tiling.tiles, margin)[number]
+    kept = np.concatenate([choice.near(number, margin), *(Kept.read(file_of_gaps(tiling, i)).points for i in before)])
+    added, largest = np.arange(0), 0.0
+    if len(rows):
+        added, largest = fill_gaps(tiling.frame.local(rows.points), tiling.frame.near(kept), gap)
+    _added(tiling, number, rows.take(added)).write(file_of_gaps(tiling, number))
+    return largest
+
+
+def margin_of_gaps(tiling: Tiling, gap: float) -> Floats:
+    """Return how far from a tile lie the kept points that count in its gaps, (3,)."""
+    return tiling.frame.lengths(np.full(3, 1.001 * gap))
+
+
+def file_of_gaps(tiling: Tiling, number: int) -> Path:
+    """Return the file of the points that are added in gaps of a tile."""
+    return tiling.folder / f"{number}.gaps.npz"
+
+
+def _added(tiling: Tiling, number: int, rows: Rows) -> Kept:
+    """Return points that are kept besides those that were chosen."""
+    kept = Kept(rows.indices, rows.points, rows.labels, np.full(len(rows), np.inf))
+    return replace(kept, normals=normals_at(tiling, number, kept.points)) if tiling.options.normals else kept

@@ -1,0 +1,136 @@
+"""The first reading of a cloud: it counts, and draws a sample in which a first choice is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.constraints import WeightRange, mask_of, weights_of
+from gppcs.amounts.options import Options
+from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.timer import Timer
+from gppcs.io.cloud_files import CloudFiles
+from gppcs.io.joining import JointColumns
+from gppcs.spatial.samples import HASHES, point_hashes
+from gppcs.spatial.scaling import bounds
+from gppcs.streaming.graph import Engine
+from gppcs.streaming.plan import CHUNK
+from gppcs.streaming.rows import Rows
+from gppcs.streaming.source import Part
+
+SAMPLED = 1 << 18  # Points of the sample at most.
+
+
+@dataclass
+class Overview:
+    """What the first reading finds out about a cloud, or about a part of it. Overviews of parts are merged."""
+
+    count: int = 0  # of points
+    n_bad: int = 0  # of points that are not finite
+    first_bad: int = 0  # index of the first of these
+    lower: Floats = field(default_factory=lambda: np.full(3, np.inf))  # (3,), of the points that may be kept
+    upper: Floats = field(default_factory=lambda: np.full(3, -np.inf))
+    columns: JointColumns = field(default_factory=JointColumns)
+    weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
+    # (256,) each, by quota: number of the points that may be kept, and of those to keep.
+    labels: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
+    keep: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
+    sample: Rows | None = None  # of different places, those of the smallest hashes
+    hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
+
+    @property
+    def n_usable(self) -> int:
+        """Number of points that may be kept."""
+        return int(self.labels.sum())
+
+    @property
+    def n_places(self) -> int:
+        """About how many of these are different, by the smallest hashes (Bar-Yossef et al. 2002)."""
+        if len(self.hashes) < SAMPLED:
+            return len(self.hashes)
+        estimate = (len(self.hashes) - 1) * HASHES / float(self.hashes[-1])
+        return self.n_usable if estimate > 0.75 * self.n_usable else round(estimate)
+
+    def add(self, other: Overview) -> None:
+        """Add the overview of the next points."""
+        if other.n_bad and not self.n_bad:
+            self.first_bad = self.count + other.first_bad
+        self.columns.merge(other.columns)
+        self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
+        self.weights = self.weights.merged(other.weights)
+        self.labels, self.keep = self.labels + other.labels, self.keep + other.keep
+        if other.sample is not None:
+            shifted = replace(other.sample, indices=other.sample.indices + self.count)
+            self.draw(shifted, other.hashes)
+        self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
+
+    def draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
+        """Draw a sample of different places among rows, (n,), too: those of the smallest hashes."""
+        if len(self.hashes) == SAMPLED:
+            below = np.flatnonzero(hashes < self.hashes[-1])
+            rows, hashes = rows.take(below), hashes[below]
+        if self.sample is not None:
+            rows, hashes = Rows.joined([self.sample, rows]), np.concatenate([self.hashes, hashes])
+        self.hashes, first = np.unique(hashes, return_index=True)
+        self.hashes, self.sample = self.hashes[:SAMPLED], rows.take(first[:SAMPLED])
+
+
+def read_all(
+    sources: Sequence[CloudFiles], options: Options, run_on: Engine, timer: Timer
+) -> tuple[Overview, list[Part]]:
+    """Read all points once; return what is learnt of the cloud, and of its parts."""
+    parts = _parts(sources, options, run_on)
+    with timer("reading", len(parts)) as on_progress:
+        overviews = run_on.run(_read, parts, on_progress=on_progress)
+    overview, measured = Overview(), []
+    for part, of_part in zip(parts, overviews, strict=True):
+        box = {"lower": of_part.lower, "upper": of_part.upper}
+        measured.append(replace(part, first=overview.count, count=of_part.count, **box))
+        overview.add(of_part)
+    return overview, measured
+
+
+def _parts(sources: Sequence[CloudFiles], options: Options, run_on: Engine) -> list[Part]:
+    """Return the parts of a cloud, each with its entries of the arrays among the options."""
+    if isinstance(options.keep, str | None) and isinstance(options.weight, str | None):
+        return [Part(files, options) for files in sources]
+    ends = np.cumsum(run_on.run(_count, sources)).tolist()
+    if not isinstance(options.keep, str | None):
+        options = replace(options, keep=mask_of(options.keep, ends[-1]))
+    if not isinstance(options.weight, str | None):
+        options = replace(options, weight=weights_of(options.weight, ends[-1]))
+    whole = Part(sources[0], options)
+    return [
+        Part(files, whole.of_chunk(first, end - first))
+        for files, first, end in zip(sources, [0, *ends], ends, strict=False)
+    ]
+
+
+def _count(files: CloudFiles) -> int:
+    with files:
+        return sum(map(len, files.chunks(CHUNK)))
+
+
+def _read(part: Part) -> Overview:
+    """Read a part, and count and draw its points."""
+    overview, first = Overview(), 0
+    with part.files as files:
+        for cloud in files.chunks(CHUNK):
+            rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
+            first += len(cloud)
+            of_chunk = Overview(count=len(cloud))
+            of_chunk.columns.add(cloud)
+            is_finite = cloud.is_finite()
+            if not is_finite.all():
+                of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
+            if len(rows):
+                of_chunk.lower, of_chunk.upper = bounds(rows.points)
+                of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
+                of_chunk.labels = np.bincount(rows.labels, minlength=256)
+                of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
+                of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
+            overview.add(of_chunk)
+    return overview

@@ -1,0 +1,287 @@
+"""Chooses points tile by tile: each with its halo and the kept points of finished neighbours, as in memory."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gppcs.amounts.choice import task_of
+from gppcs.amounts.constraints import Constraints
+from gppcs.amounts.options import Options
+from gppcs.clouds.ranges import Details
+from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.engine.timer import Timer
+from gppcs.methods import Selection
+from gppcs.methods.method import SCORES
+from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.samples import HASHES, point_hashes
+from gppcs.spatial.scaling import Frame
+from gppcs.streaming.rows import Rows
+from gppcs.streaming.source import Source
+
+SURPLUS = 0.01  # Of points that tiles choose, besides a root of their number: the least important go at the end.
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """What a first choice, in a sample of the whole cloud, tells all tiles."""
+
+    points: Floats  # (n, 3), the sample
+    mass: Floats  # (n,), fraction of the kept points for which each stands
+    chosen: Ints  # (m,), indices of the chosen points in the cloud, in the order of choice
+    chosen_points: Floats  # (m, 3)
+    n_first: int  # number of these, the first, that all tiles keep
+    normals: Floats | None = None  # (n, 3), of the sample, with signs
+
+    @classmethod
+    @lru_cache(maxsize=4)
+    def read(cls, path: Path, written: int) -> Guide:
+        """Read a file, once in each process for each time at which it was written."""
+        with np.load(path) as stored:
+            return cls(**{name: stored[name] for name in stored.files})
+
+    def write(self, path: Path) -> None:
+        """Write a file."""
+        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
+
+
+def write_at_once(path: Path, arrays: dict[str, object]) -> None:
+    """Write arrays to a file, which appears once it is complete: a task may be done by two workers at once."""
+    unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
+    with unfinished.open("wb") as file:
+        np.savez(file, **arrays)  # type: ignore[arg-type]
+    os.replace(unfinished, path)
+
+
+@dataclass(frozen=True, eq=False)
+class Tiling:
+    """A cloud in tiles, and what each of them needs to know of the whole."""
+
+    source: Source
+    options: Options
+    frame: Frame
+    boxes: Boxes
+    tiles: Sequence[Tile]
+    halo: Floats  # (3,), in the unit of the cloud
+    fraction: float  # of the places, which takes part in the choice
+    max_weight: float
+    details: Details
+    folder: Path  # of the file of the guide, and of those of kept points
+    n_points: int = 0  # to choose besides those that are kept whatever happens
+    spacing: float | None = None  # that the method keeps, instead of a number; in the frame
+    scale: object = None  # see `Task`
+
+    @cached_property
+    def before(self) -> list[list[int]]:
+        """Of each tile, the neighbours that go before it."""
+        by_cells = self.options.algorithm.by_cells  # which do not depend on those of others
+        return [[] for _ in self.tiles] if by_cells else neighbours_before(self.tiles, self.halo)
+
+    @cached_property
+    def tile_of_box(self) -> Ints:
+        """The tile of each box, (boxes,)."""
+        return np.repeat(np.arange(len(self.tiles)), [tile.last - tile.first for tile in self.tiles])
+
+    def tile_of(self, points: Floats) -> Ints:
+        """Return the tile of each point, (n,). Shapes: points (n, 3)."""
+        return self.tile_of_box[self.boxes.box_of(points)]
+
+    def meeting(self, lower: Floats, upper: Floats) -> list[int]:
+        """Return the tiles that meet the box between two corners, (3,)."""
+        meets = [bool((tile.lower <= upper).all() and (tile.upper >= lower).all()) for tile in self.tiles]
+        return np.flatnonzero(meets).tolist()
+
+    def region(self, number: int) -> tuple[Floats, Floats]:
+        """Return the corners, (3,), of a tile with its halo."""
+        return self.tiles[number].lower - self.halo, self.tiles[number].upper + self.halo
+
+    def near(self, number: int) -> Rows:
+        """Read the points of a tile and its halo that take part in the choice."""
+        rows = self.source.read(*self.region(number))
+        if self.fraction >= 1.0:
+            return rows
+        return rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < self.fraction * HASHES))
+
+    def own(self, number: int) -> Rows:
+        """Read the points of a tile."""
+        rows = self.source.read(self.tiles[number].lower, self.tiles[number].upper)
+        return rows.only(self.tile_of(rows.points) == number)
+
+    @property
+    def guide(self) -> Guide:
+        """What the first choice tells."""
+        path = self.folder / "guide.npz"
+        return Guide.read(path, path.stat().st_mtime_ns)
+
+    def file(self, number: int) -> Path:
+        """Return the file of the kept points of a tile."""
+        return self.folder / f"{self.n_points}-{self.spacing}-{number}.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """The kept points of a tile, the most important first."""
+
+    indices: Ints  # (k,), in the cloud
+    points: Floats  # (k, 3), where they were
+    labels: NDArray[np.uint8]  # (k,), their quotas
+    ranks: Floats  # (k,), about the place of each in the order of all; negative for those that are kept anyway
+    moved: Floats | None = None  # (k, 3), new positions
+    normals: Floats | None = None  # (k, 3)
+    score: Floats | None = None  # (k,)
+    deviation: Floats | None = None  # (k,)
+
+    def write(self, path: Path) -> None:
+        """Write a file."""
+        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
+
+    @classmethod
+    def read(cls, path: Path) -> Kept:
+        """Read a file."""
+        with np.load(path) as stored:
+            return cls(**{name: stored[name] for name in stored.files})
+
+    @classmethod
+    def joined(cls, parts: Iterable[Kept]) -> Kept:
+        """Return the points of at least one part as one; of values that a part lacks, the points have 0."""
+        columns: dict[str, list[NDArray[Any]]] = {}
+        listed = list(parts)
+        for name in {name for part in listed for name, values in vars(part).items() if values is not None}:
+            columns[name] = [part.positions if name == "moved" else part.column(name) for part in listed]
+        return cls(**{name: np.concatenate(values) for name, values in columns.items()})
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return the values of an attribute, 0 if they are missing."""
+        values = getattr(self, name)
+        missing = np.zeros((len(self.indices), 3) if name == "normals" else len(self.indices))
+        return missing if values is None else values
+
+    def take(self, positions: Ints) -> Kept:
+        """Return some of them."""
+        return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
+
+    @property
+    def scores(self) -> Mapping[str, Floats]:
+        """The scores of the method, if it reports some."""
+        return {name: values for name in SCORES if (values := getattr(self, name)) is not None}
+
+    @property
+    def positions(self) -> Floats:
+        """Where they are, (k, 3)."""
+        return self.points if self.moved is None else self.moved
+
+
+def choose_in_tile(tiling: Tiling, number: int) -> Ints:
+    """Choose the points of a tile and write them to its file; return their number by quota, (256,)."""
+    if tiling.file(number).exists():  # by an earlier run
+        return np.bincount(Kept.read(tiling.file(number)).labels, minlength=256)
+    rows = tiling.near(number)
+    tile_of = tiling.tile_of(rows.points)
+    is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
+    if tiling.options.algorithm.by_cells:
+        return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, is_done))
+    guide = tiling.guide
+    earlier = [Kept.read(tiling.file(i)).indices for i in tiling.before[number]]
+    fixed = rows.keep | np.isin(rows.indices, np.concatenate([guide.chosen[: guide.n_first], *earlier]))
+    taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
+    if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
+        taken = fixed | ~is_done | (tiling.scale is not None)
+    rows, fixed, is_own, is_done = rows.only(taken), fixed[taken], is_own[taken], is_done[taken]
+    return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, fixed, is_done))
+
+
+def _write(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Ints:
+    """Write the kept points of a tile, by what was chosen in it and around it; return their number by quota."""
+    kept = _kept(tiling, number, rows, is_own, selection)
+    if tiling.options.normals:
+        kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
+    kept.write(tiling.file(number))
+    return np.bincount(kept.labels, minlength=256)
+
+
+def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: Flags) -> Selection:
+    """Choose among rows in a tile and around it, those that are fixed first; indices are those of rows."""
+    weights = rows.columns.get("weight")
+    constraints = Constraints(
+        keep=np.flatnonzero(fixed),
+        weights=None if weights is None else weights / tiling.max_weight,
+        columns=rows.attributes.attributes,
+    )
+    points = tiling.frame.local(rows.points)
+    task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
+    task = replace(task, settled=None if tiling.scale is None else is_done[indices], scale=tiling.scale)
+    if tiling.spacing is not None:
+        task = replace(task, spacing=tiling.spacing)
+    else:
+        guide = tiling.guide
+        waits = inside(guide.points, *tiling.region(number))
+        waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
+        n_new = tiling.n_points * float(guide.mass[waits].sum())
+        n_new += SURPLUS * n_new + math.sqrt(n_new)
+        n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
+        task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
+    is_free = ~is_done[indices]
+    is_free[: task.fixed] = True
+    if task.spacing is None and not task.fixed < task.n_points < np.count_nonzero(is_free):
+        selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
+    else:
+        selection = tiling.options.algorithm(task)
+    return replace(selection, indices=indices[selection.indices])
+
+
+def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Kept:
+    """Return the kept points of a tile, by what was chosen in it and around it."""
+    own = np.flatnonzero(is_own[selection.indices])
+    repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
+    positions = np.concatenate([selection.indices[own], repeats])
+    ranks = _ranks(tiling, number, rows.indices[positions], rows.keep[positions])
+    order = np.argsort(ranks, kind="stable")
+    optional = {"moved": selection.points, "normals": selection.normals, **selection.attributes}
+    chosen = {
+        name: np.concatenate([values[own], np.zeros((len(repeats), *values.shape[1:]))])[order]
+        for name, values in optional.items()
+        if values is not None
+    }
+    if "moved" in chosen:
+        chosen["moved"] = tiling.frame.world(chosen["moved"])
+    positions = positions[order]
+    return Kept(rows.indices[positions], rows.points[positions], rows.labels[positions], ranks[order], **chosen)
+
+
+def _ranks(tiling: Tiling, number: int, indices: Ints, is_kept_anyway: Flags) -> Floats:
+    """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice."""
+    guide, ranks = tiling.guide, np.full(len(indices), -1.0)
+    first = guide.chosen[: guide.n_first]
+    by_index = np.argsort(first)
+    is_first = np.isin(indices, first) & ~is_kept_anyway
+    ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)]
+    is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
+    # The n-th point of a tile comes about where the n-th one of the first choice does.
+    of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]
+    places = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
+    numbers = np.append(np.arange(len(of_tile)), n)
+    ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, places)
+    return ranks
+
+
+def normals_at(tiling: Tiling, number: int, positions: Floats, normals: Floats | None = None) -> Floats:
+    """Return normals at places in a tile, (k, 3), with signs, by all points, or those that are measured already."""
+    from gppcs.surface.normals import estimate_normals, with_signs_of
+
+    guide, frame = tiling.guide, tiling.frame
+    assert guide.normals is not None
+    places = frame.near(positions)
+    if normals is None:
+        normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), places)
+    nearest = KdTree.build(frame.local(guide.points)).nearest_of(places, 1)[0][:, 0]
+    return with_signs_of(normals, guide.normals[nearest])
