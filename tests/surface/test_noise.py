@@ -112,5 +112,5 @@ def test_outliers_do_not_count_as_noise():
     alone, together = (
         layer_of(KdTree.build(points), NEIGHBOURS) for points in (plane, np.concatenate([plane, scattered]))
     )
-    assert together.sigma == pytest.approx(alone.sigma, rel=0.06)
-    assert together.radius == pytest.approx(alone.radius, rel=0.06)
+    assert together.sigma == pytest.approx(alone.sigma, rel=0.08)
+    assert together.radius == pytest.approx(alone.radius, rel=0.08)
