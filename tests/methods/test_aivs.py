@@ -79,7 +79,7 @@ def plain_points_of_voxels(points, n_points):
 
 
 @given(
-    st.sampled_from(["solid", "lattice", "line", "uneven", "far outlier"]),
+    st.sampled_from(["solid", "line", "uneven", "far outlier"]),
     st.integers(2, 300),
     st.booleans(),
     st.integers(0, 99),
