@@ -97,6 +97,12 @@ def test_a_weight_of_four_on_half_of_a_sphere_gives_four_times_the_points_there(
     assert upper.sum() / (~upper).sum() == pytest.approx(4.0, rel=0.1)
 
 
+def test_weights_may_be_a_formula():
+    x, y, _ = BALL.points.T if isinstance(BALL, gppcs.PointCloud) else np.asarray(BALL).T
+    by_array = gppcs.simplify(BALL, n_points=200, weight=1 / (1 + x * x + y * y))
+    assert (gppcs.simplify(BALL, n_points=200, weight="1 / (1 + x*x + y*y)").indices == by_array.indices).all()
+
+
 def test_only_the_ratio_of_weights_counts_and_points_without_weight_are_left_out():
     weights = np.where(UPPER, 3.0, 0.0)
     result = gppcs.simplify(BALL, n_points=200, weight=weights)

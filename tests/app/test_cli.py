@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,19 @@ def test_help(printed, words):
     out = printed(*words)
     assert "--help" in out
     assert len(words) == 2 or all(name in out for name in (*COMMANDS, "Examples"))
+
+
+def test_flags_take_no_value_and_settings_are_completed(printed):
+    out = printed("simplify", "--help")
+    assert "--force" in out
+    assert "bool>" not in out
+    [settings] = [param for param in COMMANDS["simplify"].params if "--set" in param.opts]
+    for method, text, expected in (
+        ("gp", "feat", ["feature_weight="]),
+        ("voxel", "keep=l", ["keep=lowest", "keep=least"]),
+    ):
+        context = SimpleNamespace(params={"method": method})
+        assert [item.value for item in settings.shell_complete(context, text)] == expected
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,16 @@ def test_what_is_lost_is_left_out_by_name(gppcs_command, scan):
     assert (gppcs.read("other.obj").points.astype(np.float32) == scan.points).all()
 
 
+@pytest.mark.parametrize("inputs", [["tiles"], ["tiles/a.ply", "tiles/b.csv"]])
+def test_several_files_become_one(printed, scan, inputs):
+    Path("tiles").mkdir()
+    rows = np.arange(len(scan))
+    gppcs.write("tiles/a.ply", scan.take(rows[:150]))
+    gppcs.write("tiles/b.csv", scan.take(rows[150:]))
+    assert printed("convert", *inputs, "all.ply") == "tiles/a.ply and 1 more → all.ply: 400 points\n"
+    assert (gppcs.read("all.ply").points.astype(np.float32) == scan.points).all()
+
+
 def test_a_virtual_point_cloud_becomes_one_file(printed, refused, two_systems):
     features = [{"assets": {"data": {"href": path.name}}} for path in two_systems]
     Path("all.vpc").write_text(json.dumps({"type": "FeatureCollection", "features": features}))

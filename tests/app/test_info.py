@@ -8,6 +8,7 @@ import numpy as np
 
 import gppcs
 from command_line import rows_of, write_scan_with
+from gppcs.io.format import Reader
 
 
 def test_info_prints_the_facts(printed):
@@ -52,7 +53,25 @@ def test_info_prints_type_and_range_of_each_attribute(printed):
 
 def test_info_json_is_the_summary(record, scan):
     summary = json.loads(json.dumps(dataclasses.asdict(gppcs.info(scan))))
-    assert record("info", "scan.ply") == {"file": "scan.ply"} | summary | {"faces": 0}
+    assert record("info", "scan.ply") == {"file": "scan.ply"} | summary | {"classes": {}, "faces": 0}
+
+
+def test_of_large_las_files_the_header_is_shown_and_points_per_class_with_all(printed, record, monkeypatch):
+    classes = np.repeat(np.array([2, 6, 200], np.uint8), [700, 200, 100])
+    points = np.random.default_rng(0).integers(0, 1000, (1000, 3)) / 100
+    gppcs.write("scan.laz", gppcs.PointCloud(points, {"classification": classes}))
+    by_points = record("info", "scan.laz")
+    assert by_points["classes"] == {"2 ground": 700, "6 building": 200, "200": 100}
+    assert "class 2 ground 700 (70.0%)" in rows_of(printed("info", "scan.laz"))
+    monkeypatch.setattr("gppcs.app.commands.info.LARGE", 500)
+    assert record("info", "scan.laz", "--all") == by_points
+    monkeypatch.setattr(Reader, "read", None)
+    monkeypatch.setattr("gppcs.io.cloud_files.BLOCK", 10)
+    by_header = record("info", "scan.laz")
+    assert by_header["ranges"]["classification"] is by_header["spacing"] is None
+    for name in ("points", "minimum", "maximum", "diagonal", "attributes"):
+        assert by_header[name] == by_points[name]
+    assert any(row.startswith("density 10.") for row in rows_of(printed("info", "scan.laz")))
 
 
 def test_info_takes_several_files_and_folders(gppcs_command, printed, scan):

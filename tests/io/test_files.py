@@ -51,6 +51,9 @@ def test_unknown_formats_are_listed(tmp_path, name):
     for attempt in attempts:
         with pytest.raises(FileFormatError, match=r"\.ply \.copc\.laz \.las \.laz .* \.xyz \.txt \.asc \.csv \.pts"):
             attempt()
+    if name == "cloud.stl":
+        with pytest.raises(FileFormatError, match="gppcs mesh writes meshes"):
+            attempts[0]()
     assert path.read_text() == "1 2 3\n"
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError, ParameterError
-from gppcs.io import read, rows, write
+from gppcs.io import CloudFiles, read, rows, write
 
 
 @pytest.fixture
@@ -86,6 +86,18 @@ def test_numbers_are_written_as_the_shortest_text_of_their_type(tmp_path):
     points = np.array([[0.1, 1, 1e-7], [0, 5, 1e-21]], np.float32)
     write(path, PointCloud(points, {"a b": np.array([True, False]), "h": np.array([0.1, 1e-5])}, points.dtype))
     assert path.read_text() == "x,y,z,a_b,h\n0.1,1.0,0.0000001,1,0.1\n0.0,5.0,1e-21,0,0.00001\n"
+
+
+@pytest.mark.parametrize(
+    ("row", "names"),
+    [("1 2 3 0 128 255", "x,y,z,red,green,blue"), ("1 2 3 4 5 6 0.5", "x,y,z,red,green,blue,column_7"),
+     ("1 2 3 4 5 256", ""), ("1 2 3 4 5", ""), ("1 2 3 0.5 1 1", "")],
+)  # fmt: skip
+def test_columns_that_may_be_colours_are_noted(tmp_path, row, names):
+    (tmp_path / "a.xyz").write_text(f"{row}\n" * 3)
+    with CloudFiles([tmp_path / "a.xyz"]) as files:
+        files.read()
+        assert [names in text for text in files.skipped()] == [True] * bool(names)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".xyz", ".pts", ".obj", ".off"])

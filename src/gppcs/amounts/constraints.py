@@ -158,8 +158,11 @@ def mask_of(keep: ArrayLike, n: int) -> Flags:
 
 def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
-    is_name = isinstance(weight, str)
-    return numbers_in(cloud, weight, "to weigh its points by") if is_name else weights_of(weight, len(cloud))
+    if not isinstance(weight, str):
+        return weights_of(weight, len(cloud))
+    if weight not in cloud.attributes and not weight.isidentifier():
+        return Expression.from_text(weight).numbers(cloud)
+    return numbers_in(cloud, weight, "to weigh its points by")
 
 
 def weights_of(weight: ArrayLike, n: int) -> Floats:

@@ -60,8 +60,8 @@ class Options:
     )
     weight: str | ArrayLike | None = _option(
         None,
-        "Multiply the density of the kept points by this attribute, from 0 on; in Python also by an array. No point "
-        "of weight 0 is kept, but those to keep (method gp).",
+        "Multiply the density of the kept points by this attribute or formula, such as 1/(x*x + y*y), from 0 on; in "
+        "Python also by an array. No point of weight 0 is kept, but those to keep (method gp).",
     )
     detail: str | Mapping[str, float] | None = _option(
         None,

@@ -12,9 +12,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from gppcs import __version__
 from gppcs.app.printing import BAD_INPUT, FAILURES, print_error, print_failure, say
@@ -37,6 +38,17 @@ EPILOG = (
 )
 
 
+class _Command(TyperCommand):
+    """A command whose help shows no type of value behind flags, which take none."""
+
+    def get_params(self, ctx: Any) -> Any:
+        params = super().get_params(ctx)
+        for param in params:
+            if getattr(param, "is_flag", False):
+                param.metavar = ""
+        return params
+
+
 def _root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     if version:
         say(__version__)
@@ -57,7 +69,7 @@ def program(commands: Sequence[str] = COMMANDS) -> typer.Typer:
         module = import_module(f"gppcs.app.commands.{name}")
         function = getattr(module, name)
         text = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(function) or "")  # without the line breaks of the source
-        app.command(help=text, epilog=f"[bold]Examples[/bold]\n\n{module.EPILOG}")(function)
+        app.command(cls=_Command, help=text, epilog=f"[bold]Examples[/bold]\n\n{module.EPILOG}")(function)
     return app
 
 

@@ -15,6 +15,14 @@ Column = NDArray[Any]
 # Points, (N, 3), attributes by name, and the type of the coordinates: what a cloud is made of.
 CloudParts = tuple[NDArray[Any], dict[str, Column], np.dtype[Any]]
 
+CLASSIFICATION = "classification"
+# As the LAS specification (ASPRS) names the classes of point formats 6 to 10.
+CLASS_NAMES = (
+    "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation", "building",
+    "low noise", "", "water", "rail", "road", "", "wire guard", "wire conductor", "transmission tower",
+    "wire connector", "bridge deck", "high noise", "overhead structure", "ignored ground", "snow",
+    "temporal exclusion",
+)  # fmt: skip
 NORMALS = ("nx", "ny", "nz")  # attributes that hold the components of a point's normal
 COLOUR = ("red", "green", "blue")
 EXACT = 2**53  # float64 represents every whole number up to here

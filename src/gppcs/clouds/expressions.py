@@ -1,4 +1,7 @@
-"""Conditions on attributes and coordinates, such as `classification == 6 and z > 2.5`, in a small safe grammar."""
+"""Conditions on attributes and coordinates, such as `classification == 6 and z > 2.5`, in a small safe grammar.
+
+Numbers computed of them, such as `1 / (1 + exp(-opacity))`, have the same grammar.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import EXACT
+from gppcs.clouds.columns import CLASS_NAMES, CLASSIFICATION, EXACT
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
 AXES = ("x", "y", "z")
@@ -37,9 +40,14 @@ _ARITHMETIC: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 
 
+_FUNCTIONS: dict[str, Callable[[Any], Any]] = {"abs": np.abs, "exp": np.exp, "log": np.log, "sqrt": np.sqrt}
+# The classes of LAS, such as high_vegetation, stand for their numbers.
+_CLASSES = {name.replace(" ", "_"): number for number, name in enumerate(CLASS_NAMES) if name}
+
+
 @dataclass(frozen=True)
 class Expression:
-    """A condition on the points of a cloud."""
+    """A condition on the points of a cloud, or a number for each."""
 
     text: str
     source: str = field(repr=False)  # the text with `_MARK` in reserved words
@@ -73,6 +81,15 @@ class Expression:
                 return np.broadcast_to(self._truth(self.tree, cloud), len(cloud)).copy()
         except RecursionError:
             raise ParameterError(f"expected a condition that is nested less deeply, found {shown(self.text)}") from None
+
+    def numbers(self, cloud: PointCloud) -> NDArray[np.float64]:
+        """Return the number of each point of a cloud, (N,)."""
+        try:
+            with np.errstate(all="ignore"):
+                values = np.asarray(self._number(self.tree, cloud)).astype(np.float64)
+        except RecursionError:
+            raise ParameterError(f"expected a formula that is nested less deeply, found {shown(self.text)}") from None
+        return np.broadcast_to(values, len(cloud))
 
     def _truth(self, node: ast.expr, cloud: PointCloud) -> NDArray[np.bool_]:
         """Return for which points a part of the condition is true."""
@@ -126,6 +143,10 @@ class Expression:
             return value if isinstance(node.op, ast.UAdd) else -value
         if isinstance(node, ast.BinOp) and type(node.op) in _ARITHMETIC:
             return self._computed(node, self._number(node.left, cloud), self._number(node.right, cloud))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id not in _FUNCTIONS or len(node.args) != 1 or node.keywords:
+                raise self._error(node, f"a function of one number: {', '.join(_FUNCTIONS)}")
+            return _FUNCTIONS[node.func.id](np.asarray(self._number(node.args[0], cloud)).astype(np.float64))
         raise self._error(node, "a number, a text in quotes, or the name of an attribute")
 
     def _computed(self, node: ast.BinOp, left: Any, right: Any) -> Any:
@@ -156,6 +177,10 @@ class Expression:
         if name not in names:
             name = _MARKED.get(name, name)
             alike = [other for other in names if _plain(name) == _plain(other)]
+            if not alike and CLASSIFICATION in names:
+                if name in _CLASSES:
+                    return np.full(len(cloud), _CLASSES[name])
+                alike, names = [CLASSIFICATION] * (name == "class"), [*names, *_CLASSES]
             if len(alike) != 1:
                 raise InputError(f"{self._at(node)}: the cloud has no attribute {name!r}{nearest_name(name, names)}")
             name = alike[0]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import eight_bits, full_scale
+from gppcs.clouds.columns import CLASS_NAMES, CLASSIFICATION
 from gppcs.clouds.lookup import bounded
 from gppcs.clouds.ranges import CLASSES
 from gppcs.engine.arrays import Floats
@@ -24,14 +25,6 @@ RGB, VARIATION = "rgb", "variation"  # colourings that are no attributes; an att
 # The palette of Okabe and Ito, for kinds; the page for the browser has the same.
 KINDS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7f00", "#7a5195")
 MAX_CLASSES = 32  # that have a colour each; more numbers count as amounts
-CLASSIFICATION = "classification"
-# As the LAS specification (ASPRS) names the classes of point formats 6 to 10.
-CLASS_NAMES = (
-    "never classified", "unclassified", "ground", "low vegetation", "medium vegetation", "high vegetation", "building",
-    "low noise", "", "water", "rail", "road", "", "wire guard", "wire conductor", "transmission tower",
-    "wire connector", "bridge deck", "high noise", "overhead structure", "ignored ground", "snow",
-    "temporal exclusion",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)

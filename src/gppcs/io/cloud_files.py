@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
@@ -19,7 +20,7 @@ from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.joining import JointColumns
+from gppcs.io.joining import joined
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
@@ -162,6 +163,11 @@ class CloudFiles:
         return name, size
 
     @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
+        return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
+
+    @property
     def reads_standard_input(self) -> bool:
         """Whether one of the files is standard input, which no other process can read."""
         return any(map(is_standard, self._paths))
@@ -186,13 +192,21 @@ class CloudFiles:
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
+        return joined(self.read_each())
+
+    def read_each(self) -> list[PointCloud]:
+        """Read the points of each file."""
         self._check_memory()
-        clouds, columns = [], JointColumns()
+        clouds = []
         for path in self._paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
-                columns.add(clouds[-1])
-        return columns.joined(clouds)
+        return clouds
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """The files."""
+        return self._paths
 
     def _check_memory(self) -> None:
         """Check, before many points are read, that there is memory for them."""

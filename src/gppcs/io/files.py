@@ -104,5 +104,7 @@ def _named(name: str, formats: Sequence[Format]) -> Format:
     listed = " ".join(suffix for file_format in formats for suffix in file_format.suffixes)
     suffix = Path(name).suffix or (name if name.startswith(".") else "")
     actual = shown(suffix) if suffix else "a name without a suffix"
+    if formats is not FORMATS and any(kind.has_suffix(name) for kind in FORMATS if "faces" in kind.options):
+        actual += ", in which gppcs mesh writes meshes, but points are only read"
     hint = "; name its format, such as `format='kitti'` or `format='points3d.bin'`" if suffix == ".bin" else ""
     raise FileFormatError(f"expected one of the formats {listed}, found {actual}{hint}")

@@ -37,6 +37,7 @@ class Reader:
     skipped: list[str] = field(default_factory=list)  # in words what of the file, besides faces, is not read
     spans: Callable[[int], list[Span]] = lambda n: []
     triangles: Callable[[], NDArray[np.int64]] | None = None  # the faces, of a mesh format
+    bounds: NDArray[np.float64] | None = None  # corners (2, 3) of the bounding box, if the header tells them
     memory: int = 0  # bytes that are unpacked at once, as the file says
 
     def read(self) -> PointCloud:

@@ -73,7 +73,8 @@ def open_las(
                 begins.append(end)
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
-    return Reader(chunks, las.point_count, skipped=skipped, spans=spans)
+    bounds = np.array([las.mins, las.maxs])
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -219,6 +220,18 @@ def stored(cloud: PointCloud, point_formats: Collection[int] = POINT_FORMATS, wi
         las.scales[i], las.offsets[i] = scale_and_offset(partial(list, [values]), las.scales[i], las.offsets[i])
     points = multiples(cloud.points, las.scales, las.offsets)
     return PointCloud(points, attributes, header=LasHeader.from_laspy(las))
+
+
+def in_thousandths(cloud: PointCloud, unit: str, metres: str) -> PointCloud:
+    """Return a cloud whose coordinates are multiples of 0.001 in LAS 1.4, in a local system of a unit."""
+    import laspy
+
+    las = laspy.LasHeader(version="1.4", point_format=7)
+    las.scales, las.creation_date, las.global_encoding.wkt = np.full(3, 0.001), None, True
+    wkt = f'LOCAL_CS["sample",UNIT["{unit}",{metres}]]'
+    las.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+    points = multiples(cloud.points, 0.001, 0.0)
+    return PointCloud(points, cloud.attributes, header=LasHeader.from_laspy(las))
 
 
 @cache

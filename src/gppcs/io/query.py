@@ -67,7 +67,7 @@ class Query:
                 f"expected a COPC file, which alone has levels, found {file_format.name}; leave out `resolution`"
             )
 
-        return replace(reader, chunks=lambda n: map(self.part, reader.chunks(n)), spans=lambda n: [])
+        return replace(reader, chunks=lambda n: map(self.part, reader.chunks(n)), spans=lambda n: [], bounds=None)
 
     def nothing_found(self) -> InputError:
         """Return the error for a cloud without such points."""

@@ -20,7 +20,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import coordinate_names
+from gppcs.clouds.columns import COLOUR, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of, default_names, with_byte_colours, with_digits
 from gppcs.io.format import Format, Reader, keeping
@@ -80,7 +80,12 @@ def open_table(
         if any(map(is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
-    return Reader(chunks)
+    are_bytes = all(field.isdecimal() and (as_count(field) or 0) <= 255 for field in preview.fields[3:6])
+    skipped = []
+    if names[3:6] == default_names(6)[3:] and are_bytes:
+        given = ",".join(["x", "y", "z", *COLOUR, *names[6:]])
+        skipped.append(f"columns 4 to 6 as colours, which they may be: `columns='{given}'` names them")
+    return Reader(chunks, skipped=skipped)
 
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:

@@ -84,12 +84,17 @@ class LocalGP(Method):
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
+        from gppcs.engine.helpers import helped
         from gppcs.gp.local.algorithm import Problem, choose, choose_denoised
+        from gppcs.gp.local.first_run import compile_choice, compile_placement
+        from gppcs.gp.local.greedy import PART_POINTS
 
         if task.n_points >= len(task.points):
             return Selection(np.arange(len(task.points)), ranked=False)
         problem = Problem(task.points, task.n_points, task.fixed, task.weights, task.detail, task.settled, task.scale)
-        ranking = (choose_denoised if self.denoise else choose)(problem, self.criterion, task.timer)
+        candidates = min(round(self.candidates * task.n_points), len(task.points), 2 * PART_POINTS)
+        with helped((compile_choice, candidates), (compile_placement,)):  # at a first run
+            ranking = (choose_denoised if self.denoise else choose)(problem, self.criterion, task.timer)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
         diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}

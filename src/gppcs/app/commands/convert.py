@@ -14,12 +14,13 @@ EPILOG = (
     "gppcs convert scan.csv scan.ply\n\n"
     "gppcs convert scan.ply scan.xyz.gz --lossy\n\n"
     "gppcs convert scan.laz scan.copc.laz\n\n"
+    "gppcs convert tiles whole.laz\n\n"
     "gppcs convert - - --from xyz --to ply < scan.xyz > scan.ply"
 )
 
 
 def convert(
-    source: Annotated[Path, options.files("IN", "A point cloud file, or the list of one in several files (.vpc).")],
+    inputs: Annotated[list[Path], options.files("IN...", f"{options.FILES} Several files become one cloud.")],
     target: Annotated[Path, options.files("OUT", "The file to write.")],
     input_format: options.From = None,
     output_format: options.To = None,
@@ -44,7 +45,7 @@ def convert(
     lossy: options.Lossy = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write a cloud in another format, with every attribute.
+    """Write one cloud of one file or several in another format, with every attribute.
 
     For standard input or output, write - as the name. A further suffix .gz compresses the output.
     Values that the output format cannot hold are an error, which names them; with --lossy they are left out.
@@ -53,7 +54,7 @@ def convert(
 
     from gppcs import io
     from gppcs.app.inputs import note_empty, note_unused
-    from gppcs.app.outputs import check_output
+    from gppcs.app.outputs import check_output, sources_of
     from gppcs.clouds.quantities import bytes_of
     from gppcs.streaming.copc import write_beyond_memory
 
@@ -62,11 +63,13 @@ def convert(
     has_levels = "levels_by" in chosen.options
     if memory and not has_levels:
         raise ParameterError("expected --memory with a name that ends in .copc.laz, found another")
-    check_output(target, [source, *options.files_of_inside(inside)], force)
+    sources = sources_of(inputs)
+    source = f"{sources[0]} and {len(sources) - 1} more" if len(sources) > 1 else str(sources[0])
+    check_output(target, [*inputs, *sources, *options.files_of_inside(inside)], force)
     part = (input_format, names_of(columns), inside or None, only, resolution, assume_same_crs)
-    with io.CloudFiles([source], *part) as clouds:
+    with io.CloudFiles(sources, *part) as clouds:
         written = None
-        if has_levels and not io.is_standard(source):
+        if has_levels and not clouds.reads_standard_input:
             limit = None if memory is None else bytes_of(memory)
             written = write_beyond_memory(target, clouds, levels_by, invalid == "drop", limit, timer, force, lossy)
         if written is None:

@@ -9,10 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import gppcs
 from gppcs.app import options
-from gppcs.app.printing import emit, for_each, names_of, text_of, unit_text
+from gppcs.app.options import option
+from gppcs.app.printing import emit, for_each, names_of, say, text_of, unit_text
 
 if TYPE_CHECKING:
+    from gppcs.clouds.cloud import PointCloud
     from gppcs.clouds.summary import Summary
+    from gppcs.io import CloudFiles
+
+LARGE = 1_000_000  # points of a LAS file of which its header is shown
 
 EPILOG = "gppcs info scan.ply --json\n\ngppcs info a.ply b.xyz folder"
 
@@ -24,12 +29,17 @@ def info(
     inside: options.Inside = None,
     only: options.Only = None,
     resolution: options.Resolution = None,
+    everything: Annotated[
+        bool, option("Read all points of large LAS files, too, not only what their headers tell.", None, "--all")
+    ] = False,
+    quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> None:
-    """Print the number of points, bounding box, unit, spacing, repeats, invalid points, and each attribute's range.
+    """Print the number of points, bounding box, unit, spacing, repeats, invalid points, attributes and classes.
 
-    If the file is a mesh, it also says how many faces there are. If one of several files cannot be read, the others are
-    still shown, and the exit code is 2.
+    Of LAS, LAZ and COPC files of more than a million points, it prints what the header tells, at once. If the file is a
+    mesh, it also says how many faces there are. If one of several files cannot be read, the others are still shown, and
+    the exit code is 2.
     """
     from gppcs import io
     from gppcs.app.inputs import note_empty, note_unused
@@ -37,21 +47,60 @@ def info(
 
     def show_info(file: Path) -> None:
         with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
-            summary, faces = gppcs.info(clouds.read()), clouds.n_faces
+            is_short = clouds.bounds is not None and clouds.n_points > LARGE and not everything
+            cloud = clouds.preview if is_short else clouds.read()
+            summary, faces = gppcs.info(cloud), clouds.n_faces
+            record = {"file": str(file), **asdict(summary), "classes": _classes(cloud), "faces": faces}
+            if is_short:
+                record |= _of_header(clouds, summary)
             note_unused(file, clouds, are_faces_used=True)  # they are counted
             if clouds.query:
                 note_empty(file, clouds, summary.points)
-        emit({"file": str(file), **asdict(summary), "faces": faces}, as_json, False, str(file), _table(summary, faces))
+        emit(record, as_json, quiet, str(file), _table(record))
+        if is_short and not (quiet or as_json):
+            say("gppcs info --all also tells spacing, repeats, classes and the ranges of attributes")
 
     for_each(sources_of(files), show_info)
 
 
-def _table(summary: Summary, faces: int) -> dict[str, Any]:
+def _classes(cloud: PointCloud) -> dict[str, int]:
+    """Return how many points each class has, by its number and its name."""
+    import numpy as np
+
+    from gppcs.clouds.columns import CLASS_NAMES, CLASSIFICATION
+
+    values = cloud.attributes.get(CLASSIFICATION)
+    if values is None or values.dtype.kind not in "iu" or values.ndim > 1:
+        return {}
+    names = dict(enumerate(CLASS_NAMES))
+    classes, counts = np.unique(values, return_counts=True)
+    return {f"{n} {names.get(n, '')}".strip(): k for n, k in zip(classes.tolist(), counts.tolist(), strict=True)}
+
+
+def _of_header(clouds: CloudFiles, summary: Summary) -> dict[str, Any]:
+    """Return what differs from the record of the first points where the header tells of all."""
+    import numpy as np
+
+    assert clouds.bounds is not None
+    lower, upper = clouds.bounds
+    diagonal = float(np.linalg.norm((upper - lower) * clouds.preview.factors()))
+    known = {"points": clouds.n_points, "minimum": tuple(lower.tolist()), "maximum": tuple(upper.tolist())}
+    unknown = dict.fromkeys(("spacing", "repeats", "non_finite"))
+    return {**known, "diagonal": diagonal, **unknown, "classes": {}, "ranges": dict.fromkeys(summary.ranges)}
+
+
+def _table(record: dict[str, Any]) -> dict[str, Any]:
     """Return the facts about one file, for a table."""
-    table = asdict(summary) | {"unit": unit_text(summary.unit), "faces": faces}
+    table = {name: value for name, value in record.items() if name != "file"} | {"unit": unit_text(record["unit"])}
     horizontal, vertical = table.pop("coordinate_units") or ("", "")
     if horizontal != vertical:
-        table["unit"] = f"{horizontal} in x and y, {vertical} in z; of lengths: {summary.unit}"
+        table["unit"] = f"{horizontal} in x and y, {vertical} in z; of lengths: {record['unit']}"
+    sides = [upper - lower for lower, upper in zip(record["minimum"], record["maximum"], strict=True)]
+    if sides[0] * sides[1] > 0 and horizontal != "degrees":
+        square = f"{horizontal or 'unit'}² in x and y"
+        table["density"] = f"{record['points'] / (sides[0] * sides[1]):.4g} points per {square}"
+    for name, count in table.pop("classes").items():
+        table[f"class {name}"] = f"{count:,}  ({count / record['points']:.1%})"
     kinds, ranges = table.pop("attributes"), table.pop("ranges")
     for name in ("minimum", "maximum"):
         table[name] = "  ".join(f"{value:.9g}" for value in table[name])  # may be far away

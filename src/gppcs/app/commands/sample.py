@@ -53,12 +53,17 @@ def sample(
     from gppcs import io, scans
     from gppcs.app.outputs import check_output
     from gppcs.clouds.quantities import count_of
+    from gppcs.io.las import in_thousandths
 
     started(quiet)
     chosen = io.format_to_write(output, output_format, ascii)
     check_output(output, [], force)
     settings: dict[str, Any] = {"noise": noise, "outliers": outliers, "uneven": uneven, "seed": seed}
     cloud = scans.sample(name, count_of("n_points", points), **settings)
+    if chosen.name in ("LAS", "LAZ", "COPC"):  # scenes are in metres, objects in millimetres
+        cloud = in_thousandths(
+            cloud, *(("metre", "1") if "classification" in cloud.attributes else ("millimetre", "0.001"))
+        )
     note_left_out(output, io.store(output, cloud, chosen, force, lossy))
     if io.is_standard(output):
         return

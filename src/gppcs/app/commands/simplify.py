@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gppcs.amounts.options import Options
 from gppcs.app import options
@@ -12,6 +13,9 @@ from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, fro
 from gppcs.app.printing import emit, for_each, print_error, say, started
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
+
+if TYPE_CHECKING:
+    from gppcs.app.runs import Job
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 3%\n\n"
@@ -28,7 +32,7 @@ def simplify(
     output: Annotated[
         str,
         option(
-            "The file to write; several inputs are then one cloud. For a result of each input: a folder, with a slash "
+            "The file to write; several inputs are then one cloud. For a file of each input: a folder, with a slash "
             "behind a new one.",
             None,
             "--output",
@@ -52,7 +56,7 @@ def simplify(
     ] = None,
     unit: options.Unit = None,
     keep: Annotated[str | None, from_field("keep", CHOICE, "CONDITION")] = None,
-    weight: Annotated[str | None, from_field("weight", CHOICE, "NAME")] = None,
+    weight: Annotated[str | None, from_field("weight", CHOICE, "FORMULA")] = None,
     detail: Annotated[list[str] | None, from_field("detail", CHOICE, "NAME[:WEIGHT]")] = None,
     quota: Annotated[list[str] | None, from_field("quota", CHOICE, "'CONDITION: N'")] = None,
     invalid: options.Invalid = "error",
@@ -65,7 +69,13 @@ def simplify(
     ] = DEFAULT.name,
     settings: Annotated[
         list[str] | None,
-        option("Set a parameter of the method. Can be repeated.", METHOD, "--set", metavar="KEY=VALUE"),
+        option(
+            "Set a parameter of the method. Can be repeated.",
+            METHOD,
+            "--set",
+            metavar="KEY=VALUE",
+            autocompletion=lambda ctx, incomplete: _completed_settings(ctx.params.get("method"), incomplete),
+        ),
     ] = None,
     denoise: Annotated[bool, from_field("denoise", METHOD, None, "--denoise")] = False,
     input_format: options.From = None,
@@ -97,6 +107,10 @@ def simplify(
     threads: options.Threads = None,
     memory: options.Memory = None,
     workers: options.Workers = None,
+    separately: Annotated[
+        bool,
+        option("Simplify each of several inputs by itself, where their results go to a folder.", None, "--separately"),
+    ] = False,
     dry_run: Annotated[
         bool, option("Print what would be done and in how much memory, and do nothing.", LARGE, "--dry-run")
     ] = False,
@@ -107,13 +121,14 @@ def simplify(
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
-    If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
-    for standard input, or for standard output with --to.
+    Several inputs are one cloud. If the output is a folder, the points of each go to a file of its name; a run that was
+    stopped goes on when the command is given again. With --separately, each input is a cloud by itself. The name -
+    stands for standard input, or for standard output with --to.
     """
     arguments = {name: value for name, value in locals().items() if name in HELP}
     from gppcs.amounts.options import method_of, require
     from gppcs.app.outputs import outputs_of
-    from gppcs.app.runs import Job, plan_job, run_job
+    from gppcs.app.runs import Job, plan_job, run_folder, run_job
     from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct, is_standard
 
@@ -142,6 +157,12 @@ def simplify(
     sources = [source for result in outputs.values() for source in result.sources]
     check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
+    if len(outputs) > 1 and not (separately or dry_run):
+        _check_folder(job)
+        record, rows = run_folder(job, list(outputs.values()), timer)
+        emit(record, as_json, quiet, f"{len(sources)} files → {output}", rows)
+        return
+
     def work(source: Path) -> None:
         result = outputs[source]
         record, rows = plan_job(job, result) if dry_run else run_job(job, result, Timer(timer.on_progress))
@@ -168,6 +189,14 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
                 raise ParameterError(f"expected `{name}` without `{other}`, found both")
 
 
+def _check_folder(job: Job) -> None:
+    """Check that nothing is asked for that files of one cloud together do not get."""
+    for name in ("sizes", "index", "rank", "mark"):
+        if getattr(job, name):
+            option_name = "levels" if name == "sizes" else name
+            raise ParameterError(f"expected --{option_name} with one output file or with --separately, found a folder")
+
+
 def _sizes(levels: str) -> tuple[float, ...]:
     """Return the sizes of levels, from coarse to fine: either fractions of the points or numbers."""
     from gppcs.clouds.quantities import size_of
@@ -181,6 +210,17 @@ def _sizes(levels: str) -> tuple[float, ...]:
     if len(sizes) < len(values):
         raise ParameterError(f"expected --levels with different sizes, such as 10%,3%,1%, found {shown(levels)}")
     return tuple(sizes)
+
+
+def _completed_settings(method: str | None, incomplete: str) -> list[str]:
+    """Return the parameters of a method, and of such as have few values these, that begin as a user has typed."""
+    from gppcs.methods.parameters import parameters_of
+
+    settings = list[str]()
+    for key, parameter in parameters_of(METHODS.get(method or "", DEFAULT)).items():
+        values = ["True", "False"] if parameter.kind == "bool" else re.findall(r'"(.+?)"', parameter.kind)
+        settings += [f"{key}={value}" for value in values or [""]]
+    return [setting for setting in settings if setting.startswith(incomplete)]
 
 
 def _settings(settings: list[str] | None) -> dict[str, str]:

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from gppcs.amounts.accuracy import distances_to, errors_of
 from gppcs.clouds.cloud import PointCloud
+from gppcs.clouds.columns import CLASS_NAMES
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
-from gppcs.drawing.colours import CLASS_NAMES
 from gppcs.drawing.surfaces import surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named

@@ -51,6 +51,13 @@ class Problem(NamedTuple):
     settled: Flags | None = None  # (N,), points that only show where the surface is
     scale: Scale | None = None  # Of the cloud of which the points are a part
 
+    def candidate_density(self, criterion: Criterion) -> float:
+        """Return how many candidate cells a square has whose side is the target spacing."""
+        if self.scale is not None:
+            return self.scale.candidate_density
+        density = criterion.candidate_density * (1.0 if self.weights is None else refinement(self.weights))
+        return cells_for(density, len(self.points), self.n_points, criterion.density_power)
+
     def moved(self, points: Floats, indices: Ints) -> Problem:
         """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
         return self._replace(
