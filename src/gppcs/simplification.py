@@ -258,7 +258,7 @@ def simplify_tiles(
         Whether to leave out what a format cannot hold.
     timer : Timer, optional
         Measures the time of each stage, and reports progress.
-    **options
+    options : optional
         Those of `simplify` for clouds in files, such as `ratio`, which count all files together.
 
     Returns
