@@ -68,8 +68,8 @@ def last_stage(cloud: gppcs.PointCloud) -> LastStage:
     fields, choices = Recorded(algorithm.local_field), Recorded(algorithm.extend)
     with patch.object(algorithm, "local_field", fields), patch.object(algorithm, "extend", choices):
         gppcs.simplify(cloud, n_points=KEPT, method=METHOD)
-    (tree, features, *_), field = fields.last
-    (*_, chosen, _, neighbours, error_weight), (kept, *_) = choices.last
+    (tree, features, *_), (field, _) = fields.last
+    (_, _, chosen, _, neighbours, error_weight, *_), (kept, *_) = choices.last
     _, variances, _ = posterior_of_all(field, condition(field, tree, chosen, neighbours), error_weight)
     roughness = np.sqrt(features.surface_variation)
     return LastStage(tree.points.T.copy(), roughness, field.spacings, np.sqrt(variances), chosen, kept)

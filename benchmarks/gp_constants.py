@@ -14,9 +14,10 @@ import numpy as np
 
 import conditions
 import gppcs
+import gppcs.gp.local.algorithm  # which imports all stages
 import report
 from conditions import SMALLER, Condition
-from gppcs.gp.local import beyond_memory, greedy, settings  # the first imports all stages
+from gppcs.gp.local import greedy, settings
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import noise
 
@@ -163,9 +164,7 @@ def main() -> None:
         (
             "Figures are multiples of those with the usual constants, in the geometric mean over all clouds. Below 1, "
             "the change is an improvement.",
-            f"The first four are parameters of the method. Beyond memory there are two more constants: parts of "
-            f"{beyond_memory.PART:,} candidates, and halos of {beyond_memory.HALO:g} target spacings "
-            "(research/experiments.md).",
+            "The first four are parameters of the method.",
         ),
         whole=len(chosen) == len(SMALLER),
     )

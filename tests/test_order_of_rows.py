@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.gp.local import candidates
+from scans import sample
 from shapes import KINDS
 
 METHODS = ("gp", "fps", "voxel", "sample-elimination", "random")
@@ -34,7 +35,7 @@ OPTIONS = [
 
 @cache
 def cloud_of(name, n_points=8_000):
-    points = np.unique(gppcs.sample(name, n_points=n_points, **CLOUDS[name]).points, axis=0)
+    points = np.unique(sample(name, n_points=n_points, **CLOUDS[name]).points, axis=0)
     return gppcs.PointCloud(points, {"intensity": np.modf(7.0 * points.sum(axis=1) / np.ptp(points))[0] % 1.0})
 
 

@@ -22,6 +22,7 @@ Clouds and meshes
     show                     show a cloud or a result in the browser or in a notebook
 
 Simplify, make a mesh
+    simplify_tiles           the same, with a file of kept points for each file
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
     mesh, MeshResult         make a light mesh straight from a dense cloud
 
@@ -90,7 +91,7 @@ _NAMES = {
     "methods": "AIVS METHODS QEM WLOP FarthestPoint FarthestPointVariation HierarchicalClustering LocalGP Method "
     "PCSimp Random SampleElimination Selection SpectralGP Task TopVariation Voxel parameter",
     "scans": "sample",
-    "simplification": "Result simplify",
+    "simplification": "Result simplify simplify_tiles",
     "surface.normals": "estimate_normals",
     "surface.outliers": "find_outliers",
     "surface.surface_variation": "estimate_features",

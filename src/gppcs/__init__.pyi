@@ -39,6 +39,7 @@ from gppcs.methods import parameter as parameter
 from gppcs.scans import sample as sample
 from gppcs.simplification import Result as Result
 from gppcs.simplification import simplify as simplify
+from gppcs.simplification import simplify_tiles as simplify_tiles
 from gppcs.surface.normals import estimate_normals as estimate_normals
 from gppcs.surface.outliers import find_outliers as find_outliers
 from gppcs.surface.surface_variation import estimate_features as estimate_features

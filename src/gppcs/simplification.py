@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -22,12 +23,15 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.timer import Timer, in_words, timer_of
 from gppcs.errors import InputError, ParameterError
+from gppcs.io.joining import joined
+from gppcs.io.streams import check_distinct
 from gppcs.methods import DEFAULT, Feature, Method, Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.units import Units
 
 if TYPE_CHECKING:  # for arrays, no files are needed
     from gppcs.io.cloud_files import CloudFiles
+    from gppcs.streaming.folder import Target, Written
     from gppcs.streaming.plan import Plan
 
 
@@ -228,31 +232,125 @@ if simplify.__doc__:  # which `python -OO` removes
     simplify.__doc__ = simplify.__doc__.replace("    OPTIONS\n", described_options())
 
 
+def simplify_tiles(
+    paths: Sequence[str | os.PathLike[str]],
+    output: str | os.PathLike[str],
+    *,
+    force: bool = False,
+    lossy: bool = False,
+    timer: Timer | None = None,
+    **options: Any,
+) -> dict[str, int]:
+    """Simplify files as one cloud, and write the kept points of each to a file of its name in a folder.
+
+    Beside them, `index.vpc` lists all files. The kept points of files larger than memory are never held together. If a
+    run is stopped, the same call goes on where it was.
+
+    Parameters
+    ----------
+    paths : sequence of paths
+        The files, such as tiles that touch. A virtual point cloud (.vpc) stands for the files that it lists.
+    output : path
+        The folder, which is made if there is none. With workers on other machines, they must reach it.
+    force : bool
+        Whether to begin anew, and to overwrite existing files.
+    lossy : bool
+        Whether to leave out what a format cannot hold.
+    timer : Timer, optional
+        Measures the time of each stage, and reports progress.
+    **options
+        Those of `simplify` for clouds in files, such as `ratio`, which count all files together.
+
+    Returns
+    -------
+    dict of str to int
+        The number of points in each file that was written, by its path.
+
+    Raises
+    ------
+    OutputError
+        If a file exists, the folder cannot be written, or a run with other options was begun there.
+    InputError, ParameterError, FileFormatError, GppcsError, OSError
+        As in `simplify`, and if files have changed since the run was begun.
+
+    Examples
+    --------
+    >>> cloud = gppcs.sample("bracket", n_points=2000)
+    >>> gppcs.write("east.ply", cloud.take(range(1200)))
+    >>> gppcs.write("west.ply", cloud.take(range(1200, 2000)))
+    >>> sum(gppcs.simplify_tiles(["east.ply", "west.ply"], "small", n_points=500).values())
+    500
+    """
+    from gppcs.streaming.folder import Target
+    from gppcs.streaming.plan import make_plan
+
+    chosen = Options(**options)
+    with chosen.open(paths) as files:
+        targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
+        check_distinct([target.path for target in targets], files.paths)
+        written, _ = simplify_each(files, targets, chosen, make_plan(files, chosen), timer_of(timer), force)
+    return {str(file.target): file.n_points for file in written}
+
+
 def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer) -> Result:
-    """Simplify a cloud in files as planned: in memory, or part by part."""
+    """Simplify a cloud in files as planned: in memory, or tile by tile."""
     if plan.in_memory:
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    from gppcs.streaming.beyond_memory import Survey, choose
+    from gppcs.streaming.beyond_memory import Survey, all_kept, choose
     from gppcs.streaming.graph import engine
     from gppcs.streaming.output import take
     from gppcs.streaming.scratch import scratch_folder
 
-    check_order(files.preview, options.order)
-    if options.scores:
-        _check_scores(files.preview)
+    _check_preview(files, options)
     with (
         scratch_folder(options.scratch, plan.disk) as folder,
         engine(options.workers, plan.threads) as run_on,
     ):
-        survey, outliers = Survey.read(files.parts(plan.part), options, folder, run_on, timer), None
-        if options.drop_outliers:
-            survey, outliers = survey.without_outliers()
-        kept, diagnostics = choose(survey)
-        cloud = take(survey.parts, kept, survey.overview.columns, run_on, timer)
+        survey = Survey.read(files.parts(plan.part), options, folder, run_on, timer)
+        choice, more, diagnostics = choose(survey)
+        kept = all_kept(survey, choice, more)
+        with timer("kept points"):
+            cloud = take(survey.parts, kept, survey.overview.columns, run_on.run)
     selection = Selection(kept.indices, diagnostics, attributes=kept.scores)
-    return _result(selection, cloud, outliers, survey.n_points, options, timer)
+    return _result(selection, cloud, survey.outliers, survey.n_points, options, timer)
+
+
+def simplify_each(
+    files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, timer: Timer, force: bool
+) -> tuple[Sequence[Written], Mapping[str, float]]:
+    """Simplify files as one cloud, and write the kept points of each to a file; return these and diagnostics.
+
+    A run that was stopped goes on where it was, if it goes tile by tile.
+    """
+    from gppcs.streaming.folder import FileTask, begin, finish, write_file
+
+    _check_preview(files, options)
+    work = begin(files.paths, options, targets, force)
+    if plan.in_memory:
+        with timer("reading"):
+            clouds = files.read_each()
+        result = simplify_cloud(joined(clouds), options, timer)
+        ends = np.cumsum([len(cloud) for cloud in clouds])
+        written, diagnostics = [], result.diagnostics
+        for target, cloud, end in zip(targets, clouds, ends.tolist(), strict=True):
+            positions = np.flatnonzero((result.indices >= end - len(cloud)) & (result.indices < end))
+            kept = replace(result.cloud.take(positions), header=cloud.header)
+            written.append(target.write(kept, result.indices[positions]))
+    else:
+        from gppcs.streaming.beyond_memory import Survey, choose
+        from gppcs.streaming.graph import engine
+
+        with engine(options.workers, plan.threads) as run_on:
+            survey = Survey.read(files.parts(plan.part), options, work, run_on, timer)
+            choice, more, diagnostics = choose(survey)
+            of_files = zip(files.paths, targets, strict=True)
+            tasks = [FileTask(choice, more, survey.parts_of(path), target) for path, target in of_files]
+            with timer("writing", len(tasks)) as on_progress:
+                written = run_on.run(write_file, tasks, on_progress=on_progress)
+    finish(work, written)
+    return written, diagnostics
 
 
 def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
@@ -352,6 +450,13 @@ def _with_scores(kept: PointCloud, selection: Selection) -> PointCloud:
     for name, values in selection.attributes.items():
         scores[name][:] = values
     return replace(kept, attributes={**kept.attributes, **scores})
+
+
+def _check_preview(files: CloudFiles, options: Options) -> None:
+    """Check by the first points that what the options add can be added."""
+    check_order(files.preview, options.order)
+    if options.scores:
+        _check_scores(files.preview)
 
 
 def _check_scores(cloud: PointCloud) -> None:

@@ -15,7 +15,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint, spread_over
 from gppcs.drawing.cloud_images import ColouredCloud, painted
 from gppcs.drawing.colours import RGB, Colourable
-from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
+from gppcs.drawing.side_by_side import Column, draw_comparison
 from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.timer import Timer, timer_of
@@ -64,7 +64,6 @@ def draw_beside(
     results: Sequence[tuple[Named, str]],
     viewpoint: Viewpoint,
     colour: str | None,
-    close_ups: int = CLOSE_UPS,
 ) -> None:
     """Write a PNG of a finite cloud and of results with captions, in the colours of the nearest original points."""
     captions = [caption for _, caption in results]
@@ -73,7 +72,7 @@ def draw_beside(
     columns = [Column(original.name, everything, "", original.mesh)]
     for named, caption in zip(shown, captions, strict=True):
         columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh))
-    draw_comparison(file, columns, viewpoint, legend, close_ups)
+    draw_comparison(file, columns, viewpoint, legend)
 
 
 def draw_pair(

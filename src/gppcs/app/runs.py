@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,7 +23,8 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods.method import SCORES
-from gppcs.simplification import Result, simplify_cloud, simplify_files
+from gppcs.simplification import Result, simplify_cloud, simplify_each, simplify_files
+from gppcs.streaming.folder import Target
 from gppcs.streaming.plan import Plan, make_plan
 
 
@@ -89,6 +90,34 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         **record_of_run(result.diagnostics, timer.seconds),
     }
     return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
+
+
+def run_folder(job: Job, outputs: Sequence[Output], timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
+    """Simplify several files as one cloud, and write the kept points of each; return record and rows, as `run_job`."""
+    sources = [output.sources[0] for output in outputs]
+    targets = [Target(output.targets[0], output.format, _order(job, output), job.lossy) for output in outputs]
+    with job.options.open(sources) as files:
+        plan = make_plan(files, job.options)
+        _check_storable(job, outputs[0], files.preview)
+        written, diagnostics = simplify_each(files, targets, job.options, plan, timer, job.force)
+        points_in = files.n_points
+    points_out = sum(file.n_points for file in written)
+    record = {
+        "input": list(map(str, sources)),
+        "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
+        "points_in": points_in,
+        "points_out": points_out,
+        "method": job.options.algorithm.name,
+        "parameters": dataclasses.asdict(job.options.algorithm),
+        **record_of_run(diagnostics, timer.seconds),
+    }
+    rows = {
+        "points": f"{points_in:,} in, {points_out:,} out ({100 * points_out / points_in:.3g} %)",
+        "files": f"{len(written):,}, and index.vpc, which lists them",
+        "method": str(job.options.algorithm),
+        "time": time_in_words(timer.seconds),
+    }
+    return record, rows
 
 
 def _simplified(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import json
 import multiprocessing
@@ -49,7 +50,7 @@ def call_helpers() -> None:
     if not _blocks or not may_start_processes():
         return
     parts, stack = _blocks.pop()
-    count = min(len(parts), number_of_threads() - 1, (available_memory() or 0) // MEMORY)
+    count = min(len(parts), _within_memory(number_of_threads() - 1))
     if stack.enter_context(kernel_cache.lock("helpers", 0.0)):
         for first in range(count):
             with contextlib.suppress(OSError):  # no process can start
@@ -70,7 +71,7 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
         finally:
             idle.put(helper)
 
-    count = min(number_of_threads(), (available_memory() or 0) // MEMORY) if may_start_processes() else 0
+    count = _within_memory(number_of_threads()) if may_start_processes() else 0
     with ThreadPoolExecutor(max(1, count)) as pool, contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # no process can start
             for _ in range(count):
@@ -84,6 +85,12 @@ def run_all(parts: Sequence[Part]) -> Iterator[int]:
             compiled = future.result()
             timer.compile_timer.kernels += compiled or 0
             yield _run(started[future]) if compiled is None else compiled
+
+
+def _within_memory(count: int) -> int:
+    """Return how many of some processes have room in memory; all if the system does not tell."""
+    available = available_memory()
+    return count if available is None else min(count, available // MEMORY)
 
 
 class _Helper:
@@ -121,6 +128,7 @@ def serve() -> None:
     global _is_helper
     _is_helper = True
     set_threads(1)
+    gc.set_threshold(1_000_000)  # to collect garbage takes a tenth of the time of compilation
     with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
         for line in sys.stdin:
             module, name, *arguments = json.loads(line)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
 from gppcs.clouds.topology import topology_of
 from gppcs.engine.arrays import Flags, Floats
-from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation.detail import attribute_errors
@@ -37,7 +36,6 @@ from gppcs.spatial.triangles import qualities
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
 from gppcs.surface.surface_variation import features_in_radius, features_of_nearest
 
-DIRECTIONS_AT_ONCE = 4096  # that a thread compares at once, at least
 VARIATION_NEIGHBOURS = 25  # points in the neighbourhoods of surface variation: k in the paper
 
 
@@ -132,7 +130,7 @@ def evaluate_mesh(
     True
     """
     _require_measurable(require_mesh(simplified).vertices, "mesh")
-    before, frame, mesh = require_original(original, mesh)
+    before, frame, mesh = _required_original(original, mesh)
     simplified = _local_mesh(simplified, frame)
     with timer_of(timer)("distances"):
         forth = _distances_to_original(simplified, before, before, frame)
@@ -160,7 +158,7 @@ def evaluate_mesh(
     return report.in_unit(_unit_in(frame))
 
 
-def require_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Frame, Mesh | None]:
+def _required_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Frame, Mesh | None]:
     """Return the distinct points of a cloud, (N, 3), and its surface, in a frame; or raise an error about them."""
     original = as_cloud(original)
     points = usable(original, "original cloud")
@@ -290,41 +288,27 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
     spacing = np.sqrt(surface_area(tree) / len(after))
     distances, areas = np.sqrt(to_kept), areas_of_points(tree)
     errors = to_surface * np.radians(_angles(normals, surface.normals_at(feet)))
-    slow = _at_once(  # those that take longest come first
-        surface_p95_by_area=lambda: _weighted_quantile(to_surface, areas, 0.95),
-        normal_deviation=lambda: float(_angles(normals, surface.normals[feet.nearest]).mean()),
-        feature_recall=lambda: float((distances[_rough(variation)] <= spacing).mean()),
-        covering_p999=lambda: float(np.quantile(distances, 0.999)),
-        surface_p95=lambda: float(np.quantile(to_surface, 0.95)),
-        mean_surface_variation=lambda: _mean_surface_variation(surface.tree, spacing),
-    )
     return Report(
         points_in=counts[0],
         points_out=counts[1],
         diagonal=_diagonal(before),
         covering_radius=float(distances.max()),
+        covering_p999=float(np.quantile(distances, 0.999)),
         mean_distance=float(distances.mean()),
         mean_distance_by_area=float(np.average(distances, weights=areas)),
         chamfer=float(to_kept.mean() + to_original.mean()),
         surface_mean=float(to_surface.mean()),
         surface_mean_by_area=float(np.average(to_surface, weights=areas)),
         surface_rms=float(np.sqrt((to_surface**2).mean())),
+        surface_p95=float(np.quantile(to_surface, 0.95)),
+        surface_p95_by_area=_weighted_quantile(to_surface, areas, 0.95),
         surface_max=float(to_surface.max()),
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
-        **slow,
+        feature_recall=float((distances[_rough(variation)] <= spacing).mean()),
+        normal_deviation=float(_angles(normals, surface.normals[feet.nearest]).mean()),
+        mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )
-
-
-def _at_once(**functions: Callable[[], float]) -> dict[str, Any]:
-    """Return what functions return, by their names, computed on several threads: NumPy lets them run at once."""
-    names, values = list(functions), dict[str, Any]()
-
-    def compute(begin: int, end: int) -> None:
-        values.update({name: functions[name]() for name in names[begin:end]})
-
-    on_ranges(compute, len(names))
-    return values
 
 
 def _diagonal(points: Floats) -> float:
@@ -349,16 +333,8 @@ def _rough(variation: Floats) -> Flags:
 
 def _angles(first: Floats, second: Floats) -> Floats:
     """Return the angles (N,) between directions (N, 3) without sign, in degrees; exactly 0 for equal directions."""
-    angles = np.empty(len(first))
-    on_ranges(_fill_angles, len(first), first, second, angles, minimum=DIRECTIONS_AT_ONCE)
-    return angles
-
-
-def _fill_angles(begin: int, end: int, first: Floats, second: Floats, angles: Floats) -> None:
-    """Fill `angles`, (N,), in a range."""
-    a, b = (np.ascontiguousarray(directions[begin:end].T) for directions in (first, second))
-    squared = sum((a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2]) ** 2 for i in range(3))
-    angles[begin:end] = np.degrees(np.arctan2(np.sqrt(squared), np.abs((a * b).sum(axis=0))))
+    across = np.linalg.norm(np.cross(first, second), axis=1)
+    return np.degrees(np.arctan2(across, np.abs(np.einsum("ij,ij->i", first, second))))
 
 
 def _mean_surface_variation(tree: KdTree, spacing: float) -> float:

@@ -21,7 +21,7 @@ from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.joining import JointColumns
+from gppcs.io.joining import joined
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
@@ -199,13 +199,21 @@ class CloudFiles:
 
     def read(self) -> PointCloud:
         """Read all points with their attributes."""
+        return joined(self.read_each())
+
+    def read_each(self) -> list[PointCloud]:
+        """Read the points of each file."""
         self._check_memory()
-        clouds, columns = [], JointColumns()
+        clouds = []
         for path in self._paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
-                columns.add(clouds[-1])
-        return columns.joined(clouds)
+        return clouds
+
+    @property
+    def paths(self) -> Sequence[Path]:
+        """The files."""
+        return self._paths
 
     def _check_memory(self) -> None:
         """Check, before many points are read, that there is memory for them."""

@@ -75,7 +75,7 @@ class LocalGP(Method):
         """The weights of the selection: at the default, 0.5, the error has none; at 1 that of the paper."""
         from gppcs.gp.local.algorithm import Criterion
 
-        return Criterion.from_feature_weight(self.feature_weight, self.lengthscale, self.neighbours)
+        return Criterion.from_feature_weight(self.feature_weight, self.lengthscale, self.neighbours, self.candidates)
 
     @property
     def moves_points(self) -> bool:
@@ -84,20 +84,17 @@ class LocalGP(Method):
     def __call__(self, task: Task) -> Selection:
         import numpy as np
 
-        from gppcs.gp.local.algorithm import choose, choose_denoised
+        from gppcs.engine.helpers import helped
+        from gppcs.gp.local.algorithm import Problem, choose, choose_denoised
+        from gppcs.gp.local.first_run import compile_choice, compile_placement
+        from gppcs.gp.local.greedy import PART_POINTS
 
-        timer, count = task.timer, task.n_points
-        if count < len(task.points) and self.denoise:
-            ranking = choose_denoised(
-                task.points, count, self.criterion, self.candidates, timer, task.weights, task.detail
-            )
-        elif count < len(task.points):
-            ranking = choose(
-                task.points, count, self.criterion, self.candidates, timer, task.fixed, task.weights, task.detail,
-                task.settled, task.scale,
-            )  # fmt: skip
-        else:
+        if task.n_points >= len(task.points):
             return Selection(np.arange(len(task.points)), ranked=False)
+        problem = Problem(task.points, task.n_points, task.fixed, task.weights, task.detail, task.settled, task.scale)
+        candidates = min(round(self.candidates * task.n_points), len(task.points), 2 * PART_POINTS)
+        with helped((compile_choice, candidates), (compile_placement,)):  # at a first run
+            ranking = (choose_denoised if self.denoise else choose)(problem, self.criterion, task.timer)
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
         diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}

@@ -92,31 +92,35 @@ class SpectralGP(Method):
             tree = KdTree.build(points)
         with timer("surface variation"):  # y, Eqs. 1 and 2
             y = features_in_radius(tree, neighbourhood_radius(tree, self.neighbours)).surface_variation
-        subset = random_candidates(len(points), self.candidates, n_points, self.seed)
         landmarks = self.landmarks if self.landmarks < len(points) else 0
         with timer("farthest points", max(k_init, landmarks)) as on_progress:  # P_simp <- FPS(P, k_init)
             initial, _ = farthest_points(points, max(k_init, landmarks), tree, on_progress)
         with timer("eigenfunctions"):  # lambda_n and f_n of Eq. 6
             eigenvalues, functions = eigenpairs(points, self.eigenfunctions, initial[:landmarks] if landmarks else None)
         with timer("hyperparameters"):
-            opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt]  # P_opt <- random subset of P
+            # P_opt <- random subset of P
+            opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt].copy()
             theta = hyperparameters.fit(  # optimise theta using Eq. 5
                 eigenvalues, functions.at(points[opt]), y[opt], self.nu, self.fit_nu, self.iterations
             )
-        if len(subset) < len(points):
+        subset = None
+        if self.candidates and max(self.candidates, n_points) < len(points):
+            subset = random_candidates(len(points), self.candidates, n_points, self.seed)
             points, y = points[subset], y[subset]
             tree = KdTree.build(points)
             with timer("farthest points", k_init) as on_progress:
                 initial, _ = farthest_points(points, k_init, tree, on_progress)
-        with timer("features"):
+        with timer("features"):  # at the points in tree order
             weights = kernel.spectral_weights(eigenvalues, theta)
             features = functions._replace(values=kernel.kernel_features(functions.values, weights))  # Eq. 6
-            phi, y = features.at(tree.points.T), y[tree.order]
+            phi, order, initial = features.at(tree.points.T), tree.order, tree.positions()[initial[:k_init]]
+            y = y[order]
+            del tree  # large
         with timer("greedy selection", n_points - k_init) as on_progress:  # while |P_simp| < M: add MAX(s, R, k_add)
             k_add = self.k_add or max(1, -(-(n_points - k_init) // 200))  # about 200 updates
-            initial = tree.positions()[initial[:k_init]]
-            chosen = greedy.select(phi, y, theta.noise, initial, n_points, k_add, tree.order, on_progress)
+            chosen = greedy.select(phi, y, theta.noise, initial, n_points, k_add, order, on_progress)
         with timer("explained variance"), one_blas_thread():
             mean, _ = posterior(phi[chosen], y[chosen], theta.noise)
             explained = 1 - float(np.mean((phi @ mean - y) ** 2) / (np.var(y) or 1.0))
-        return Selection(subset[tree.order[chosen]], {**asdict(theta), "explained": explained})
+        indices = order[chosen] if subset is None else subset[order[chosen]]
+        return Selection(indices, {**asdict(theta), "explained": explained})

@@ -1,203 +1,78 @@
-"""Find the k nearest points of many positions; all positions in one leaf of the tree share a vectorised search."""
+"""Find the k nearest points of many queries, leaf by leaf of a tree of these."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    first_leaf,
-    leaf_range,
-    leaves_near,
-    nearest_in_tree,
-    points_near,
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.leaves import (
+    leaves_of_runs,
+    look_around_leaf,
+    on_leaves,
+    radius_of_nearest,
+    search_for,
+    sort_nearest,
 )
 
-STRIDE = 16  # arrays are padded to multiples of this length: two of the widest vector registers
-FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow
-MANY_LEAVES = 32  # if a shared search finds this many leaves plus k, each position searches the tree by itself
-WIDER = 2.5  # squared search radius of a leaf: this times the mean squared distance to the k-th point in the last leaf
 NEIGHBOURS = 8  # whose distance tells the area of a point
-RUN_LEAVES = 8  # leaves of a run at least, as the radius of the first one takes a search of its own
-MAX_RUNS = 256
 
 
-def number_of_runs(leaves: int) -> int:
-    """Return the number of runs of leaves, within each of which a search starts from the radius of the one before."""
-    return max(1, min(leaves // RUN_LEAVES, MAX_RUNS))
-
-
-class SearchBuffer(NamedTuple):
-    """Buffers for the points that a search finds."""
-
-    positions: Ints  # (m,), in tree order
-    packed: Floats  # (3, m + STRIDE), coordinates; each row is an axis
+def nearest_others(tree: KdTree, k: int) -> tuple[Ints, Floats]:
+    """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
+    n = len(tree.order)
+    positions, squared = np.empty((n, k), dtype=np.int64), np.empty((n, k))
+    on_leaves(_find_others, tree, tree, positions, squared)
+    return positions, squared
 
 
 @kernel
-def search_buffer(leaves):
-    """Allocate buffers for the points of some leaves."""
-    return SearchBuffer(
-        np.empty(leaves * LEAF_SIZE, dtype=np.int64), np.empty((3, leaves * LEAF_SIZE + STRIDE), dtype=np.float64)
-    )
+def _find_others(first, last, runs, tree, queries, positions, squared):
+    """Fill `positions` and `squared`, (N, k), in a range of runs."""
+    points, lower, upper = tree
+    search, mean = search_for(positions.shape[1] + 1, tree), 0.0
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total = 0.0
+        for i in range(begin, end):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            if not sort_nearest(x, y, z, count, squared_radius, search):
+                nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+            for rank in range(len(search.gaps) - 1):  # the first is the point itself; slices compile twice as long
+                positions[i, rank], squared[i, rank] = search.positions[rank + 1], search.gaps[rank + 1]
+            total += search.gaps[-1]
+        mean = total / (end - begin)
 
 
-@kernel(allocates=False)
-def pack(points, buffer, count):
-    """Copy coordinates, of (3, N), at the first positions in the buffer to `packed`; pad them with far points."""
-    full = -(-count // STRIDE) * STRIDE
-    for axis in range(3):
-        row, packed = points[axis], buffer.packed[axis]
-        for slot in range(count):
-            packed[slot] = row[buffer.positions[slot]]
-        packed[count:full] = FAR_COORDINATE
-    return full
-
-
-class Search(NamedTuple):
-    """Buffers for searches of the k nearest points."""
-
-    near: Ints  # (leaves,), node numbers of the leaves near the box of the shared search
-    buffer: SearchBuffer  # The points found in these leaves
-    squared: Floats  # (m + STRIDE,), squared distances of these points from a position
-    positions: Ints  # (k,), of the nearest points, if a position searches the tree by itself or they are sorted
-    gaps: Floats  # (k,), their squared distances
-    local: Floats  # (3, k rounded up to STRIDE), vectors from a position to its k nearest points, then padding
+def squared_radii(tree: KdTree) -> Floats:
+    """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
+    n = len(tree.order)
+    squared = np.ones(n)
+    if n > 1:
+        on_leaves(_squared_radii, tree, tree, tree.order, min(NEIGHBOURS, n - 1) + 1, squared)
+    return squared
 
 
 @kernel
-def search_for(k, leaves):
-    """Allocate buffers for searches of k points."""
-    n_leaves = min(MANY_LEAVES + k, leaves + 1)
-    buffer = search_buffer(n_leaves)
-    return Search(
-        np.empty(n_leaves, dtype=np.int64), buffer, np.empty(buffer.packed.shape[1], dtype=np.float64),
-        np.empty(k, dtype=np.int64), np.empty(k, dtype=np.float64),
-        np.full((3, -(-k // STRIDE) * STRIDE), FAR_COORDINATE),
-    )  # fmt: skip
-
-
-@kernel
-def first_radius(points, lower, upper, queries, leaf, leaves, search):
-    """Return the squared radius with which a run from a leaf on starts, by the k points nearest to its first query."""
-    i = leaf_range(queries.shape[1], leaves, leaf)[0]
-    nearest_in_tree(points, lower, upper, queries[0, i], queries[1, i], queries[2, i], search.positions, search.gaps)
-    return WIDER * search.gaps[-1]
-
-
-@kernel
-def look_around(points, lower, upper, box_lower, box_upper, squared_radius, search):
-    """Find and pack all points within a radius of a box. Shapes: box_low, box_high (3,)."""
-    count = leaves_near(lower, upper, box_lower, box_upper, squared_radius, search.near)
-    if count == len(search.near):
-        return 0
-    near = search.near[:count]
-    count = points_near(points, lower, upper, near, box_lower, box_upper, squared_radius, search.buffer.positions)
-    return pack(points, search.buffer, count)
-
-
-@kernel(inline="always")
-def steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search):
-    """Find the k points nearest to (x, y, z), from the shared search if it is wide enough."""
-    k, packed, positions = len(search.gaps), search.buffer.packed, search.buffer.positions
-    nearest = radius_of_nearest(packed, count, x, y, z, k, squared_radius, search.squared)
-    if nearest < 0.0:
-        return steps_by_itself(points, lower, upper, x, y, z, search)
-    slot = 0
-    for j in range(count):
-        positions[slot] = j  # always written and then counted or not: a branch would be mispredicted often
-        slot += 1 if search.squared[j] <= nearest else 0
-    farthest = 0.0
-    for slot in range(k):
-        j = positions[slot]
-        search.local[0, slot], search.local[1, slot] = packed[0, j] - x, packed[1, j] - y
-        search.local[2, slot] = packed[2, j] - z
-        farthest = max(farthest, search.squared[j])
-    return farthest
-
-
-@kernel(fastmath=False)
-def steps_by_itself(points, lower, upper, x, y, z, search):
-    """Find the k points nearest to (x, y, z) by a search of the tree; otherwise like `steps_to_nearest`."""
-    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-    for slot in range(len(search.gaps)):
-        j = search.positions[slot]
-        search.local[0, slot], search.local[1, slot] = points[0, j] - x, points[1, j] - y
-        search.local[2, slot] = points[2, j] - z
-    return search.gaps[-1]
-
-
-@kernel(fastmath=False, allocates=False, forceinline=True)
-def sort_nearest(x, y, z, count, squared_radius, search):
-    """Find what `nearest_in_tree` finds in the shared search; return whether that is wide enough and none are tied."""
-    k, near, gaps = len(search.gaps), search.positions, search.gaps
-    along_x, along_y, along_z = search.buffer.packed[0], search.buffer.packed[1], search.buffer.packed[2]
-    squared = search.squared[:count]
-    for j in range(count):
-        squared[j] = (along_x[j] - x) ** 2 + (along_y[j] - y) ** 2 + (along_z[j] - z) ** 2
-    limit = _radius_holding(squared, k, squared_radius)
-    if limit < 0.0:
-        return False
-    slot, j, distinct = 0, 0, True
-    while slot < k:
-        near[slot] = j  # always written and then counted or not: a branch would be mispredicted often
-        slot += 1 if squared[j] <= limit else 0
-        j += 1
-    for n in range(k):
-        j, slot = near[n], n
-        while slot > 0 and gaps[slot - 1] > squared[j]:
-            gaps[slot], near[slot] = gaps[slot - 1], near[slot - 1]
-            slot -= 1
-        distinct = distinct and not (slot > 0 and gaps[slot - 1] == squared[j])
-        gaps[slot], near[slot] = squared[j], search.buffer.positions[j]
-    return distinct
-
-
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def radius_of_nearest(packed, count, x, y, z, k, squared_radius, squared):
-    """Return a squared distance within which exactly k packed points, (3, m), lie, by regula falsi; or -1."""
-    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
-    squared = squared[:count]
-    for j in range(len(along_x)):
-        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
-        squared[j] = dx * dx + dy * dy + dz * dz
-    return _radius_holding(squared, k, squared_radius)
-
-
-@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
-def _radius_holding(squared, k, squared_radius):
-    """Return a limit that exactly k of the squared distances, (m,), do not exceed, by regula falsi; or -1."""
-    lower, upper = 0.0, squared_radius
-    below, above = 0.0, _within(squared, upper)
-    for _ in range(24):
-        if above < k:
-            break
-        if above == k:
-            return upper
-        middle = lower + (upper - lower) * (k - below) / (above - below)
-        inside = _within(squared, middle)
-        if inside == k:
-            return middle
-        if inside < k:
-            lower, below = middle, inside
-        else:
-            upper, above = middle, inside
-    return -1.0
-
-
-@kernel(inline="always", fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _within(squared, limit):
-    """Return how many of the squared distances, (m,), are at most `limit`."""
-    count = 0.0
-    for j in range(len(squared)):
-        count += 1.0 if squared[j] <= limit else 0.0
-    return count
+def _squared_radii(first, last, runs, tree, queries, order, k, squared):
+    """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of runs."""
+    points, lower, upper = tree
+    search, mean = search_for(k, tree), 0.0
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total = 0.0
+        for i in range(begin, end):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            limit = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
+            if limit >= 0.0:
+                squared[order[i]] = _largest_within(search.squared[:count], limit)
+            else:
+                nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+                squared[order[i]] = search.gaps[-1]
+            total += squared[order[i]]
+        mean = total / (end - begin)
 
 
 @kernel(allocates=False)
@@ -209,64 +84,46 @@ def _largest_within(squared, limit):
     return np.int64(largest).view(np.float64)
 
 
-def nearest_others(tree: KdTree, k: int) -> tuple[Ints, Floats]:
-    """Find the k other points nearest to each: positions and squared distances, (N, k), in tree order."""
-    n, tasks = len(tree.order), number_of_runs(tree.leaves)
-    positions, squared = np.empty((n, k), dtype=np.int64), np.empty((n, k))
-    on_ranges(_find_others, tasks, tasks, *tree.arrays, positions, squared)
+def nearest_of_each(tree: KdTree, queries: KdTree) -> tuple[NDArray[np.int32], Floats]:
+    """Return the position of the point nearest to each query, and its squared distance, (Q,) both, in tree order."""
+    n = len(queries.order)
+    positions, squared = np.empty(n, dtype=np.int32), np.empty(n)
+    on_leaves(_nearest_of_each, tree, queries, positions, squared)
     return positions, squared
 
 
 @kernel
-def _find_others(first, last, tasks, points, lower, upper, positions, squared):
-    """Fill `positions` and `squared`, (N, k), in a range of tasks."""
-    n, leaves, k = points.shape[1], first_leaf(lower), positions.shape[1] + 1
-    search = search_for(k, leaves)
-    for task in range(first, last):
-        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
-        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
-        for leaf in range(start, stop):
-            begin, end = leaf_range(n, leaves, leaf)
-            count, total = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search), 0.0
-            for i in range(begin, end):
-                x, y, z = points[0, i], points[1, i], points[2, i]
-                if not sort_nearest(x, y, z, count, squared_radius, search):
-                    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-                for rank in range(1, k):  # the first is the point itself; slices compile twice as long
-                    positions[i, rank - 1], squared[i, rank - 1] = search.positions[rank], search.gaps[rank]
-                total += search.gaps[-1]
-            squared_radius = WIDER * total / (end - begin)
+def _nearest_of_each(first, last, runs, tree, queries, positions, squared):
+    """Fill `positions` and `squared`, (Q,), in a range of runs."""
+    points, lower, upper = tree
+    of_queries, search, mean = queries[0], search_for(1, tree), 0.0
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total = 0.0
+        for q in range(begin, end):
+            x, y, z = of_queries[0, q], of_queries[1, q], of_queries[2, q]
+            slot = _nearest_packed(search.buffer.packed, count, x, y, z, squared_radius, search.squared)
+            positions[q] = search.buffer.positions[slot]
+            squared[q] = search.squared[slot]
+            if slot < 0:
+                nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
+                positions[q], squared[q] = search.positions[0], search.gaps[0]
+            total += squared[q]
+        mean = total / (end - begin)
 
 
-def squared_radii(tree: KdTree) -> Floats:
-    """Return the squared distance of each point to its 8th neighbour, (N,), in proportion to the area of the point."""
-    n, tasks = len(tree.order), number_of_runs(tree.leaves)
-    squared = np.ones(n)
-    if n > 1:
-        k = min(NEIGHBOURS, n - 1) + 1
-        on_ranges(_squared_radii, tasks, tasks, *tree.arrays, tree.order, k, squared)
-    return squared
-
-
-@kernel
-def _squared_radii(first, last, tasks, points, lower, upper, order, k, squared):
-    """Fill `squared`, (N,), with the squared distance to the k-th nearest, itself included, in a range of tasks."""
-    n, leaves = points.shape[1], first_leaf(lower)
-    search = search_for(k, leaves)
-    for task in range(first, last):
-        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
-        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
-        for leaf in range(start, stop):
-            begin, end = leaf_range(n, leaves, leaf)
-            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
-            total = 0.0
-            for i in range(begin, end):
-                x, y, z = points[0, i], points[1, i], points[2, i]
-                limit = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
-                if limit >= 0.0:
-                    squared[order[i]] = _largest_within(search.squared[:count], limit)
-                else:
-                    nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-                    squared[order[i]] = search.gaps[-1]
-                total += squared[order[i]]
-            squared_radius = WIDER * total / (end - begin)
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"}, allocates=False)
+def _nearest_packed(packed, count, x, y, z, radius, squared):
+    """Return the slot of the packed point nearest to (x, y, z), -1 if none is within the radius."""
+    along_x, along_y, along_z = packed[0][:count], packed[1][:count], packed[2][:count]
+    squared, smallest = squared[:count], np.inf
+    for j in range(len(along_x)):
+        dx, dy, dz = along_x[j] - x, along_y[j] - y, along_z[j] - z
+        squared[j] = dx * dx + dy * dy + dz * dz
+        smallest = min(smallest, squared[j])
+    if not smallest <= radius:
+        return -1
+    slot = 0
+    while squared[slot] > smallest:
+        slot += 1
+    return slot

@@ -80,7 +80,17 @@ class Survey:
         direct = _lie_together(parts, overview, boxes)
         pieces = parts if direct else sorted_once(parts, boxes, folder, run_on, timer)
         source = Source(pieces, np.empty(0, dtype=np.int64))
-        return cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
+        survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
+        return survey.without_outliers() if options.drop_outliers else survey
+
+    @property
+    def outliers(self) -> Ints | None:
+        """The indices of the outliers that are dropped, ascending; None if they are not."""
+        return self.source.excluded if self.options.drop_outliers else None
+
+    def parts_of(self, path: Path) -> list[Part]:
+        """Return the parts of a file."""
+        return [part for part in self.parts if list(part.files.paths) == [path]]
 
     @property
     def n_points(self) -> int:
@@ -116,8 +126,8 @@ class Survey:
         with self.timer(stage, len(tiling.tiles)) as on_progress:
             return self.run_on.run(task, range(len(tiling.tiles)), before, on_progress)
 
-    def without_outliers(self) -> tuple[Survey, Ints]:
-        """Find the outliers; return the survey of the others, and the indices."""
+    def without_outliers(self) -> Survey:
+        """Return the survey of all points but the outliers."""
         tiling = self.tiling(np.zeros(3))
         outliers = Rows.joined(self.run("outliers", partial(outliers_in_tile, tiling), tiling))
         stays = ~np.isin(self.sample.indices, outliers.indices)
@@ -128,8 +138,7 @@ class Survey:
             labels=self.overview.labels - np.bincount(outliers.labels, minlength=256),
             keep=self.overview.keep - np.bincount(outliers.labels[outliers.keep], minlength=256),
         )
-        indices = np.sort(outliers.indices)
-        return replace(self, overview=overview, source=replace(self.source, excluded=indices)), indices
+        return replace(self, overview=overview, source=replace(self.source, excluded=np.sort(outliers.indices)))
 
     def tiling(self, halo: Floats, fraction: float = 1.0, **more: Any) -> Tiling:
         """Divide the cloud into tiles, of as many points that take part in the choice."""
@@ -216,8 +225,12 @@ class Survey:
         guide.write(self.folder / "guide.npz")
 
 
-def choose(survey: Survey) -> tuple[Kept, Mapping[str, float]]:
-    """Choose as many points as the options mean; return them, the most important first, and diagnostics."""
+# What stays of the tiles, what is added besides, and diagnostics.
+Chosen = tuple[Choice, list[Kept], Mapping[str, float]]
+
+
+def choose(survey: Survey) -> Chosen:
+    """Choose as many points as the options mean."""
     options, max_gap = survey.options, survey.options.lengths.get("max_gap")
     overview, n_keep = survey.overview, int(survey.overview.keep.sum())
     count = options.count(survey.n_points)
@@ -236,13 +249,14 @@ def choose(survey: Survey) -> tuple[Kept, Mapping[str, float]]:
     if max_gap is not None:
         added, of_gaps = _in_gaps(survey, choice, survey.scale.inside(max_gap))
         more, diagnostics = [*more, *added], {**diagnostics, **of_gaps}
+    return choice, more, diagnostics
+
+
+def all_kept(survey: Survey, choice: Choice, more: Sequence[Kept]) -> Kept:
+    """Return all kept points: the most important first, or in the order of the files if the method does not rank."""
     kept = Kept.joined([*map(choice.kept, range(len(choice.tiling.tiles))), *more])
-    is_ranked = Feature.RANKING in options.algorithm.supports
-    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices])), diagnostics
-
-
-# What stays of the tiles, what is added besides, and diagnostics.
-Chosen = tuple[Choice, list[Kept], Mapping[str, float]]
+    is_ranked = Feature.RANKING in survey.options.algorithm.supports
+    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
 
 
 def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:
@@ -329,8 +343,8 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
     limit, measure = survey.scale.inside(tolerance.length), tolerance.measure or "max"
     judged, n_outliers = survey, 0
     if tolerance.measure is None:
-        judged, outliers = survey.without_outliers()
-        n_outliers = len(outliers)
+        judged = survey.without_outliers()
+        n_outliers = len(judged.source.excluded)
     n, minimum = survey.overview.n_places, max(n_keep, 1)
     points = survey.frame.local(survey.sample.points)
     first = fewest_points(

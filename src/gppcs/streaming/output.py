@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud, with_normals
 from gppcs.engine.arrays import Ints
-from gppcs.engine.timer import Timer
-from gppcs.io.joining import JointColumns
-from gppcs.streaming.graph import Engine
+from gppcs.io.joining import JointColumns, joined
 from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.source import Part
 from gppcs.streaming.tiles import Kept
 from gppcs.surface.normals import with_signs_of
 
+Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
-def take(parts: Sequence[Part], kept: Kept, columns: JointColumns, run_on: Engine, timer: Timer) -> PointCloud:
-    """Read the kept points of all parts of a cloud, with all their attributes, in their order."""
+
+def take(
+    parts: Sequence[Part],
+    kept: Kept,
+    columns: JointColumns | None = None,
+    apply: Apply = lambda f, tasks: map(f, tasks),
+) -> PointCloud:
+    """Read the kept points of some parts of a cloud, with all their attributes, in their order.
+
+    They get the types of the values of these parts, or those that `columns` has seen; `apply` reads parts like `map`.
+    """
     order = np.argsort(kept.indices)
     tasks = []
     for part in parts:
         begin, end = np.searchsorted(kept.indices[order], [part.first, part.first + (part.count or 0)])
-        if begin < end:
-            tasks.append((part, kept.indices[order[begin:end]]))
-    with timer("kept points", len(tasks)) as on_progress:
-        clouds = run_on.run(rows_of, tasks, on_progress=on_progress)
-    return finished(columns.joined(clouds).take(np.argsort(order)), kept)
+        tasks.append((part, kept.indices[order[begin:end]]))
+    clouds = list(apply(rows_of, tasks))
+    cloud = joined(clouds) if columns is None else columns.joined(clouds)
+    return finished(cloud.take(np.argsort(order)), kept)
 
 
 def rows_of(task: tuple[Part, Ints]) -> PointCloud:
@@ -35,6 +43,8 @@ def rows_of(task: tuple[Part, Ints]) -> PointCloud:
     part, indices = task
     first, clouds, columns = part.first, list[PointCloud](), JointColumns()
     with part.files as files:
+        if not len(indices):
+            return files.preview[:0]
         for cloud in files.chunks(CHUNK):
             begin, end = np.searchsorted(indices, [first, first + len(cloud)])
             columns.add(cloud)

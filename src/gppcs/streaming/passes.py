@@ -40,10 +40,9 @@ class Choice:
 
     def near(self, number: int, margin: Floats) -> Floats:
         """Read where those points are that stay in a tile or within a margin, (3,); (n, 3)."""
-        tile, tiles = self.tiling.tiles[number], self.tiling.tiles
+        tile = self.tiling.tiles[number]
         lower, upper = tile.lower - margin, tile.upper + margin
-        meets = [bool((t.lower <= upper).all() and (t.upper >= lower).all()) for t in tiles]
-        points = np.concatenate([self.kept(i).positions for i in np.flatnonzero(meets).tolist()])
+        points = np.concatenate([self.kept(i).positions for i in self.tiling.meeting(lower, upper)])
         return points[inside(points, lower, upper)]
 
 

@@ -45,8 +45,8 @@ class Guide:
 
     @classmethod
     @lru_cache(maxsize=4)
-    def read(cls, path: Path) -> Guide:
-        """Read a file, once in each process."""
+    def read(cls, path: Path, written: int) -> Guide:
+        """Read a file, once in each process for each time at which it was written."""
         with np.load(path) as stored:
             return cls(**{name: stored[name] for name in stored.files})
 
@@ -96,6 +96,11 @@ class Tiling:
         """Return the tile of each point, (n,). Shapes: points (n, 3)."""
         return self.tile_of_box[self.boxes.box_of(points)]
 
+    def meeting(self, lower: Floats, upper: Floats) -> list[int]:
+        """Return the tiles that meet the box between two corners, (3,)."""
+        meets = [bool((tile.lower <= upper).all() and (tile.upper >= lower).all()) for tile in self.tiles]
+        return np.flatnonzero(meets).tolist()
+
     def region(self, number: int) -> tuple[Floats, Floats]:
         """Return the corners, (3,), of a tile with its halo."""
         return self.tiles[number].lower - self.halo, self.tiles[number].upper + self.halo
@@ -115,11 +120,12 @@ class Tiling:
     @property
     def guide(self) -> Guide:
         """What the first choice tells."""
-        return Guide.read(self.folder / "guide.npz")
+        path = self.folder / "guide.npz"
+        return Guide.read(path, path.stat().st_mtime_ns)
 
     def file(self, number: int) -> Path:
         """Return the file of the kept points of a tile."""
-        return self.folder / f"{number}.npz"
+        return self.folder / f"{self.n_points}-{self.spacing}-{number}.npz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +182,9 @@ class Kept:
 
 
 def choose_in_tile(tiling: Tiling, number: int) -> Ints:
-    """Choose the points of a tile, write them to its file, and return their number by quota, (256,)."""
+    """Choose the points of a tile and write them to its file; return their number by quota, (256,)."""
+    if tiling.file(number).exists():  # by an earlier run
+        return np.bincount(Kept.read(tiling.file(number)).labels, minlength=256)
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
@@ -211,7 +219,7 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    task = replace(task, settled=is_done[indices], scale=tiling.scale)
+    task = replace(task, settled=None if tiling.scale is None else is_done[indices], scale=tiling.scale)
     if tiling.spacing is not None:
         task = replace(task, spacing=tiling.spacing)
     else:
@@ -221,9 +229,11 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         n_new = tiling.n_points * float(guide.mass[waits].sum())
         n_new += SURPLUS * n_new + math.sqrt(n_new)
         n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
-        task = replace(task, n_points=min(task.fixed + max(0, math.ceil(n_new)), len(task.points)))
-    if task.spacing is None and not task.fixed < task.n_points < len(task.points):
-        selection = Selection(np.arange(task.n_points), ranked=False)
+        task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
+    is_free = ~is_done[indices]
+    is_free[: task.fixed] = True
+    if task.spacing is None and not task.fixed < task.n_points < np.count_nonzero(is_free):
+        selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
     return replace(selection, indices=indices[selection.indices])

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, first_leaf, leaf_range, limit_beside, nearest_in_tree
-from gppcs.spatial.nearest import (
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, limit_beside, nearest_in_tree
+from gppcs.spatial.leaves import (
     WIDER,
-    first_radius,
+    leaves_of_runs,
     look_around,
-    number_of_runs,
+    look_around_leaf,
+    on_leaves,
     radius_of_nearest,
     search_for,
     sort_nearest,
@@ -80,8 +81,7 @@ class LocalSurface:
         """Build the surface of the points of a tree."""
         normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
         corners = np.empty((len(normals), MAX_TRIANGLES, 2), dtype=np.int32)
-        tasks = number_of_runs(tree.leaves)
-        on_ranges(_build_fans, tasks, tasks, *tree.arrays, normals, corners)
+        on_leaves(_build_fans, tree, tree, normals, corners)
         return cls(tree, normals, corners)
 
     def nearest_to(self, queries: Floats) -> tuple[Floats, Floats]:
@@ -113,31 +113,28 @@ class LocalSurface:
 
 
 @kernel
-def _build_fans(first, last, tasks, points, lower, upper, normals, corners):
-    """Fill corners (M, MAX_TRIANGLES, 2) for points (3, M), boxes (nodes, 3) and normals (M, 3), in tree order."""
-    n, leaves = points.shape[1], first_leaf(lower)
+def _build_fans(first, last, runs, tree, queries, normals, corners):
+    """Fill `corners`, (M, MAX_TRIANGLES, 2), of the points in a range of runs, by normals, (M, 3), in tree order."""
+    points, lower, upper = tree
+    n, mean = points.shape[1], 0.0
     k, largest = min(NEIGHBOURS + 1, n), min(MAX_NEIGHBOURS + 1, n)
-    search, wide, here = search_for(k, leaves), search_for(largest, leaves), np.empty(3, dtype=np.float64)
+    search, wide, here = search_for(k, tree), search_for(largest, tree), np.empty(3, dtype=np.float64)
     near = np.empty(largest + 1, dtype=np.int64)
     inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)
-    for task in range(first, last):
-        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
-        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
-        for leaf in range(start, stop):
-            begin, end = leaf_range(n, leaves, leaf)
-            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
-            total = 0.0
-            for i in range(begin, end):
-                here[0], here[1], here[2], used = points[0, i], points[1, i], points[2, i], k
-                farthest = _find_nearest(points, lower, upper, here, k, count, squared_radius, search, near)
-                total += farthest
-                while not _is_fan(points, normals, i, near[:used], farthest, inverse, index, corners[i]):
-                    if used == largest:
-                        break
-                    used, radius = min(2 * used - 1, largest), AROUND * farthest  # twice as many, and the point itself
-                    around = look_around(points, lower, upper, here, here, radius, wide)
-                    farthest = _find_nearest(points, lower, upper, here, used, around, radius, wide, near)
-            squared_radius = WIDER * total / (end - begin)
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total = 0.0
+        for i in range(begin, end):
+            here[0], here[1], here[2], used = points[0, i], points[1, i], points[2, i], k
+            farthest = _find_nearest(points, lower, upper, here, k, count, squared_radius, search, near)
+            total += farthest
+            while not _is_fan(points, normals, i, near[:used], farthest, inverse, index, corners[i]):
+                if used == largest:
+                    break
+                used, radius = min(2 * used - 1, largest), AROUND * farthest  # twice as many, and the point itself
+                around = look_around(points, lower, upper, here, here, radius, wide)
+                farthest = _find_nearest(points, lower, upper, here, used, around, radius, wide, near)
+        mean = total / (end - begin)
 
 
 @kernel(allocates=False)
@@ -184,7 +181,7 @@ def _widest(points, i, corners):
 def _search(begin, end, points, lower, upper, corners, queries, feet):
     """Fill the feet of a range of queries, (Q, 3), on fans with corners, (M, MAX_TRIANGLES, 2)."""
     k = min(5, points.shape[1])  # nearest points whose fans are searched; fewer leave gaps
-    search, box, squared_radius = search_for(k, first_leaf(lower)), np.empty((2, 3), dtype=np.float64), 0.0
+    search, box, squared_radius = search_for(k, (points, lower, upper)), np.empty((2, 3), dtype=np.float64), 0.0
     search.positions[:] = 0  # for a query without a finite distance
     holders, planes = np.full(FANS, -1, dtype=np.int64), np.empty((FANS, 14, BOUNDED), dtype=np.float64)
     kept = holders, planes, np.empty((k, BOUNDED), dtype=np.float64), np.empty(BOUNDED, dtype=np.float64)

@@ -9,9 +9,8 @@ from numpy.typing import DTypeLike
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range
-from gppcs.spatial.nearest import WIDER, first_radius, look_around, number_of_runs, search_for, steps_to_nearest
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.leaves import leaves_of_runs, look_around_leaf, on_leaves, search_for, steps_to_nearest
 from gppcs.spatial.triangles import dot
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
@@ -43,35 +42,30 @@ def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0) -> 
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
-    tasks = number_of_runs(queries.leaves)
-    on_ranges(_fit_leaves, tasks, tasks, *tree.arrays, *queries.arrays, min(k, len(tree.order)), shared, fitted)
+    on_leaves(_fit_leaves, tree, queries, min(k, len(tree.order)), shared, fitted)
     return fitted
 
 
 @kernel(fastmath=False)
-def _fit_leaves(first, last, tasks, points, lower, upper, queries, queries_lower, queries_upper, k, shared, fitted):
-    """Fill `fitted` at the queries, (3, m), of a range of tasks, from points, (3, N); boxes are (nodes, 3)."""
-    leaves = first_leaf(queries_lower)
-    search = search_for(k, first_leaf(lower))
+def _fit_leaves(first, last, runs, tree, queries, k, shared, fitted):
+    """Fill `fitted` at the queries, (3, m), of a range of runs."""
+    points, lower, upper = tree
+    of_queries, search, mean = queries[0], search_for(k, tree), 0.0
     scratch = (
         np.empty((MOMENTS, 1), dtype=np.float64), np.empty((TERMS, search.local.shape[1]), dtype=np.float64),
         np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64), np.empty(3, dtype=np.float64),
     )  # fmt: skip
-    for task in range(first, last):
-        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
-        squared_radius = first_radius(points, lower, upper, queries, start, leaves, search)
-        for leaf in range(start, stop):
-            count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
-            begin, end = leaf_range(queries.shape[1], leaves, leaf)
-            fitted.radii[begin:end] = 0.0
-            total = 0.0
-            for i in range(begin, end):
-                if fitted.radii[i] > 0.0:
-                    continue
-                x, y, z = queries[0, i], queries[1, i], queries[2, i]
-                squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
-                total += squared * _fit(queries, i, end if shared else i + 1, squared, shared, search, scratch, fitted)
-            squared_radius = WIDER * total / (end - begin)
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        fitted.radii[begin:end] = 0.0
+        total = 0.0
+        for i in range(begin, end):
+            if fitted.radii[i] > 0.0:
+                continue
+            x, y, z = of_queries[0, i], of_queries[1, i], of_queries[2, i]
+            squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
+            total += squared * _fit(of_queries, i, end if shared else i + 1, squared, shared, search, scratch, fitted)
+        mean = total / (end - begin)
 
 
 @kernel(inline="always")

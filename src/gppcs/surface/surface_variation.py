@@ -23,11 +23,10 @@ from gppcs.spatial.kdtree import (
     squared_distance_of_boxes,
     squared_span_of_boxes,
 )
-from gppcs.spatial.nearest import (
-    WIDER,
-    first_radius,
-    look_around,
-    number_of_runs,
+from gppcs.spatial.leaves import (
+    leaves_of_runs,
+    look_around_leaf,
+    on_leaves,
     pack,
     radius_of_nearest,
     search_buffer,
@@ -224,32 +223,27 @@ def features_of_nearest(tree: KdTree, k: int) -> Features:
     """Measure each point's neighbourhood of its k nearest points, itself included."""
     n = len(tree.order)
     features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
-    tasks = number_of_runs(tree.leaves)
     outputs = features.surface_variation, features.normals, features.neighbours
-    on_ranges(_features_of_nearest, tasks, tasks, *tree.arrays, tree.order, min(k, n), *outputs)
+    on_leaves(_features_of_nearest, tree, tree, tree.order, min(k, n), *outputs)
     return features
 
 
 @kernel
-def _features_of_nearest(first, last, tasks, points, lower, upper, order, k, variation, normals, neighbours):
-    """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of tasks."""
-    n, leaves = points.shape[1], first_leaf(lower)
-    search, moments = search_for(k, leaves), np.ones((MOMENTS, AT_ONCE), dtype=np.float64)
-    for task in range(first, last):
-        start, stop = leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks
-        squared_radius = first_radius(points, lower, upper, points, start, leaves, search)
-        for leaf in range(start, stop):
-            begin, end = leaf_range(n, leaves, leaf)
-            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
-            total = 0.0
-            for i in range(begin, end):
-                x, y, z = points[0, i], points[1, i], points[2, i]
-                squared = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
-                if squared >= 0.0:
-                    moments_in_ball(search.buffer.packed, count, x, y, z, squared, moments, i - begin)
-                else:
-                    squared, full = steps_by_itself(points, lower, upper, x, y, z, search), search.local.shape[1]
-                    moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, i - begin)
-                total += squared
-            squared_radius = WIDER * total / (end - begin)
-            _finish(moments, order[begin:end], variation, normals, neighbours)
+def _features_of_nearest(first, last, runs, tree, queries, order, k, variation, normals, neighbours):
+    """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of runs."""
+    points, lower, upper = tree
+    search, moments, mean = search_for(k, tree), np.ones((MOMENTS, AT_ONCE), dtype=np.float64), 0.0
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total = 0.0
+        for i in range(begin, end):
+            x, y, z = points[0, i], points[1, i], points[2, i]
+            squared = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
+            if squared >= 0.0:
+                moments_in_ball(search.buffer.packed, count, x, y, z, squared, moments, i - begin)
+            else:
+                squared, full = steps_by_itself(points, lower, upper, x, y, z, search), search.local.shape[1]
+                moments_in_ball(search.local, full, 0.0, 0.0, 0.0, 2.0 * squared, moments, i - begin)
+            total += squared
+        mean = total / (end - begin)
+        _finish(moments, order[begin:end], variation, normals, neighbours)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import gppcs
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError, ParameterError
+from gppcs.gp.local.algorithm import Problem, choose_denoised
 from gppcs.gp.local.denoising import MANY_POINTS, neighbourhood
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import inducing
@@ -86,6 +88,19 @@ def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
     result = gppcs.simplify(scan, n_points=100, denoise=True)
     assert np.linalg.norm(result.cloud.points - scan[result.indices], axis=1).max() < 5 * NOISE
     assert np.abs(result.cloud.points[:, 2]).mean() < NOISE / 4
+
+
+@pytest.mark.parametrize(("size", "n_points"), [(20_000, 200), (3_000, 2_900)])
+def test_fixed_points_are_chosen_first_and_denoised(monkeypatch, size, n_points):
+    """Of a sample in which they are few, and of nearly all points."""
+    monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
+    scan = noisy(plane(size))
+    ranking = choose_denoised(Problem(scan, n_points, fixed=60), gppcs.LocalGP().criterion, Timer())
+    np.testing.assert_array_equal(ranking.indices[:60], np.arange(60))
+    assert len(np.unique(ranking.indices)) == n_points
+    heights = np.abs(ranking.surface.points[:, 2])
+    assert heights[:60].mean() < NOISE / 3
+    assert heights[60:].mean() < NOISE / 3
 
 
 def test_the_result_does_not_depend_on_threads():

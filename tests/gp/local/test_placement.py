@@ -7,7 +7,9 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
-from gppcs.gp.local.placement import cells_of, farther, nearest_of_each, replacements
+from gppcs.gp.local.placement import place
+from gppcs.gp.local.placement.cells import Measured, cells_of
+from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
     DETAIL_NEAREST,
@@ -18,6 +20,8 @@ from gppcs.gp.local.settings import (
     TRIALS,
 )
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_of_each
+from gppcs.spatial.samples import short_hashes
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
 
@@ -37,10 +41,7 @@ def mean_distance(points, places):
 
 
 def placed(points, chosen, fixed=0, noise=QUIET, passes=2, detail=None):
-    area, old = 2 * np.pi * 0.5, None if detail is None else detail[chosen]
-    stays, cells = np.arange(len(chosen)) < fixed, KdTree.build(points)
-    new = replacements(points[chosen], stays, cells, area / len(points), noise, old, detail, passes=passes)
-    return np.where(new < 0, chosen, new)
+    return place(points, chosen, fixed, Measured(2 * np.pi * 0.5, noise, short_hashes(points, 16), detail), passes)
 
 
 def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():

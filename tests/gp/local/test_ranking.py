@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.algorithm import Candidates, Criterion, choose_in_stages, field_of, local_field
+from gppcs.gp.local.algorithm import Candidates, Criterion, Problem, choose_in_stages, field_of, local_field
 from gppcs.gp.local.candidates import Stage, nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
@@ -15,8 +17,7 @@ from shapes import square
 
 
 def criterion(**changes):
-    usual = Criterion(density_power=1.0, normal_weight=1.4, error_weight=0.03, lengthscale=1.5, neighbours=4)
-    return Criterion(**{**vars(usual), **changes})
+    return replace(Criterion(1.0, 1.4, 0.03, 1.5, 4, 8.0), **changes)
 
 
 def clean(places):
@@ -27,10 +28,10 @@ def clean(places):
 def ranked(points, n_points, seen=clean):
     """Choose as `algorithm.choose` does, but for survey and placement."""
     area = surface_area(KdTree.build(points))
-    stages = nested_candidates(points, np.zeros(len(points), dtype=np.float32), n_points, area, 8.0)
+    stages = nested_candidates(points, np.zeros(len(points), dtype=np.uint32), n_points, area, 8.0)
     indices = stages[-1].indices
     candidates = Candidates(indices, *seen(points[indices]), None, None)
-    return choose_in_stages(points, candidates, stages, criterion(), Timer(), 0)
+    return choose_in_stages(Problem(points, n_points), candidates, stages, criterion(), Timer())
 
 
 def test_points_on_a_curve_are_spread_over_all_of_it():
@@ -48,7 +49,8 @@ def field_by(variation, **changes):
     normals = rng.standard_normal((n, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     features = Features(variation, normals, np.full(n, 9, dtype=np.int32))
-    return tree, features, local_field(tree, features, np.arange(float(n)), criterion(**changes))
+    field, _ = local_field(tree, features, np.arange(float(n)), criterion(**changes))
+    return tree, features, field
 
 
 @given(st.integers(2, 200), st.floats(0, 2.0), st.integers(0, 999))
@@ -86,7 +88,8 @@ def test_normals_count_the_less_the_more_candidates_are_beside_another_sheet(fra
     plain = Candidates(stage.indices, None, np.zeros(400), None, None)
     sheets = np.where(np.arange(400)[:, np.newaxis] < 400 * fraction, [0.0, 0.0, 1.0], 0.0)
     weights = [
-        field_of(points, some, stage, criterion())[1].normal_weight for some in (plain, plain._replace(sheets=sheets))
+        field_of(points, some, stage, criterion(), None)[1].normal_weight
+        for some in (plain, plain._replace(sheets=sheets))
     ]
     assert weights[0] > 0.0
     assert weights[1] == pytest.approx((1.0 - fraction) * weights[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gppcs.amounts.options import Options
 from gppcs.app import options
@@ -13,6 +13,9 @@ from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, LARGE, METHOD, SIZE, fro
 from gppcs.app.printing import emit, for_each, print_error, say, started
 from gppcs.errors import ParameterError, shown
 from gppcs.methods import DEFAULT, METHODS, Feature
+
+if TYPE_CHECKING:
+    from gppcs.app.runs import Job
 
 EPILOG = (
     "gppcs simplify scan.ply -o small.ply --ratio 3%\n\n"
@@ -29,7 +32,7 @@ def simplify(
     output: Annotated[
         str,
         option(
-            "The file to write; several inputs are then one cloud. For a result of each input: a folder, with a slash "
+            "The file to write; several inputs are then one cloud. For a file of each input: a folder, with a slash "
             "behind a new one.",
             None,
             "--output",
@@ -104,6 +107,10 @@ def simplify(
     threads: options.Threads = None,
     memory: options.Memory = None,
     workers: options.Workers = None,
+    separately: Annotated[
+        bool,
+        option("Simplify each of several inputs by itself, where their results go to a folder.", None, "--separately"),
+    ] = False,
     dry_run: Annotated[
         bool, option("Print what would be done and in how much memory, and do nothing.", LARGE, "--dry-run")
     ] = False,
@@ -114,13 +121,14 @@ def simplify(
 ) -> None:
     """Keep exactly the number of points asked for, each with all its attributes.
 
-    If one of several inputs cannot be used, the others are still simplified, and the exit code is 2. The name - stands
-    for standard input, or for standard output with --to.
+    Several inputs are one cloud. If the output is a folder, the points of each go to a file of its name; a run that was
+    stopped goes on when the command is given again. With --separately, each input is a cloud by itself. The name -
+    stands for standard input, or for standard output with --to.
     """
     arguments = {name: value for name, value in locals().items() if name in HELP}
     from gppcs.amounts.options import method_of, require
     from gppcs.app.outputs import outputs_of
-    from gppcs.app.runs import Job, plan_job, run_job
+    from gppcs.app.runs import Job, plan_job, run_folder, run_job
     from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct, is_standard
 
@@ -149,6 +157,12 @@ def simplify(
     sources = [source for result in outputs.values() for source in result.sources]
     check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
+    if len(outputs) > 1 and not (separately or dry_run):
+        _check_folder(job)
+        record, rows = run_folder(job, list(outputs.values()), timer)
+        emit(record, as_json, quiet, f"{len(sources)} files → {output}", rows)
+        return
+
     def work(source: Path) -> None:
         result = outputs[source]
         record, rows = plan_job(job, result) if dry_run else run_job(job, result, Timer(timer.on_progress))
@@ -173,6 +187,14 @@ def _check_together(arguments: Mapping[str, Any]) -> None:
         for other in excluded:
             if arguments[name] and arguments[other]:
                 raise ParameterError(f"expected `{name}` without `{other}`, found both")
+
+
+def _check_folder(job: Job) -> None:
+    """Check that nothing is asked for that files of one cloud together do not get."""
+    for name in ("sizes", "index", "rank", "mark"):
+        if getattr(job, name):
+            option_name = "levels" if name == "sizes" else name
+            raise ParameterError(f"expected --{option_name} with one output file or with --separately, found a folder")
 
 
 def _sizes(levels: str) -> tuple[float, ...]:

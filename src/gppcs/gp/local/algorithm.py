@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
+from gppcs.gp.local.placement.cells import Measured
 from gppcs.gp.local.scale import FieldScale, Scale
 from gppcs.gp.local.settings import (
     DENSITY_POWER,
@@ -30,143 +30,170 @@ from gppcs.gp.local.settings import (
 from gppcs.gp.local.sheets import normals_of_sheets
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
-from gppcs.surface.noise import Noise
-from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
+S = TypeVar("S", bound=np.generic)
 
-def choose(
-    points: Floats,
-    n_points: int,
-    criterion: Criterion,
-    candidate_density: float,
-    timer: Timer,
-    fixed: int = 0,
-    weights: Floats | None = None,
-    attributes: NDArray[np.float32] | None = None,
-    settled: Flags | None = None,
-    scale: Scale | None = None,
-) -> Ranking:
-    """Choose `n_points` of a cloud, the most important first, so that every prefix is a simplification of its size.
 
-    The first `fixed` points are chosen from the start. `candidate_density` is the number of candidate cells in a square
-    whose side is the target spacing; weights multiply the density of the chosen points; attributes count beside the
-    shape. `settled` points only show where the surface is; `scale` is that of a cloud of which these are a part.
-    Shapes: points (N, 3) without repeats, weights (N,) above 0, attributes (N, k), settled (N,).
-    """
-    candidate_density *= 1.0 if weights is None else refinement(weights)
-    candidate_density = cells_for(candidate_density, len(points), n_points, criterion.density_power)
-    if scale is not None:
-        candidate_density = scale.candidate_density
-    surveyed = survey(points, n_points, candidate_density, timer, attributes, scale)  # step 1
-    noise, detail = surveyed.noise, surveyed.detail
+def _taken(column: NDArray[S] | None, indices: Ints) -> NDArray[S] | None:
+    """Return some entries of a column, if there is one."""
+    return None if column is None else column[indices]
+
+
+class Problem(NamedTuple):
+    """The points of a cloud, and how many of them are to be chosen."""
+
+    points: Floats  # (N, 3), without repeats
+    n_points: int
+    fixed: int = 0  # The first so many points are chosen from the start
+    weights: Floats | None = None  # (N,), above 0: factors of the density of the chosen points
+    attributes: NDArray[np.float32] | None = None  # (N, k), which count beside the shape
+    settled: Flags | None = None  # (N,), points that only show where the surface is
+    scale: Scale | None = None  # Of the cloud of which the points are a part
+
+    def candidate_density(self, criterion: Criterion) -> float:
+        """Return how many candidate cells a square has whose side is the target spacing."""
+        if self.scale is not None:
+            return self.scale.candidate_density
+        density = criterion.candidate_density * (1.0 if self.weights is None else refinement(self.weights))
+        return cells_for(density, len(self.points), self.n_points, criterion.density_power)
+
+    def moved(self, points: Floats, indices: Ints) -> Problem:
+        """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
+        return self._replace(
+            points=points,
+            weights=_taken(self.weights, indices),
+            attributes=_taken(self.attributes, indices),
+            settled=_taken(self.settled, indices),
+        )
+
+
+def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
+    """Choose points of a cloud, the most important first: every prefix is a simplification of its size."""
+    ranking, measured = _choose_candidates(problem, criterion, timer)  # steps 1 to 6, and 8
+    with timer("placement"):
+        indices = place(problem.points, ranking.indices, problem.fixed, measured)  # step 7, Eqs. (10) and (20)
+    return ranking._replace(indices=indices)
+
+
+def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Ranking, Measured]:
+    """Choose among candidates, and return what is measured around all points."""
+    density = _candidate_density(problem, criterion)
+    candidates, stages, measured = _survey(problem, density, timer)  # steps 1, 2, and 5, Eq. (7)
+    ranking = choose_in_stages(problem, candidates, stages, criterion, timer)  # steps 3 to 6, and 8, Eqs. (2) to (9)
+    noise = measured.noise
+    scale = problem.scale or Scale(replace(noise, tree=None), density, stages[-1].largest_gap, ranking.stages)
+    return ranking._replace(noise_in_spacings=noise.in_spacings, scale=scale), measured
+
+
+def _candidate_density(problem: Problem, criterion: Criterion) -> float:
+    """Return the number of cells of the candidates' grid for each point to keep."""
+    if problem.scale is not None:
+        return problem.scale.candidate_density
+    density = criterion.candidate_density * (1.0 if problem.weights is None else refinement(problem.weights))
+    return cells_for(density, len(problem.points), problem.n_points, criterion.density_power)
+
+
+def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
+    """Measure a cloud, and return the candidates of the last stage, as they are observed, and all stages."""
+    points, n_points, fixed, weights, attributes, _, scale = problem
+    area, noise, ranks, detail, tree, normals = survey(points, n_points, density, timer, attributes, scale)
     with timer("candidates"):
-        stages = nested_candidates(
-            points, surveyed.ranks, n_points, surveyed.area, candidate_density, fixed, scale and scale.largest_gap
-        )  # step 2
-    sheets, last = None, stages[-1]
+        stages = nested_candidates(points, ranks, n_points, area, density, fixed, scale and scale.largest_gap)
+    indices = stages[-1].indices
+    positions, sheets = points[indices], None
     if not noise.thick:
         with timer("features"):
-            sheets = normals_of_sheets(surveyed.tree, points[last.indices], last.spacing)
-    tree, normals, ranks = None, None, surveyed.ranks
-    if len(surveyed.tree.order) == len(points):
-        tree, normals = surveyed.tree, surveyed.normals
-    del surveyed  # of a sample, nothing is needed any more
-    fitted = None
-    if tree is not None and noise.tree is not None and NOISY_CELL_POINTS * n_points >= len(points):
-        with timer("noise"):
-            fitted = noise.fitted(tree)  # once around all points, as the placement needs them, too
+            sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
+    measured = Measured(stages[-1].area, noise, ranks, None if detail is None else detail.values)
     with timer("noise"):
-        at_candidates = None if tree is None or fitted is None else fitted.take(tree.positions()[last.indices])
-        # Step 5, Eq. (7).
-        candidates = Candidates.observed(last.indices, points, noise, weights, detail, sheets, at_candidates)
-    # Steps 3 to 6 and 8, Eqs. (2) to (9).
-    ranking = choose_in_stages(points, candidates, stages, criterion, timer, fixed, settled, scale)
-    area, largest_gap = last.area, last.largest_gap
-    del candidates, stages, last  # as large as what the placement needs
-    with timer("placement"):
-        values = None if detail is None else detail.values
-        # Step 7, Eqs. (10) and (20).
-        indices = place(points, ranking.indices, fixed, area, noise, ranks, values, tree, fitted, normals)
-    measured = Scale(replace(noise, tree=None), candidate_density, largest_gap, ranking.stages)
-    return ranking._replace(indices=indices, noise_in_spacings=noise.in_spacings, scale=scale or measured)
+        quadrics = None
+        if len(tree.order) == len(points):  # the placement needs the same
+            measured = measured._replace(tree=tree, normals=normals)
+            if not noise.is_negligible and NOISY_CELL_POINTS * n_points >= len(points):
+                fitted = noise.fitted(tree)
+                measured, quadrics = measured._replace(quadrics=fitted), fitted.take(tree.positions()[indices])
+        feet, variances = noise.observe(positions, quadrics)
+    detail = None if detail is None else detail.take(indices)
+    return Candidates(indices, feet, variances, _taken(weights, indices), detail, sheets), stages, measured
 
 
 def choose_in_stages(
-    points: Floats,
-    candidates: Candidates,
-    stages: list[Stage],
-    criterion: Criterion,
-    timer: Timer,
-    fixed: int,
-    settled: Flags | None = None,
-    scale: Scale | None = None,
+    problem: Problem, candidates: Candidates, stages: list[Stage], criterion: Criterion, timer: Timer
 ) -> Ranking:
-    """Choose among points, (N, 3), in all stages, each of which ends with about twice as many as the one before."""
-    ranking = Ranking.of_fixed(fixed)
+    """Choose in all stages, each of which ends with about twice as many points as the one before."""
+    ranking = Ranking.of_fixed(problem.fixed)
     for stage in stages:
-        with timer("features"):
-            tree, field, measured = field_of(
-                points, candidates, stage, criterion, scale
-            )  # steps 3 and 4, Eqs. (2) to (6)
-        with timer("greedy selection", stage.target - len(ranking.indices)) as on_progress:
-            # Steps 5 and 6: the posterior, Eq. (8), and the greedy choice, Eq. (9).
-            ranking = choose_in_stage(ranking, field, tree, stage, criterion, on_progress, settled)
-        ranking = ranking._replace(stages=(measured, *ranking.stages))
-        del tree, field  # as large as those of the next stage
+        ranking = _choose_in_stage(problem, candidates, stage, criterion, ranking, timer)
     return ranking
 
 
-def choose_denoised(
-    points: Floats,
-    n_points: int,
-    criterion: Criterion,
-    candidate_density: float,
-    timer: Timer,
-    weights: Floats | None = None,
-    attributes: NDArray[np.float32] | None = None,
+def _choose_in_stage(
+    problem: Problem, candidates: Candidates, stage: Stage, criterion: Criterion, ranking: Ranking, timer: Timer
 ) -> Ranking:
-    """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud."""
+    """Return the ranking with the points of one more stage, each of the largest score."""
+    with timer("features"):  # steps 3 and 4, Eqs. (2) to (6)
+        tree, field, measured = field_of(problem.points, candidates, stage, criterion, problem.scale)
+    n_added = stage.target - len(ranking.indices)
+    with timer("greedy selection", n_added) as on_progress:  # steps 5 and 6, Eqs. (8) and (9)
+        indices = stage.indices[tree.order]
+        is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
+        is_chosen[ranking.indices] = True
+        chosen = np.flatnonzero(is_chosen[indices])
+        settled = None if problem.settled is None else np.flatnonzero(problem.settled[indices])
+        added, scores, deviations = extend(
+            field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, settled, on_progress
+        )
+    return ranking._replace(
+        indices=np.concatenate([ranking.indices, indices[added]]),
+        scores=np.concatenate([ranking.scores, scores]),
+        deviations=np.concatenate([ranking.deviations, deviations]),
+        stages=(measured, *ranking.stages),
+    )
+
+
+def choose_denoised(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
+    """Choose as `choose` does among denoised points: all, or those of a sample of a large cloud and the fixed ones."""
     from gppcs.surface.inducing import inducing_points  # only here, as SciPy's linear algebra is slow to load
 
-    indices = sample(short_hashes(points, RANDOM_BITS), n_points)
+    points, n_points, fixed, *_ = problem
+    indices = np.union1d(np.arange(fixed), sample(short_hashes(points, RANDOM_BITS), n_points))
     with timer("denoising"):
         tree = KdTree.build(points[indices])
+        leading = tree.positions()[:fixed]
         indices, observed = indices[tree.order], np.ascontiguousarray(tree.points.T)
-        surface = denoised(tree.in_own_order(), n_points)  # Eqs. (11) to (13)
-        trusted = np.flatnonzero(surface.trusted)
-    candidates = trusted if len(trusted) > n_points else np.arange(len(observed))
-    indices = indices[candidates]
-    weights = None if weights is None else weights[indices]
-    attributes = None if attributes is None else attributes[indices]
-    ranking = choose(surface.points[candidates], n_points, criterion, candidate_density, timer, 0, weights, attributes)
+        surface = denoised(tree.in_own_order(), n_points, leading)  # Eqs. (11) to (13)
+    is_candidate = surface.trusted.copy()
+    is_candidate[leading] = False
+    if fixed + np.count_nonzero(is_candidate) <= n_points:
+        is_candidate = indices >= fixed
+    candidates = np.concatenate([leading, np.flatnonzero(is_candidate)])
+    ranking = choose(problem.moved(surface.points[candidates], indices[candidates]), criterion, timer)
     chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
-        moved = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
-    return ranking._replace(indices=indices[ranking.indices], surface=chosen._replace(points=moved))
+        positions = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
+    return ranking._replace(indices=indices[candidates[ranking.indices]], surface=chosen._replace(points=positions))
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """The weights of the selection."""
+    """The weights of the selection, and the density of the candidates."""
 
     density_power: float  # p: points per area go as the roughness to this power; lower for flat faces with edges
     normal_weight: float  # beta: distance of normals at a right angle, in spacings; lower then, and with thin parts
     error_weight: float  # w: weight of the error |mu - y| in the score; that of the uncertainty is 1
     lengthscale: float  # kappa: of the Matérn kernel, in desired spacings
     neighbours: int  # K: the number of chosen points on which a posterior is conditioned
+    candidate_density: float  # Number of candidate cells in a square whose side is the target spacing
 
     @classmethod
-    def from_feature_weight(cls, feature_weight: float, lengthscale: float, neighbours: int) -> Criterion:
+    def from_feature_weight(
+        cls, feature_weight: float, lengthscale: float, neighbours: int, candidate_density: float
+    ) -> Criterion:
         """Return the weights: at 0.5, the default, the error has none; at 1 that of the paper."""
+        density_power, normal_weight = DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight
         error_weight = max(0.0, 2.0 * feature_weight - 1.0) ** 2
-        return cls(
-            DENSITY_POWER * feature_weight, NORMAL_WEIGHT * feature_weight, error_weight, lengthscale, neighbours
-        )
-
-    def with_thin_parts(self, fraction: float) -> Criterion:
-        """Return the weights for a cloud with this fraction of its candidates beside another sheet."""
-        return replace(self, normal_weight=self.normal_weight * (1.0 - fraction))
+        return cls(density_power, normal_weight, error_weight, lengthscale, neighbours, candidate_density)
 
 
 class Candidates(NamedTuple):
@@ -179,23 +206,6 @@ class Candidates(NamedTuple):
     detail: Detail | None
     sheets: Floats | None = None  # (n, 3), as `normals_of_sheets` returns them
 
-    @classmethod
-    def observed(
-        cls,
-        indices: Ints,
-        points: Floats,
-        noise: Noise,
-        weights: Floats | None,
-        detail: Detail | None,
-        sheets: Floats | None,
-        fitted: Quadrics | None,
-    ) -> Candidates:
-        """Return those with some indices, (n,), of a cloud. Shapes: points (N, 3), weights (N,)."""
-        feet, variances = noise.observe(points[indices], fitted)
-        weights = None if weights is None else weights[indices]
-        detail = None if detail is None else detail.take(indices)
-        return cls(indices, feet, variances, weights, detail, sheets)
-
     @property
     def beside_sheets(self) -> Flags:
         """Whether each has another sheet near it, (n,)."""
@@ -205,10 +215,12 @@ class Candidates(NamedTuple):
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
-        feet = None if self.feet is None else self.feet[positions]
-        weights = None if self.weights is None else self.weights[positions]
+        feet, weights, sheets = (
+            _taken(self.feet, positions),
+            _taken(self.weights, positions),
+            _taken(self.sheets, positions),
+        )
         detail = None if self.detail is None else self.detail.take(positions)
-        sheets = None if self.sheets is None else self.sheets[positions]
         return Candidates(self.indices[positions], feet, self.variances[positions], weights, detail, sheets)
 
 
@@ -230,41 +242,6 @@ class Ranking(NamedTuple):
         return cls(np.arange(count), np.zeros(count), np.zeros(count))
 
 
-def choose_in_stage(
-    ranking: Ranking,
-    field: LocalField,
-    tree: KdTree,
-    stage: Stage,
-    criterion: Criterion,
-    on_progress: Callable[[int], None],
-    settled: Flags | None = None,
-) -> Ranking:
-    """Return the ranking with the points of one more stage, each of the largest score (Eqs. (8) and (9)).
-
-    The field is over the candidates of the stage, in the order of the tree.
-    """
-    indices = stage.indices[tree.order]
-    is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
-    is_chosen[ranking.indices] = True
-    chosen = np.flatnonzero(is_chosen[indices])
-    n_added = stage.target - len(ranking.indices)
-    added, scores, deviations = extend(
-        field,
-        tree,
-        chosen,
-        n_added,
-        criterion.neighbours,
-        criterion.error_weight,
-        on_progress=on_progress,
-        settled=None if settled is None else np.flatnonzero(settled[indices]),
-    )
-    return ranking._replace(
-        indices=np.concatenate([ranking.indices, indices[added]]),
-        scores=np.concatenate([ranking.scores, scores]),
-        deviations=np.concatenate([ranking.deviations, deviations]),
-    )
-
-
 def field_of(
     points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion, scale: Scale | None
 ) -> tuple[KdTree, LocalField, FieldScale]:
@@ -278,7 +255,8 @@ def field_of(
     else:
         candidates = candidates.take(tree.order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    criterion = criterion.with_thin_parts(float(np.mean(candidates.beside_sheets)))
+    alone = 1.0 - float(np.mean(candidates.beside_sheets))
+    criterion = replace(criterion, normal_weight=criterion.normal_weight * alone)
     variances = candidates.variances / stage.spacing**2
     detail, weights = candidates.detail, candidates.weights
     return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale)
@@ -314,17 +292,17 @@ def local_field(
     of the prior's, weights (n,).
     """
     variation = features.surface_variation
-    known = None if scale is None else scale.at(spacing)
-    roundness = known.roundness if known else roundness_of(np.sqrt(variation))
+    whole = None if scale is None else scale.at(spacing)
+    roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
     density = density_of(roughness, criterion.density_power * roundness)
-    mean_density = known.density if known else float(np.mean(density))
+    mean_density = whole.density if whole else float(np.mean(density))
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
         spacings *= weights ** (-0.5 * WEIGHT_POWER)
-    factor = known.factor if known else float(np.sqrt(np.mean(spacings**-2.0)))
+    factor = whole.factor if whole else float(np.sqrt(np.mean(spacings**-2.0)))
     spacings *= factor
-    mean, deviation = (known.mean, known.deviation) if known else (float(np.mean(variation)), float(np.std(variation)))
+    mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
     y = np.zeros(len(variances))
     if criterion.error_weight > 0.0 and deviation > ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation

@@ -14,9 +14,8 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, nearest_in_tree
-from gppcs.spatial.nearest import WIDER, look_around, number_of_runs, radius_of_nearest, search_for
+from gppcs.spatial.kdtree import KdTree, nearest_in_tree
+from gppcs.spatial.leaves import leaves_of_runs, look_around_leaf, on_leaves, radius_of_nearest, search_for
 from gppcs.surface.moments import tangents
 from gppcs.surface.noise import FEWEST, NEIGHBOURS, NoiseLayer, projections
 from gppcs.surface.quadrics import COEFFICIENTS, TERMS, fill_equations, solve
@@ -36,10 +35,11 @@ class Denoised(NamedTuple):
         return Denoised(self.points[indices], self.normals[indices], self.trusted[indices])
 
 
-def denoised(tree: KdTree, n_points: int) -> Denoised:
+def denoised(tree: KdTree, n_points: int, required: Ints) -> Denoised:
     """Return where the n points of a tree lie on the surface that they observe; they stay where there is no noise.
 
-    If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised.
+    If that leaves at least 16 for each of `n_points`, 4 where the noise is thick, only some points are denoised, and
+    those that are required, whose positions in the tree are (m,).
     """
     n = len(tree.order)
     k, noisy = neighbourhood(tree)
@@ -52,6 +52,7 @@ def denoised(tree: KdTree, n_points: int) -> Denoised:
     on_surface = feet if noisy else tree.points
     selected, total_weight = np.zeros(n, dtype=bool), np.ones(n)
     selected[:: max(step, step_max)] = True
+    selected[required] = True
     for _ in range(rounds):
         new, turned, total_weight = _round(KdTree.over(on_surface), normals, tree.points, k, selected)
         on_surface, normals = np.where(selected, new, on_surface), np.where(selected, turned, normals)
@@ -105,38 +106,30 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
 def _round(tree: KdTree, normals: Floats, observed: Floats, k: int, selected: Flags) -> tuple[Floats, Floats, Floats]:
     """Return new points and normals of those selected, and the sums of the weights, by the last tree."""
     new, turned, total_weight = np.empty_like(observed), np.empty_like(observed), np.ones(observed.shape[1])
-    tasks = number_of_runs(tree.leaves)
-    on_ranges(_denoise_leaves, tasks, tasks, *tree.arrays, normals, observed, k, selected, new, turned, total_weight)
+    on_leaves(_denoise_leaves, tree, tree, normals, observed, k, selected, new, turned, total_weight)
     return new, turned, total_weight
 
 
 @kernel(fastmath=False)
-def _denoise_leaves(
-    first, last, tasks, points, lower, upper, normals, observed, k, selected, new, turned, total_weight
-):
-    """Fill the selected new points and normals, (3, n), and the sums of the weights, (n,), in a range of tasks."""
-    leaves = first_leaf(lower)
-    search = search_for(k, leaves)
+def _denoise_leaves(first, last, runs, tree, queries, normals, observed, k, selected, new, turned, total_weight):
+    """Fill the selected new points and normals, (3, n), and the sums of the weights, (n,), in a range of runs."""
+    points, lower, upper = tree
+    search, mean = search_for(k, tree), 0.0
     near = np.empty(len(search.buffer.positions), dtype=np.int64)
     terms = np.zeros((TERMS, search.local.shape[1]), dtype=np.float64)
     equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
-    for task in range(first, last):
-        squared_radius = 0.0  # in the first leaf, each point searches by itself; others start from the leaf before
-        for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            begin, end = leaf_range(points.shape[1], leaves, leaf)
-            if not selected[begin:end].any():
-                continue
-            count = look_around(points, lower, upper, lower[leaf], upper[leaf], squared_radius, search)
-            total, number = 0.0, 0
-            for i in range(begin, end):
-                if selected[i]:
-                    squared = _find_near(points, lower, upper, i, count, squared_radius, search, near)
-                    _denoise(
-                        i, near[:k], np.sqrt(squared), points, normals, observed, terms, equations, new, turned,
-                        total_weight,
-                    )  # fmt: skip
-                    total, number = total + squared, number + 1
-            squared_radius = WIDER * total / number
+    for leaf in range(*leaves_of_runs(first, last, runs, queries)):
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        total, number = 0.0, 0
+        for i in range(begin, end):
+            if selected[i]:
+                squared = _find_near(points, lower, upper, i, count, squared_radius, search, near)
+                _denoise(
+                    i, near[:k], np.sqrt(squared), points, normals, observed, terms, equations, new, turned,
+                    total_weight,
+                )  # fmt: skip
+                total, number = total + squared, number + 1
+        mean = total / number if number else mean
 
 
 @kernel(fastmath=False)

@@ -16,7 +16,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import DETAIL_DISTANCE, DETAIL_ROUGHNESS
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
-from gppcs.spatial.nearest import MANY_LEAVES, pack, search_buffer
+from gppcs.spatial.leaves import MANY_LEAVES, pack, search_buffer
 from gppcs.surface.moments import MOMENTS, with_step
 
 FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the candidates' cells.

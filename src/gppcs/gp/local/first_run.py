@@ -7,6 +7,7 @@ import numpy as np
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
+from gppcs.gp.local.placement.cells import Measured
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
@@ -27,4 +28,5 @@ def compile_placement() -> None:
     """Compile the kernels of the placement, those of the surface of the kept points first."""
     points = np.random.default_rng(0).random((400, 3))
     LocalSurface.over(KdTree.over(points.T))
-    place(points, np.arange(40), 0, 1.0, Noise(None, 0, False, 0.0, True, True, 0.1), np.arange(400).astype(np.uint64))
+    noise = Noise(None, 0, False, 0.0, True, True, 0.1)
+    place(points, np.arange(40), 0, Measured(1.0, noise, np.arange(400, dtype=np.uint32)))

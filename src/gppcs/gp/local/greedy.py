@@ -61,11 +61,10 @@ def extend(
     n_added: int,
     neighbours: int,
     error_weight: float,
-    threshold: float = 0.0,
-    on_progress: Callable[[int], None] = lambda steps: None,
     settled: Ints | None = None,
+    on_progress: Callable[[int], None] = lambda steps: None,
 ) -> tuple[Ints, Floats, Floats]:
-    """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points, or down to a threshold.
+    """Choose the point with the largest score (Eq. (9)), again and again: `n_added` points.
 
     Where parts choose at once, the order is that of falling scores, and the result is not exactly that of one choice
     after another: a new point may raise a score, since posteriors are conditioned only on the nearest points. Shapes:
@@ -77,13 +76,11 @@ def extend(
         count *= 2
     if count > 1:
         parts = _divide(state, count)
-        added, scores = _choose_in_levels(
-            n_added, len(chosen), threshold, field, error_weight, state, parts, cloud, on_progress
-        )
+        added, scores = _choose_in_levels(n_added, len(chosen), field, error_weight, state, parts, cloud, on_progress)
     else:
-        step, computed = 4096, computed_from(threshold, error_weight)  # from one report of progress to the next
+        step, computed = 4096, computed_from(0.0, error_weight)  # from one report of progress to the next
         for begin in range(0, n_added, step):
-            choose_in_parts(0, 1, threshold, computed, min(begin + step, n_added), field, error_weight, state, cloud)
+            choose_in_parts(0, 1, 0.0, computed, min(begin + step, n_added), field, error_weight, state, cloud)
             on_progress(min(step, n_added - begin))
         added, scores = _chosen_by(cloud)
     return added, scores, np.sqrt(state.variances[added])
@@ -131,7 +128,6 @@ def _renew_upper(state, count):
 def _choose_in_levels(
     n_added: int,
     n_chosen: int,
-    last: float,
     field: LocalField,
     error_weight: float,
     state: GreedyState,
@@ -141,20 +137,18 @@ def _choose_in_levels(
 ) -> tuple[Ints, Floats]:
     """Choose the `n_added` best points, by ever lower thresholds, after others; parts as in `choose_down`."""
     threshold, taken = np.inf, 0
-    while taken < n_added and threshold > last:
-        threshold = min(threshold, float(state.best[1])) * next_step(n_chosen + taken, n_chosen + n_added)
-        threshold = threshold if threshold > max(last, 1e-6) else last
+    while taken < n_added and threshold > 0.0:
+        # Scores fall about as the spacing of the chosen points, or faster. A little too low, so that 1 % more are
+        # chosen than are needed.
+        step = math.sqrt((n_chosen + taken) / (1.01 * (n_chosen + n_added)))
+        threshold = min(threshold, float(state.best[1])) * step
+        threshold = threshold if threshold > 1e-6 else 0.0
         choose_down(threshold, field, error_weight, state, parts, rest)
         before, taken = taken, min(int(parts.counts.sum() + rest.counts.sum()), n_added)
         on_progress(taken - before)
     added, scores = (np.concatenate(both) for both in zip(_chosen_by(parts), _chosen_by(rest), strict=True))
     best = np.argsort(-scores, kind="stable")[:n_added]
     return added[best], scores[best]
-
-
-def next_step(n_chosen: int, n_points: int) -> float:
-    """Return by what the threshold is multiplied: scores fall about as the spacing of the chosen points, or faster."""
-    return math.sqrt(n_chosen / (1.01 * n_points))  # a little too low, so that 1 % more are chosen than are needed
 
 
 def _divide(state: GreedyState, count: int) -> Parts:

@@ -15,7 +15,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
-from gppcs.spatial.nearest import MANY_LEAVES, pack, radius_of_nearest, search_buffer
+from gppcs.spatial.leaves import MANY_LEAVES, pack, radius_of_nearest, search_buffer
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_step
 
 PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.

@@ -1,0 +1,129 @@
+"""Files in, files out: the kept points of each file of a cloud go to a file of its name, and a crash costs little."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gppcs.amounts.options import Options
+from gppcs.amounts.order import in_order
+from gppcs.clouds.cloud import PointCloud
+from gppcs.engine.arrays import Floats, Ints
+from gppcs.errors import InputError, OutputError
+from gppcs.io.files import format_to_write
+from gppcs.io.streams import whole_output
+from gppcs.io.vpc import vpc_of
+from gppcs.io.writing import store_in
+from gppcs.spatial.scaling import bounds
+from gppcs.streaming.output import take
+from gppcs.streaming.passes import Choice
+from gppcs.streaming.source import Part
+from gppcs.streaming.tiles import Kept
+
+REMEDY = "give the same ones, or begin anew with `force`"
+WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
+
+
+class Written(NamedTuple):
+    """A file that holds the kept points of another."""
+
+    target: Path
+    n_points: int
+    lower: Floats  # (3,), corners of the box of its points; infinite without points
+    upper: Floats
+
+
+@dataclass(frozen=True)
+class Target:
+    """How the points of a cloud are written."""
+
+    path: Path
+    format: str | None = None
+    order: str = "importance"
+    lossy: bool = False
+
+    def write(self, cloud: PointCloud, indices: Ints) -> Written:
+        """Write the kept points of a file, with these indices, (n,)."""
+        if self.order != "importance":
+            cloud = cloud.take(in_order(cloud, indices, self.order))
+        with whole_output(self.path, force=True) as file:
+            store_in(file, self.path, cloud, format_to_write(self.path, self.format), self.lossy)
+        return Written(self.path, len(cloud), *bounds(cloud.points))
+
+
+def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], force: bool) -> Path:
+    """Return the folder for temporary files of a run: a new one, or that of the same run, if it was stopped."""
+    work = targets[0].path.parent / WORK
+    manifest = {
+        "options": repr(options),
+        "outputs": [repr(target) for target in targets],
+        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in sources],
+    }
+    path = work / "manifest.json"
+    if path.exists() and not force:
+        before = json.loads(path.read_text(encoding="utf-8"))
+        if before["inputs"] != manifest["inputs"]:
+            raise InputError(
+                f"{work}: expected the files as they were when this run began, found changed ones; {REMEDY}"
+            )
+        if before != manifest:
+            raise OutputError(f"{work}: expected the options with which this run began, found others; {REMEDY}")
+        return work
+    existing = [target.path for target in targets if target.path.exists()]
+    if existing and not force:
+        raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+    return work
+
+
+@dataclass(frozen=True, eq=False)
+class FileTask:
+    """The work on one file of a cloud, whose kept points come from the files of tiles."""
+
+    choice: Choice
+    more: Sequence[Kept]
+    parts: Sequence[Part]  # of the file
+    target: Target
+
+
+def write_file(task: FileTask) -> Written:
+    """Write the kept points of a file, unless an earlier run has done so."""
+    record = task.choice.tiling.folder / f"{task.target.path.name}.json"
+    if record.exists() and task.target.path.exists():
+        count, lower, upper = json.loads(record.read_text(encoding="utf-8"))
+        return Written(task.target.path, count, np.array(lower), np.array(upper))
+    kept = _kept_in(task)
+    cloud = take(task.parts, kept)
+    if task.choice.tiling.options.scores:
+        scores = {name: values.astype(np.float32) for name, values in kept.scores.items()}
+        cloud = replace(cloud, attributes={**cloud.attributes, **scores})
+    written = task.target.write(cloud, kept.indices)
+    record.write_text(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]), encoding="utf-8")
+    return written
+
+
+def _kept_in(task: FileTask) -> Kept:
+    """Return the kept points of a file, the most important first."""
+    first, last = task.parts[0], task.parts[-1]
+    lower, upper = (np.array([getattr(part, name) for part in task.parts]) for name in ("lower", "upper"))
+    numbers = task.choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
+    kept = Kept.joined([*map(task.choice.kept, numbers or [0]), *task.more])
+    inside = (kept.indices >= first.first) & (kept.indices < last.first + (last.count or 0))
+    kept = kept.take(np.flatnonzero(inside))
+    return kept.take(np.lexsort([kept.indices, kept.ranks]))
+
+
+def finish(work: Path, written: Sequence[Written]) -> None:
+    """Write a virtual point cloud of all files beside them, and remove the temporary files."""
+    text = vpc_of([(file.target.name, file.n_points, file.lower, file.upper) for file in written])
+    with whole_output(work.parent / "index.vpc", force=True) as file:
+        file.write(text.encode())
+    shutil.rmtree(work)
