@@ -1,4 +1,4 @@
-"""Decide whether a cloud in files is simplified in memory, or with its points on disk."""
+"""Decide whether a cloud in files is simplified in memory, or tile by tile."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CHUNK = 1 << 17  # Points of a chunk that is read. It does not depend on the mem
 class Plan:
     """How a cloud in files is going to be simplified. Sizes are estimates in bytes."""
 
-    in_memory: bool  # all points at once; otherwise they are on disk
+    in_memory: bool  # all points at once; otherwise tile by tile
     points_in: int
     points_out: int
     is_counted: bool  # whether these numbers are exact
@@ -71,7 +71,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
 
 
 def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
-    """Return the plan with the points on disk, given that in memory and the bytes of a point."""
+    """Return the plan to go tile by tile, given that in memory and the bytes of a point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
     fixed = PROGRAM + (2 * row + 120) * n_kept  # which are held twice with their attributes
     threads = number_of_threads()
