@@ -119,6 +119,19 @@ def _walk_all(begin, end, mesh, vertices, upright, sides, points, normals, neare
 
 
 @kernel(allocates=False)
+def assign(mesh, vertices, points, assigned, i, faces):
+    """Assign a point to the nearest of some triangles."""
+    assigned.squared[i] = np.inf
+    for f in faces:
+        a, b, c = corners_from(mesh, vertices, f, row(points, i))
+        s, t = nearest_in_triangle(a, b, c)
+        squared = squared_distance(a, b, c, s, t)
+        if squared < assigned.squared[i]:
+            assigned.face[i], assigned.squared[i] = f, squared
+            assigned.weights[i, 0], assigned.weights[i, 1] = s, t
+
+
+@kernel(allocates=False)
 def _is_farther(sides, f, point, squared):
     """Return whether a point surely is farther than a squared distance outside a side of a triangle, of (F, 3, 4)."""
     for k in range(3):

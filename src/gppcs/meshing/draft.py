@@ -69,6 +69,13 @@ class Draft:
             part[stale] = of_stale
         return assigned
 
+    def follow(self, assigned: Assignment) -> None:
+        """Let the nearest vertex of each dense point be the corner with the largest weight of its triangle."""
+        covered = np.flatnonzero(assigned.face >= 0)
+        s, t = assigned.weights[covered].T
+        corner = np.argmax([1.0 - s - t, s, t], axis=0)
+        self.nearest[covered] = self.mesh.origin[3 * assigned.face[covered] + corner]
+
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""
         self.nearest = np.where(self.nearest >= 0, into[self.nearest], -1)

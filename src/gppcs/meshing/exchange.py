@@ -41,7 +41,7 @@ def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
     fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.positions, assigned)
     exchange(fitted, changed.dense_index, draft.thin_cost)
     changed.normals = draft.dense.normals[changed.dense_index]
-    changed.nearest = np.where(assigned.face >= 0, mesh.origin[3 * assigned.face], -1)
+    changed.follow(assigned)
     after = flip(changed)
     for _ in range(2):
         after = flip(changed, fit(changed, after))

@@ -69,10 +69,7 @@ def _add(draft: Draft, assigned: Assignment, count: int) -> None:
     trial = split(draft.mesh, faces)
     cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
     spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])
-    covered = assigned.face >= 0
-    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(draft.mesh.corners()))
-    worst_first = np.argsort(-sums[faces], kind="stable")
-    best = np.sort(worst_first[~spoilt[worst_first]][:count])
+    best = np.flatnonzero(~spoilt)[:count]
     insert(draft, assigned, faces[best], points[best])
 
 
