@@ -159,10 +159,8 @@ def simplify(
     coordinates, or a text: with a unit, such as "0.5mm", or a percentage of the diagonal of the bounding box, such as
     "0.02%". Points that exactly repeat others count as points, but are chosen last.
 
-    Files that fit into the memory allowed are read and simplified as clouds are. Of others, the methods "gp", "fps",
-    "voxel" and "random" store the points in temporary files and choose part by part: exactly as many points, as good
-    ones as in memory, but other ones. That needs all points in memory for `tolerance`, `max_gap`, `normals`, `denoise`,
-    and arrays as `keep` or `weight`.
+    Files that fit into the memory allowed are read and simplified as clouds are. Of others, methods that take points to
+    keep, and "voxel", choose tile by tile: exactly as many points, about as good ones as in memory, but other ones.
 
     Parameters
     ----------
@@ -258,7 +256,7 @@ def simplify_tiles(
         Whether to leave out what a format cannot hold.
     timer : Timer, optional
         Measures the time of each stage, and reports progress.
-    **options
+    options : optional
         Those of `simplify` for clouds in files, such as `ratio`, which count all files together.
 
     Returns

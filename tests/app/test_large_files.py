@@ -23,7 +23,7 @@ def parts(scan):
 
 @pytest.fixture
 def large(monkeypatch):
-    """Let `gp` take more memory than there is, unless the points are on disk."""
+    """Let `gp` take more memory than there is, unless it goes tile by tile."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
 
 
@@ -56,9 +56,7 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     assert 0 < told["memory"] < 10**9
     assert told["disk"] > 0
     out = printed(*arguments, *LARGE)
-    assert all(
-        part in out for part in ("nothing is done", " 400 in, 2 out", "with the points on disk", "of 1 GB allowed")
-    )
+    assert all(part in out for part in ("nothing is done", " 400 in, 2 out", "in tiles", "of 1 GB allowed"))
     assert "about 400" not in out
     assert "in memory" in printed(*arguments, "--method", "fps")
     assert files() == before

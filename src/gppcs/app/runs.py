@@ -52,7 +52,7 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     rows = {
         "plan": "nothing is done",
         "points": f"{'' if plan.is_counted else 'about '}{plan.points_in:,} in, {plan.points_out:,} out",
-        "points are": "in memory" if plan.in_memory else "with the points on disk",
+        "points are": "in memory" if plan.in_memory else "in tiles",
         "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
     }
     if plan.disk:

@@ -11,7 +11,7 @@ from shapes import square
 
 def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
-    alike = np.zeros(len(points), dtype=np.float32)
+    alike = np.zeros(len(points), dtype=np.uint32)
     return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].indices
 
 
@@ -61,7 +61,7 @@ def test_wires_and_sparse_parts_stay():
 
 
 def sharpest_of_cells(points, edge, sharpness):
-    order = np.argsort(-sharpness, kind="stable")
+    order = np.lexsort([*points.T[::-1], -sharpness.astype(float)])
     return np.sort(order[np.unique(np.floor(points[order] * (1.0 / edge)), axis=0, return_index=True)[1]])
 
 
@@ -94,7 +94,7 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area,
     points = sphere[:10_000] + 1
     points[:dot] = 0.5 + 1e-5 * sphere[10_000 : 10_000 + dot]
     points = rng.permutation(points)
-    sharpness = rng.integers(0, 5, len(points)).astype(np.float32)
+    sharpness = rng.integers(0, 5, len(points)).astype(np.uint32)
     stages, plain = (way(points, sharpness, 300, area, 9.0) for way in (nested_candidates, plain_stages))
     for found, expected in zip(stages, plain, strict=True):
         np.testing.assert_array_equal(found.indices, expected[1])
