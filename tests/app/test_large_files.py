@@ -62,6 +62,11 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     assert files() == before
 
 
+def test_a_dry_run_plans_files_of_one_cloud_together(record, parts):
+    told = record("simplify", "a.ply", "b.ply", "-o", "out/", "--ratio", "10%", "--dry-run")
+    assert (told["input"], told["points_in"], told["points_out"]) == (["a.ply", "b.ply"], 400, 40)
+
+
 @pytest.mark.parametrize(
     ("options", "parts_of_message"),
     [
