@@ -71,9 +71,7 @@ def test_a_dry_run_plans_files_of_one_cloud_together(record, parts):
     ("options", "parts_of_message"),
     [
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise --memory"]),
-        (["--normals", *LARGE], ["normals takes all points at once"]),
-        (["--mark", "kept", *LARGE], ["mark takes all points at once"]),
-        (["--denoise", *LARGE], ["denoise takes all points at once", "found 1 GB"]),
+        (["--mark", "kept", *LARGE], ["mark takes all points at once", "found 1 GB"]),
     ],
 )
 def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_message):
