@@ -256,7 +256,7 @@ def simplify_tiles(
         Whether to leave out what a format cannot hold.
     timer : Timer, optional
         Measures the time of each stage, and reports progress.
-    **options
+    options : optional
         Those of `simplify` for clouds in files, such as `ratio`, which count all files together.
 
     Returns
@@ -386,7 +386,9 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     if selection.points is not None:
         kept = kept.moved(frame.world(selection.points))
     if selection.normals is not None and (original := kept.normals()) is not None:
-        kept = with_normals(kept, _with_signs(selection.normals, original))
+        from gppcs.surface.normals import with_signs_of
+
+        kept = with_normals(kept, with_signs_of(selection.normals, original))
     if options.normals:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
@@ -418,11 +420,11 @@ def _without_outliers(
 
 def _with_estimated_normals(kept: PointCloud, points: Floats, selection: Selection) -> PointCloud:
     """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
-    from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.normals import estimate_normals, with_signs_of
 
     positions = points[selection.indices] if selection.points is None else selection.points
     estimated = estimate_normals(points, positions)
-    return with_normals(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
+    return with_normals(kept, estimated if selection.normals is None else with_signs_of(selection.normals, estimated))
 
 
 def _with_shifts(selection: Selection, points: Floats, exponent: int) -> Selection:
@@ -435,11 +437,6 @@ def _with_shifts(selection: Selection, points: Floats, exponent: int) -> Selecti
     shifts = np.linalg.norm(np.ldexp(selection.points - points[selection.indices], exponent), axis=1)
     diagnostics = {"moved_mean": float(shifts.mean()), "moved_largest": float(shifts.max())}
     return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
-
-
-def _with_signs(normals: Floats, reference: Floats) -> Floats:
-    """Return normals, (M, 3), with the signs of others, (M, 3)."""
-    return np.where(np.einsum("ij,ij->i", normals, reference)[:, None] < 0.0, -normals, normals)
 
 
 def _with_scores(kept: PointCloud, selection: Selection) -> PointCloud:

@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 import gppcs
 from dense import distances_to_triangles
 from gppcs.evaluation import reconstruction
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.local_surface import LocalSurface
 from meshes import hull_mesh
 from shapes import square
@@ -78,6 +80,20 @@ def test_the_feature_error_is_the_mean_of_distance_times_angle(pair):
     cosines = np.abs(np.einsum("ij,ij->i", plane_normals(original), normals)) / np.linalg.norm(normals, axis=1)
     expected = (distances * np.arccos(np.minimum(cosines, 1))).mean()
     assert gppcs.evaluate(original, simplified).feature_error == pytest.approx(expected, rel=1e-4)
+
+
+def test_recall_equals_a_count(pair):
+    original = pair[0]
+    simplified = original[np.argsort(original[:, 0])[:1200:8]]  # of a part
+    variation = np.empty(len(original))
+    for i, near in enumerate(np.argsort(cdist(original, original), axis=1)[:, :25]):
+        eigenvalues = np.linalg.eigvalsh(np.cov(original[near].T))
+        variation[i] = eigenvalues[0] / eigenvalues.sum()
+    distances = cdist(original, simplified).min(axis=1)
+    rough = np.argsort(variation)[-len(original) // 10 :]
+    expected = np.mean(distances[rough] <= np.sqrt(surface_area(KdTree.build(original)) / len(simplified)))
+    assert 0.2 < expected < 0.9
+    assert gppcs.evaluate(original, simplified).feature_recall == pytest.approx(expected, abs=0.005)
 
 
 def test_recall_is_the_share_of_rough_points_near_kept_ones():

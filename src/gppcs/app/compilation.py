@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gppcs
-from gppcs import METHODS, PointCloud, mesh, sample, simplify
+from gppcs import METHODS, PointCloud, Timer, mesh, sample, simplify
+from gppcs.amounts.options import Options
 from gppcs.engine.helpers import Part, run_all
 from gppcs.errors import MissingExtraError
 from gppcs.evaluation.comparison import PREPARATION_POINTS
 from gppcs.gp.local.first_run import compile_choice, compile_placement
 from gppcs.gp.local.greedy import PART_POINTS
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods.hc.clustering import hierarchical_clusters
+from gppcs.simplification import simplify_files
 from gppcs.spatial.kdtree import KdTree
+from gppcs.streaming.plan import make_plan
 from gppcs.surface.surface_variation import features_in_radius
 
 
@@ -33,6 +40,7 @@ def parts() -> list[Part]:
         (_evaluate,),
         (_options,),
         (_read_only,),
+        (_tiles,),
         (_mesh, "fan", 30_000, {"n_faces": 2_000, "fill_holes": "5%"}),  # triangles cut others; a hole is filled
         (_mesh, "fan", 10_000, {"n_points": 1_000, "moved": True}),  # some triangles of which relax
         (_mesh, "medallion", 6_000, {"tolerance": "5%"}),
@@ -87,3 +95,14 @@ def _read_only() -> None:
     points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     gppcs.info(PointCloud(points))
     simplify(points, ratio=0.5, method="random")
+
+
+def _tiles() -> None:
+    """Compile what only clouds beyond memory need."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "scan.ply")
+        gppcs.write(path, _stray())
+        for method in ("gp", "fps", "voxel"):
+            options = Options(ratio=0.02, method=method, drop_outliers=True)
+            with CloudFiles([path]) as files:
+                simplify_files(files, options, replace(make_plan(files, options), in_memory=False), Timer())

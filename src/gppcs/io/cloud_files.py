@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -163,6 +164,12 @@ class CloudFiles:
         return name, size
 
     @property
+    def point_size(self) -> int:
+        """The bytes that a point takes in memory, with its attributes; of lists, the references alone."""
+        columns = self.preview.attributes.values()
+        return 24 + sum(values.dtype.itemsize * math.prod(values.shape[1:]) for values in columns)
+
+    @property
     def bounds(self) -> NDArray[np.float64] | None:
         """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
         return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
@@ -212,9 +219,7 @@ class CloudFiles:
         """Check, before many points are read, that there is memory for them."""
         n = sum(opened.reader.n_points or 0 for opened in map(self._open, self._paths))
         if n > 1 << 22 and self.query is None:
-            preview = self.preview
-            size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
-            _check_free(size * n // len(preview))
+            _check_free(self.point_size * n)
 
     def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, at most n at once unless a file is read at once."""

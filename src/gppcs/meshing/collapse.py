@@ -118,14 +118,12 @@ def _collapse_some(mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosi
     """Remove at most `steps` vertices; return how many were removed."""
     halves, ring = room_for_ring()
     halves_u, ring_u = room_for_ring()
-    bounds, removed = np.empty(len(ring)), 0
+    removed = 0
     while removed < steps:
         v = winner[1]
         if costs[v] == np.inf:
             break
-        cost, u = _best(
-            mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u, bounds
-        )
+        cost, u = _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u)
         if cost > costs[v]:  # which was a lower bound
             costs[v] = cost
             _play(costs, winner, v)
@@ -147,26 +145,18 @@ def _collapse_some(mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosi
 
 
 @kernel(allocates=False)
-def _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u, bounds):
+def _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u):
     """Return the cost and the neighbour of the cheapest collapse of v that is allowed; infinity and -1 if none is."""
     count, edges, closed = neighbours(mesh, v, halves, ring)
-    best, target = np.inf, count
+    best, target = np.inf, -1
     for slot in range(count):
-        bounds[slot] = _cost(vertices, quadrics, v, ring[slot])
-    for _ in range(count):  # those of the lowest bound first, as later ones then need no checks
-        slot = 0
-        for later in range(1, count):
-            slot = later if bounds[later] < bounds[slot] else slot
-        cost = bounds[slot]
-        bounds[slot] = np.inf
-        if cost > best:
-            break
-        if not is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
+        cost = _cost(vertices, quadrics, v, ring[slot])
+        if cost >= best or not is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
             continue
         cost += thin_cost * _thinness_after(mesh, vertices, normals, min_cosine, v, ring[slot], edges, halves)
-        if cost < best or (cost == best and slot < target):
-            best, target = cost, slot
-    return best, ring[target] if best < np.inf else -1
+        if cost < best:
+            best, target = cost, ring[slot]
+    return best, target
 
 
 @kernel(allocates=False)

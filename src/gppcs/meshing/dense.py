@@ -17,7 +17,7 @@ from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
 from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
-from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
+from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs, with_signs_of
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
 JOINED = 8  # points of the first mesh for each vertex of the result
@@ -103,7 +103,7 @@ class DensePoints:
         step, normals = max(1, len(indices) // count), normals[tree.order]
         sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()
         signed = with_signs(sparse, nearest_others(sparse, EDGES)[0], signed)
-        normals = _following(sparse, signed, tree.points.T, normals)
+        normals = with_signs_of(normals, signed[sparse.nearest_of(tree.points.T, 1)[0][:, 0]])
         # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot
         # tell a gap that is no wider than they are apart.
         radii = _covered(near, squared) * max(1.0, len(indices) / count) ** 0.5
@@ -114,15 +114,9 @@ class DensePoints:
 
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
         """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
-        normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
-        return replace(self, normals=_following(tree, normals, self.positions, self.normals))
-
-
-def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) -> Floats:
-    """Give normals, (n, 3), at points, (n, 3), the signs of those at the nearest points of a tree."""
-    nearest, _ = tree.nearest_of(points, 1)
-    turned = np.einsum("ij,ij->i", signed[nearest[:, 0]], normals) < 0.0
-    return np.where(turned[:, None], -normals, normals)
+        guides = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
+        nearest, _ = tree.nearest_of(self.positions, 1)
+        return replace(self, normals=with_signs_of(self.normals, guides[nearest[:, 0]]))
 
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

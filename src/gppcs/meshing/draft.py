@@ -58,16 +58,12 @@ class Draft:
             self.mesh, self.vertices, self.dense.positions, self.dense.normals, self.nearest
         )
 
-    def reassigned(self, assigned: Assignment, corners: Ints) -> Assignment:
-        """Find anew the triangles of dense points that had none, or one of `corners`, (F, 3), that has changed."""
-        changed = (self.mesh.corners()[: len(corners)] != corners).any(axis=1)
-        stale = np.flatnonzero((assigned.face < 0) | changed[assigned.face])
-        anew = Assignment.on_same_sheet(
-            self.mesh, self.vertices, self.dense.positions[stale], self.dense.normals[stale], self.nearest[stale]
-        )
-        for part, of_stale in zip(assigned, anew, strict=True):
-            part[stale] = of_stale
-        return assigned
+    def follow(self, assigned: Assignment) -> None:
+        """Let the nearest vertex of each dense point be the corner with the largest weight of its triangle."""
+        covered = np.flatnonzero(assigned.face >= 0)
+        s, t = assigned.weights[covered].T
+        corner = np.argmax([1.0 - s - t, s, t], axis=0)
+        self.nearest[covered] = self.mesh.origin[3 * assigned.face[covered] + corner]
 
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""

@@ -26,30 +26,27 @@ from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_p
 from gppcs.spatial.triangles import dot, minus, row
 
 
-def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
+def mend_draft(draft: Draft, counts_faces: bool) -> int:
     """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes.
 
-    New vertices go where the points are farthest from the triangles to which they are assigned, which follow.
+    New vertices go where the points are farthest from their triangles.
     """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
-    for last in (*[False] * (tries - 1), True):
-        corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
-        if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
+    for last in (False, False, False, True):
+        if len(_mended(draft)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        is_stale = cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
-        assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
-        _add(draft, assigned, missing)
+        _add(draft, draft.assigned(), missing)
     return holes
 
 
-def _mended(draft: Draft, relaxations: int) -> Ints:
+def _mended(draft: Draft) -> Ints:
     """Mend cuts, and relax what still cuts; return the triangles that no round has helped, whose corners go back."""
     before = draft.vertices.copy()
-    for last in (*[False] * relaxations, True):
+    for last in (*[False] * (12 if draft.moved else 0), True):
         tree = TriangleTree.from_mesh(draft.mesh, draft.vertices)
         into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed, tree)
         draft.merge(into)
@@ -69,10 +66,7 @@ def _add(draft: Draft, assigned: Assignment, count: int) -> None:
     trial = split(draft.mesh, faces)
     cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
     spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])
-    covered = assigned.face >= 0
-    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(draft.mesh.corners()))
-    worst_first = np.argsort(-sums[faces], kind="stable")
-    best = np.sort(worst_first[~spoilt[worst_first]][:count])
+    best = np.flatnonzero(~spoilt)[:count]
     insert(draft, assigned, faces[best], points[best])
 
 

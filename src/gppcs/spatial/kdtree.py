@@ -171,7 +171,7 @@ def _fill_leaf(records, numbers, leaf, depth, keys, order, points, lower, upper)
             points[a, slot] = records[begin + i, a]
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _earlier_ties(first, second, third, i):
     """Count the points, (n,) each axis, that have the first coordinate of the i-th but come before it."""
     a, b, c, count = first[i], second[i], third[i], 0
@@ -181,7 +181,7 @@ def _earlier_ties(first, second, third, i):
     return count
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _longest_side(lower, upper):
     """Return the axis of the longest side of a box, of several the first. Shapes: lower, upper (3,)."""
     axis = 0

@@ -98,7 +98,7 @@ def _nearest_of_each(first, last, runs, tree, queries, positions, squared):
     points, lower, upper = tree
     of_queries, search, mean = queries[0], search_for(1, tree), 0.0
     for leaf in range(*leaves_of_runs(first, last, runs, queries)):
-        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search, True)
         total = 0.0
         for q in range(begin, end):
             x, y, z = of_queries[0, q], of_queries[1, q], of_queries[2, q]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass, replace
 from typing import Any
@@ -59,7 +58,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     _check_preview(preview, options)
     n_kept = options.count(n) or max(1, round(0.1 * n))  # a guess, where only the work tells
     outliers = 130 * n if options.drop_outliers else 0
-    row = _bytes_of_row(preview)
+    row = files.point_size
     memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(outliers, options.algorithm.memory(n, n_kept)))
     readings = 2 if files.query else 1  # the first one counts the points that a query leaves
     in_memory = Plan(True, n, n_kept, files.is_counted, memory, limit, readings=readings)
@@ -111,13 +110,6 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
         length.in_cloud(1.0, units)
     if options.max_error:
         options.max_error.length.in_cloud(1.0, units)
-
-
-def _bytes_of_row(cloud: PointCloud) -> int:
-    """Return how many bytes a point of a cloud takes in memory, with its attributes."""
-    return 24 + sum(
-        values.dtype.itemsize * math.prod(values.shape[1:]) for values in cloud.attributes.values()
-    )  # of lists, the references alone
 
 
 def _reason(files: CloudFiles, options: Options) -> str | None:

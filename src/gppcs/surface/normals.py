@@ -130,10 +130,10 @@ def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     return (SHARP if neighbours > NEIGHBOURS and layer.is_two_sheets() else neighbours), layer
 
 
-def with_signs_of(normals: Floats, signed: Floats) -> Floats:
-    """Give normals, (M, 3), the signs of others, in place; return them."""
-    normals[np.einsum("ij,ij->i", normals, signed) < 0] *= -1
-    return normals
+def with_signs_of(normals: Floats, guides: Floats) -> Floats:
+    """Return normals with the signs of guides, (M, 3) both."""
+    is_opposed = np.einsum("ij,ij->i", normals, guides) < 0.0
+    return np.where(is_opposed[:, np.newaxis], -normals, normals)
 
 
 def _signed_nearby(tree: KdTree, queries: Floats, neighbours: int, n_guides: int = 1_000_000) -> Floats:

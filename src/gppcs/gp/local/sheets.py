@@ -29,21 +29,17 @@ def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | N
 
     The tree is over the points of the surface.
     """
-    few = toward_other_sheet(tree, runs_of(tree, max(4, len(tree.order) // POINTS_FOR_EACH)), radius, SHEET_VARIATION)
-    return toward_other_sheet(tree, KdTree.build(points), radius) if has_thin_parts(few) else None
+    some = toward_other_sheet(tree, _runs_of(tree), radius, SHEET_VARIATION)
+    is_thin = some.any(axis=1).mean() >= THIN_FRACTION
+    return toward_other_sheet(tree, KdTree.build(points), radius) if is_thin else None
 
 
-def runs_of(tree: KdTree, in_run: int = LEAF_SIZE) -> KdTree:
-    """Return a tree over `FEW` runs of points at most so long, evenly spread, as points of a run share one search."""
+def _runs_of(tree: KdTree) -> KdTree:
+    """Return a tree over `FEW` runs of points, evenly spread, as points of a run share one search."""
     n = len(tree.order)
-    in_run = min(in_run, LEAF_SIZE, -(-n // FEW))
+    in_run = min(max(4, n // POINTS_FOR_EACH), LEAF_SIZE, -(-n // FEW))
     starts = (n - in_run) * np.arange(FEW) // (FEW - 1)
     return KdTree.over(tree.points[:, (starts[:, np.newaxis] + np.arange(in_run)).ravel()], leaf_size=in_run)
-
-
-def has_thin_parts(normals: Floats) -> bool:
-    """Return whether a cloud has thin parts, by the normals of the sheets of some of its points, (n, 3)."""
-    return len(normals) > 0 and float(np.mean(normals.any(axis=1))) >= THIN_FRACTION
 
 
 def toward_other_sheet(tree: KdTree, queries: KdTree, radius: float, max_variation: float = math.inf) -> Floats:

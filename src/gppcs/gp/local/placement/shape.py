@@ -117,7 +117,7 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
     return sum_of_roots(squared[:judged])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def sum_of_roots(squared):
     """Return the summed distance, by the squares."""
     total = 0.0
