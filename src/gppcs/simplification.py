@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -344,9 +345,9 @@ def simplify_each(
             survey = Survey.read(files.parts(plan.part), options, work, run_on, timer)
             choice, more, diagnostics = choose(survey)
             of_files = zip(files.paths, targets, strict=True)
-            tasks = [FileTask(choice, more, survey.parts_of(path), target) for path, target in of_files]
+            tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
             with timer("writing", len(tasks)) as on_progress:
-                written = run_on.run(write_file, tasks, on_progress=on_progress)
+                written = run_on.run(partial(write_file, choice, more), tasks, on_progress=on_progress)
     finish(work, written)
     return written, diagnostics
 

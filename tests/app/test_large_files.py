@@ -62,13 +62,16 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     assert files() == before
 
 
+def test_a_dry_run_plans_files_of_one_cloud_together(record, parts):
+    told = record("simplify", "a.ply", "b.ply", "-o", "out/", "--ratio", "10%", "--dry-run")
+    assert (told["input"], told["points_in"], told["points_out"]) == (["a.ply", "b.ply"], 400, 40)
+
+
 @pytest.mark.parametrize(
     ("options", "parts_of_message"),
     [
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise --memory"]),
-        (["--normals", *LARGE], ["normals takes all points at once"]),
-        (["--mark", "kept", *LARGE], ["mark takes all points at once"]),
-        (["--denoise", *LARGE], ["denoise takes all points at once", "found 1 GB"]),
+        (["--mark", "kept", *LARGE], ["mark takes all points at once", "found 1 GB"]),
     ],
 )
 def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_message):
