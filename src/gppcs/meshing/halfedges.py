@@ -245,7 +245,7 @@ def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
         order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        is_dropped: Flags = smaller[fan].reshape(-1, 3).any(axis=1)
+        is_dropped = np.asarray(smaller[fan].reshape(-1, 3).any(axis=1))
         mesh = mesh.changed(~is_dropped)
 
 
