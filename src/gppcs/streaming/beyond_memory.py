@@ -159,9 +159,11 @@ class Survey:
 
         Returns the diagnostics of that, too.
         """
-        chosen, selection = self.choose(self.sample, min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1))
+        holds_all = self.overview.n_places <= len(self.sample)
+        n_chosen = n_points if holds_all else min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1)
+        chosen, selection = self.choose(self.sample, n_chosen)
         mass = self._mass(chosen)
-        if len(chosen) < n_points and selection.scale is not None:
+        if n_chosen < n_points and selection.scale is not None:
             finer, ratios = self._pilot(n_points, mass)
             mass *= ratios
             if finer.scale is not None:
