@@ -234,8 +234,8 @@ def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
     """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
         inner = np.flatnonzero(mesh.opposite >= 0)
-        following_inner = np.where(inner % 3 == 2, inner - 2, inner + 1)
-        _, fan = connected(following_inner, mesh.opposite[inner], len(mesh.origin))  # of each half-edge
+        after = np.where(inner % 3 == 2, inner - 2, inner + 1)
+        _, fan = connected(after, mesh.opposite[inner], len(mesh.origin))  # of each half-edge
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return mesh
@@ -245,8 +245,7 @@ def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
         order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        is_dropped = np.asarray(smaller[fan].reshape(-1, 3).any(axis=1))
-        mesh = mesh.changed(~is_dropped)
+        mesh = mesh.changed(~np.any(smaller[fan.reshape(-1, 3)], axis=1))
 
 
 def pieces_of(faces: Ints, n: int) -> Ints:
