@@ -83,7 +83,7 @@ def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -
         expected = f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points"
         raise _too_little(expected, limit, "keep fewer points")
     disk = (32 + 8 * n_columns) * n + 120 * n_kept
-    readings = in_memory.readings + 1
+    readings = in_memory.readings + 2  # for the survey, the tiles or their files, and the kept points
     return replace(in_memory, in_memory=False, memory=memory, disk=disk, threads=threads, readings=readings)
 
 
