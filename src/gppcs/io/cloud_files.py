@@ -21,7 +21,7 @@ from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.joining import joined
+from gppcs.io.joining import JointColumns, joined
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
@@ -202,12 +202,13 @@ class CloudFiles:
         return joined(self.read_each())
 
     def read_each(self) -> list[PointCloud]:
-        """Read the points of each file."""
+        """Read the points of each file, after checking that they fit each other."""
         self._check_memory()
-        clouds = []
+        clouds, columns = list[PointCloud](), JointColumns()
         for path in self._paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
+                columns.add(clouds[-1])
         return clouds
 
     @property
@@ -292,7 +293,7 @@ class CloudFiles:
 
 def _check_free(size: int) -> None:
     """Check that there is memory for some bytes."""
-    if (free := available_memory()) is not None and size > free:
+    if size and (free := available_memory()) is not None and size > free:
         raise InputError(
             f"expected {size_of(size)} of free memory to unpack the points, found {size_of(free)}; read a part with "
             "`inside` or `only`, or use a machine with more memory"

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
-from gppcs.engine.threads import beside
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
@@ -72,10 +70,9 @@ class DensePoints:
         if thick and not noise:
             return None
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
-        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         sharp, on_surface = NARROW if mixed else SHARP, raw
-        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp)
         if noise:
             for _ in range(2):
                 feet, _ = projections(tree, KdTree.over(on_surface.T), fitted)
@@ -84,7 +81,7 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
-        joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
+        joined = _spread(indices, on_surface, chosen, count)
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, joined, noise, near_sheets=mixed, joined_sheets=sheets)
@@ -114,9 +111,9 @@ class DensePoints:
 
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
         """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
-        guides = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
+        normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
         nearest, _ = tree.nearest_of(self.positions, 1)
-        return replace(self, normals=with_signs_of(self.normals, guides[nearest[:, 0]]))
+        return replace(self, normals=with_signs_of(self.normals.copy(), normals[nearest[:, 0]]))
 
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

@@ -59,11 +59,12 @@ class Draft:
         )
 
     def follow(self, assigned: Assignment) -> None:
-        """Let the nearest vertex of each dense point be the corner with the largest weight of its triangle."""
+        """Let the vertex near each dense point be the nearest corner of its triangle."""
         covered = np.flatnonzero(assigned.face >= 0)
-        s, t = assigned.weights[covered].T
-        corner = np.argmax([1.0 - s - t, s, t], axis=0)
-        self.nearest[covered] = self.mesh.origin[3 * assigned.face[covered] + corner]
+        corners = self.mesh.corners()[assigned.face[covered]]
+        steps = self.vertices[corners] - self.dense.positions[covered, None]
+        nearest = np.einsum("ijk,ijk->ij", steps, steps).argmin(axis=1)
+        self.nearest[covered] = corners[np.arange(len(corners)), nearest]
 
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""

@@ -131,17 +131,12 @@ def _is_upright(vertices, normals, a, b, c):
     return has_area(pa, pb, pc) and agreement(area_vector(pa, pb, pc), normals, a, b, c) >= 0.0
 
 
-@kernel(allocates=False)
+@kernel
 def _has_room(mesh, corners, inside, new, halves):
     """Return whether no corner of a patch would have too many triangles."""
     for v in corners:
         edges, _ = around(mesh, v, halves)
-        count = 0
-        for slot in range(edges):
-            count += not inside[halves[slot] // 3]
-        for t in range(len(new)):
-            count += new[t, 0] == v or new[t, 1] == v or new[t, 2] == v
-        if count > MAX_VALENCE:
+        if edges - inside[halves[:edges] // 3].sum() + (new == v).sum() > MAX_VALENCE:
             return False
     return True
 

@@ -233,8 +233,9 @@ def add_to_patch(patch, size, f):
 def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
     """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
-        fan = np.full(len(mesh.origin), -1)
-        _number_fans(mesh, fan)
+        inner = np.flatnonzero(mesh.opposite >= 0)
+        after = np.where(inner % 3 == 2, inner - 2, inner + 1)
+        _, fan = connected(after, mesh.opposite[inner], len(mesh.origin))  # of each half-edge
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return mesh
@@ -244,23 +245,7 @@ def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
         order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        mesh = mesh.changed(~smaller[fan].reshape(-1, 3).any(axis=1))
-
-
-@kernel(allocates=False)
-def _number_fans(mesh, fan):
-    """Fill `fan`, (3 F,): half-edges that leave a vertex side by side have one number, by the first of them."""
-    count = 0
-    for first in range(len(fan)):
-        if fan[first] >= 0:
-            continue
-        h = first
-        while h >= 0 and fan[h] < 0:
-            fan[h], h = count, mesh.opposite[preceding(h)]
-        h = mesh.opposite[first]
-        while h >= 0 and fan[following(h)] < 0:
-            fan[following(h)], h = count, mesh.opposite[following(h)]
-        count += 1
+        mesh = mesh.changed(~np.any(smaller[fan.reshape(-1, 3)], axis=1))
 
 
 def pieces_of(faces: Ints, n: int) -> Ints:

@@ -23,7 +23,6 @@ from gppcs.meshing.halfedges import (
     without_bow_ties,
 )
 from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
-from gppcs.spatial.triangles import dot, minus, row
 
 
 def mend_draft(draft: Draft, counts_faces: bool) -> int:
@@ -172,23 +171,10 @@ def _replace(mesh, vertices, tree, patch, corners, new, into):
     """Put the triangles `new`, (L - 2, 3), in the place of a patch with a boundary of corners, (L,)."""
     for f in patch:
         for v in mesh.origin[3 * f : 3 * f + 3]:
-            into[v] = _nearest(vertices, v, corners)
+            into[v] = corners[((vertices[corners] - vertices[v]) ** 2).sum(axis=1).argmin()]  # itself if it is one
     replace_triangles(mesh, patch, new)
     for f in patch[: len(new)]:
         follow(mesh, vertices, tree, f)
-
-
-@kernel(allocates=False)
-def _nearest(vertices, v, corners):
-    """Return the corner nearest to a vertex: itself if it is one."""
-    nearest, lowest = v, np.inf
-    for u in corners:
-        if u == v:
-            return v
-        step = minus(row(vertices, u), row(vertices, v))
-        if dot(step, step) < lowest:
-            nearest, lowest = u, dot(step, step)
-    return nearest
 
 
 def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:

@@ -87,6 +87,7 @@ class KdTree:
         """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: for a query without a finite distance.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
+        queries = np.ascontiguousarray(queries)  # so that the kernel is compiled for one layout only
         on_ranges(_nearest_of_all, len(queries), *self.arrays, queries, positions, squared, minimum=QUERIES_AT_ONCE)
         return self.order[positions], squared
 

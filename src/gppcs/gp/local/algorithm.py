@@ -78,20 +78,12 @@ def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
 
 def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Ranking, Measured]:
     """Choose among candidates, and return what is measured around all points."""
-    density = _candidate_density(problem, criterion)
+    density = problem.candidate_density(criterion)
     candidates, stages, measured = _survey(problem, density, timer)  # steps 1, 2, and 5, Eq. (7)
     ranking = choose_in_stages(problem, candidates, stages, criterion, timer)  # steps 3 to 6, and 8, Eqs. (2) to (9)
     noise = measured.noise
     scale = problem.scale or Scale(replace(noise, tree=None), density, stages[-1].largest_gap, ranking.stages)
     return ranking._replace(noise_in_spacings=noise.in_spacings, scale=scale), measured
-
-
-def _candidate_density(problem: Problem, criterion: Criterion) -> float:
-    """Return the number of cells of the candidates' grid for each point to keep."""
-    if problem.scale is not None:
-        return problem.scale.candidate_density
-    density = criterion.candidate_density * (1.0 if problem.weights is None else refinement(problem.weights))
-    return cells_for(density, len(problem.points), problem.n_points, criterion.density_power)
 
 
 def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
