@@ -287,7 +287,9 @@ def simplify_tiles(
     with chosen.open(paths) as files:
         targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
         check_distinct([target.path for target in targets], files.paths)
-        written, _ = simplify_each(files, targets, chosen, make_plan(files, chosen), timer_of(timer), force)
+        written, _ = simplify_each(
+            files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force
+        )
     return {str(file.target): file.n_points for file in written}
 
 

@@ -44,7 +44,7 @@ def test_the_points_of_a_large_cloud_go_to_disk(printed, record, parts, large, n
     assert (kept.points == parts.points[kept.attributes["index"]]).all()
     assert (kept.attributes["red"] == parts.attributes["red"][kept.attributes["index"]]).all()
     assert len(kept) == 20
-    assert "files read 2 times" in rows_of(printed(*arguments, "--force"))
+    assert "files read 3 times" in rows_of(printed(*arguments, "--force"))
 
 
 def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):

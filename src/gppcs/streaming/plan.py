@@ -44,7 +44,7 @@ class Plan:
         return max(1 << 20, self.points_in // 10_000)
 
 
-def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:
+def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None, to_files: bool = False) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""
     if options.workers is not None and files.reads_standard_input:
         raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
@@ -67,13 +67,14 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if reason := needs_memory or _reason(files, options):
         expected = f"{size_of(memory)} of memory for {n:,} points, as {reason} takes all points at once"
         raise _too_little(expected, limit)
-    return _plan_on_disk(in_memory, options, row, len(_columns(preview, options)))
+    row_kept = 0 if to_files else 2 * row + 120  # of the result, whose points are held twice with their attributes
+    return _plan_on_disk(in_memory, options, row_kept, len(_columns(preview, options)))
 
 
-def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
-    """Return the plan to go tile by tile, given that in memory and the bytes of a point."""
+def _plan_on_disk(in_memory: Plan, options: Options, row_kept: int, n_columns: int) -> Plan:
+    """Return the plan to go tile by tile, given that in memory and the bytes of a kept point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
-    fixed = PROGRAM + (2 * row + 120) * n_kept  # which are held twice with their attributes
+    fixed = PROGRAM + row_kept * n_kept
     threads = number_of_threads()
     if limit is not None:
         threads = min(threads, max(1, (limit - fixed) // PER_TILE))
