@@ -17,7 +17,7 @@ from gppcs.spatial.leaves import (
     sort_nearest,
 )
 
-NEIGHBOURS = 8  # whose distance tells the area of a point
+AREA_NEIGHBOURS = 8  # whose distance tells the area of a point
 
 
 def nearest_others(tree: KdTree, k: int) -> tuple[Ints, Floats]:
@@ -51,7 +51,7 @@ def squared_radii(tree: KdTree) -> Floats:
     n = len(tree.order)
     squared = np.ones(n)
     if n > 1:
-        on_leaves(_squared_radii, tree, tree, tree.order, min(NEIGHBOURS, n - 1) + 1, squared)
+        on_leaves(_squared_radii, tree, tree, tree.order, min(AREA_NEIGHBOURS, n - 1) + 1, squared)
     return squared
 
 

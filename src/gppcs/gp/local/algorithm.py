@@ -12,7 +12,7 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
+from gppcs.gp.local.density import VARIATION_ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
@@ -296,7 +296,7 @@ def local_field(
     spacings *= factor
     mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
     y = np.zeros(len(variances))
-    if criterion.error_weight > 0.0 and deviation > ROUNDING:  # otherwise nothing depends on it
+    if criterion.error_weight > 0.0 and deviation > VARIATION_ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation
     field = LocalField(
         positions=tree.points,

@@ -18,7 +18,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.density import ROUNDING
+from gppcs.gp.local.density import VARIATION_ROUNDING
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.scale import Scale
 from gppcs.gp.local.settings import (
@@ -129,7 +129,7 @@ def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> flo
 
 def sharpness_of(variation: Floats) -> Floats:
     """Return the surface variation, (n,), but 0 where it is rounding, which changes with the position of the cloud."""
-    return np.where(variation > ROUNDING, variation, 0.0)
+    return np.where(variation > VARIATION_ROUNDING, variation, 0.0)
 
 
 class Stage(NamedTuple):

@@ -13,12 +13,11 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.settings import SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
+from gppcs.gp.local.settings import PLANE_POINTS, SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 from gppcs.spatial.leaves import MANY_LEAVES, pack, radius_of_nearest, search_buffer
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_step
 
-PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
 SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
 FEW = 64  # Runs of points that follow each other in a tree, by which a cloud has thin parts or none.
 POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run: four at least, if so many are there.
