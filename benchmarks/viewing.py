@@ -55,7 +55,7 @@ def by_level(folder: Path, browser: str) -> tuple[str, int, dict[str, float]]:
     path = folder / "large.copc.laz"
     tile = sample("terrain", n_points=LARGE // len(TILES)).points
     shifts = TILES * np.ptp(tile, axis=0)
-    gppcs.write(path, gppcs.PointCloud(np.concatenate([tile + shift for shift in shifts])), levels_by="random")
+    gppcs.write(path, gppcs.PointCloud(np.concatenate([tile + shift for shift in shifts])))
     with nodes_of(path) as nodes:
         assert nodes
         with LevelsServer(Levels(nodes, path.name, [])) as server:

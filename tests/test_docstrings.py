@@ -39,7 +39,7 @@ def parameters_of(value):
 def test_docstrings_explain_all_parameters_and_fields(name):
     text = inspect.getdoc(DOCUMENTED[name]) or ""
     explained = {
-        parameter
+        parameter.lstrip("*")
         for section in re.findall(r"^(?:Parameters|Attributes)\n-+\n((?:.+\n|\n(?= ))*)", f"{text}\n", re.MULTILINE)
         for line in re.findall(r"^\S.*", section, re.MULTILINE)
         for parameter in line.split(" : ")[0].split(", ")

@@ -217,12 +217,6 @@ def a_small_cloud():
     return tuple(short(number(row("small_clouds", heading, method)["one after another"])) for method in ("gp", "fps"))
 
 
-def beyond_memory():
-    """Return what 200 million points to 10 million take: GB of memory, and CPU seconds for a million."""
-    cost = row("larger_than_memory", "# gp on files larger than memory", "200 million", "10 million")
-    return short(number(cost["peak GB"])), short(number(cost["CPU µs for each point"]))
-
-
 BESIDE_BEST_RIVAL = {
     0: "cloud",
     1: "H mean",
@@ -387,7 +381,6 @@ SENTENCES = {
         ("to 28,000 in {} s and needs {} bytes of memory a point", large_cloud),
         ("ICP take {} s, and thinning by `gp` {} s. With all points they take {} s, or {} s if", registration_seconds),
     ],
-    "docs/large-files.md": [("take {} GB of memory and {} seconds of processor time for each million", beyond_memory)],
     "research/cost.md": [
         ("as N to the power {}", lambda: (row("speed", STAGES, "**exponent**, Dragon")["in all"],)),
         ("Two threads are {} to {} times as fast as one", by_threads),

@@ -22,8 +22,8 @@ Clouds and meshes
     show                     show a cloud or a result in the browser or in a notebook
 
 Simplify, make a mesh
-    simplify_tiles           the same, with a file of kept points for each file
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
+    simplify_tiles           the same of several files, with a file of kept points for each
     mesh, MeshResult         make a light mesh straight from a dense cloud
 
 Measure

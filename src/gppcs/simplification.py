@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -159,10 +160,8 @@ def simplify(
     coordinates, or a text: with a unit, such as "0.5mm", or a percentage of the diagonal of the bounding box, such as
     "0.02%". Points that exactly repeat others count as points, but are chosen last.
 
-    Files that fit into the memory allowed are read and simplified as clouds are. Of others, the methods "gp", "fps",
-    "voxel" and "random" store the points in temporary files and choose part by part: exactly as many points, as good
-    ones as in memory, but other ones. That needs all points in memory for `tolerance`, `max_gap`, `normals`, `denoise`,
-    and arrays as `keep` or `weight`.
+    Files that fit into the memory allowed are read and simplified as clouds are. Of others, methods that take points to
+    keep, and "voxel", choose tile by tile: exactly as many points, about as good ones as in memory, but other ones.
 
     Parameters
     ----------
@@ -258,7 +257,7 @@ def simplify_tiles(
         Whether to leave out what a format cannot hold.
     timer : Timer, optional
         Measures the time of each stage, and reports progress.
-    **options
+    options : optional
         Those of `simplify` for clouds in files, such as `ratio`, which count all files together.
 
     Returns
@@ -288,7 +287,9 @@ def simplify_tiles(
     with chosen.open(paths) as files:
         targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
         check_distinct([target.path for target in targets], files.paths)
-        written, _ = simplify_each(files, targets, chosen, make_plan(files, chosen), timer_of(timer), force)
+        written, _ = simplify_each(
+            files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force
+        )
     return {str(file.target): file.n_points for file in written}
 
 
@@ -346,9 +347,9 @@ def simplify_each(
             survey = Survey.read(files.parts(plan.part), options, work, run_on, timer)
             choice, more, diagnostics = choose(survey)
             of_files = zip(files.paths, targets, strict=True)
-            tasks = [FileTask(choice, more, survey.parts_of(path), target) for path, target in of_files]
+            tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
             with timer("writing", len(tasks)) as on_progress:
-                written = run_on.run(write_file, tasks, on_progress=on_progress)
+                written = run_on.run(partial(write_file, choice, more), tasks, on_progress=on_progress)
     finish(work, written)
     return written, diagnostics
 
@@ -388,7 +389,9 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
     if selection.points is not None:
         kept = kept.moved(frame.world(selection.points))
     if selection.normals is not None and (original := kept.normals()) is not None:
-        kept = with_normals(kept, _with_signs(selection.normals, original))
+        from gppcs.surface.normals import with_signs_of
+
+        kept = with_normals(kept, with_signs_of(selection.normals, original))
     if options.normals:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
@@ -420,11 +423,11 @@ def _without_outliers(
 
 def _with_estimated_normals(kept: PointCloud, points: Floats, selection: Selection) -> PointCloud:
     """Return the kept points with normals estimated in the whole cloud, `points`, (N, 3)."""
-    from gppcs.surface.normals import estimate_normals
+    from gppcs.surface.normals import estimate_normals, with_signs_of
 
     positions = points[selection.indices] if selection.points is None else selection.points
     estimated = estimate_normals(points, positions)
-    return with_normals(kept, estimated if selection.normals is None else _with_signs(selection.normals, estimated))
+    return with_normals(kept, estimated if selection.normals is None else with_signs_of(selection.normals, estimated))
 
 
 def _with_shifts(selection: Selection, points: Floats, exponent: int) -> Selection:
@@ -437,11 +440,6 @@ def _with_shifts(selection: Selection, points: Floats, exponent: int) -> Selecti
     shifts = np.linalg.norm(np.ldexp(selection.points - points[selection.indices], exponent), axis=1)
     diagnostics = {"moved_mean": float(shifts.mean()), "moved_largest": float(shifts.max())}
     return replace(selection, diagnostics={**selection.diagnostics, **diagnostics})
-
-
-def _with_signs(normals: Floats, reference: Floats) -> Floats:
-    """Return normals, (M, 3), with the signs of others, (M, 3)."""
-    return np.where(np.einsum("ij,ij->i", normals, reference)[:, None] < 0.0, -normals, normals)
 
 
 def _with_scores(kept: PointCloud, selection: Selection) -> PointCloud:

@@ -13,7 +13,13 @@ from scans import sample
 RNG = np.random.default_rng(0)
 PLACES = np.c_[RNG.random((20_000, 2)), np.zeros(20_000)]
 DISC = np.hypot(*(PLACES[:, :2] - 0.5).T) < 0.3
-WALL = gppcs.PointCloud(PLACES, {"intensity": np.where(DISC, 180, 60).astype(np.uint16)})
+
+
+def wall(places=PLACES, disc=DISC):
+    return gppcs.PointCloud(places, {"intensity": np.where(disc, 180, 60).astype(np.uint16)})
+
+
+WALL = wall()
 
 
 def kept(cloud=WALL, **arguments):
@@ -21,12 +27,15 @@ def kept(cloud=WALL, **arguments):
 
 
 def test_points_go_where_an_attribute_jumps():
-    plain, drawn = (
-        gppcs.evaluate(WALL, some.cloud, detail="intensity").detail["intensity"]
-        for some in (kept(), kept(detail="intensity"))
-    )
-    assert drawn.error_mean < 0.5 * plain.error_mean
-    assert drawn.nearest_error_mean < 0.5 * plain.nearest_error_mean
+    """On three walls, as it is chance which points lie beside the border: one alone has 0.42 to 0.5."""
+    errors = np.zeros((2, 2))
+    for turn in (0.0, 0.4, 0.8):
+        rotation = [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+        cloud = wall(PLACES @ np.transpose(rotation))
+        for row, detail in enumerate((None, "intensity")):
+            result = gppcs.evaluate(cloud, kept(cloud, detail=detail).cloud, detail="intensity").detail["intensity"]
+            errors[row] += result.error_mean, result.nearest_error_mean
+    assert (errors[1] < [0.48, 0.5] * errors[0]).all()
 
 
 @pytest.mark.parametrize("count", [800, 2400])

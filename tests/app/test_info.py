@@ -69,7 +69,7 @@ def test_of_large_las_files_the_header_is_shown_and_points_per_class_with_all(pr
     monkeypatch.setattr("gppcs.io.cloud_files.BLOCK", 10)
     by_header = record("info", "scan.laz")
     assert by_header["ranges"]["classification"] is by_header["spacing"] is None
-    for name in ("points", "minimum", "maximum", "diagonal", "attributes"):
+    for name in ("points", "minimum", "maximum", "attributes"):
         assert by_header[name] == by_points[name]
     assert any(row.startswith("density 10.") for row in rows_of(printed("info", "scan.laz")))
 

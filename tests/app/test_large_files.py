@@ -23,7 +23,7 @@ def parts(scan):
 
 @pytest.fixture
 def large(monkeypatch):
-    """Let `gp` take more memory than there is, unless the points are on disk."""
+    """Let `gp` take more memory than there is, unless it goes tile by tile."""
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
 
 
@@ -39,12 +39,12 @@ def test_the_points_of_a_large_cloud_go_to_disk(printed, record, parts, large, n
     arguments = ("simplify", *names, "-o", "out.ply", "--points", 20, "--scores", "--index", *LARGE)
     told = record(*arguments)
     assert told["input"] == (names[0] if len(names) == 1 else names)
-    assert (told["points_in"], told["points_out"], told["readings"]) == (400, 20, 2)
+    assert (told["points_in"], told["points_out"], told["readings"]) == (400, 20, 3)
     kept = gppcs.read("out.ply")
     assert (kept.points == parts.points[kept.attributes["index"]]).all()
     assert (kept.attributes["red"] == parts.attributes["red"][kept.attributes["index"]]).all()
     assert len(kept) == 20
-    assert "files read 2 times" in rows_of(printed(*arguments, "--force"))
+    assert "files read 3 times" in rows_of(printed(*arguments, "--force"))
 
 
 def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
@@ -52,25 +52,26 @@ def test_a_dry_run_tells_and_does_nothing(printed, record, parts, large):
     arguments = ("simplify", "scan.ply", "-o", "out.ply", "--points", 2, "--dry-run")
     told = record(*arguments, *LARGE)
     assert (told["points_in"], told["points_out"]) == (400, 2)
-    assert (told["in_memory"], told["readings"], told["memory_limit"]) == (False, 2, 10**9)
+    assert (told["in_memory"], told["readings"], told["memory_limit"]) == (False, 3, 10**9)
     assert 0 < told["memory"] < 10**9
     assert told["disk"] > 0
     out = printed(*arguments, *LARGE)
-    assert all(
-        part in out for part in ("nothing is done", " 400 in, 2 out", "with the points on disk", "of 1 GB allowed")
-    )
+    assert all(part in out for part in ("nothing is done", " 400 in, 2 out", "in tiles", "of 1 GB allowed"))
     assert "about 400" not in out
     assert "in memory" in printed(*arguments, "--method", "fps")
     assert files() == before
+
+
+def test_a_dry_run_plans_files_of_one_cloud_together(record, parts):
+    told = record("simplify", "a.ply", "b.ply", "-o", "out/", "--ratio", "10%", "--dry-run")
+    assert (told["input"], told["points_in"], told["points_out"]) == (["a.ply", "b.ply"], 400, 40)
 
 
 @pytest.mark.parametrize(
     ("options", "parts_of_message"),
     [
         (["--memory", "1MB"], ["scan.ply", "expected at least", "MB of memory", "found 1 MB", "raise --memory"]),
-        (["--normals", *LARGE], ["normals takes all points at once"]),
-        (["--mark", "kept", *LARGE], ["mark takes all points at once"]),
-        (["--denoise", *LARGE], ["denoise takes all points at once", "found 1 GB"]),
+        (["--mark", "kept", *LARGE], ["mark takes all points at once", "found 1 GB"]),
     ],
 )
 def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_message):

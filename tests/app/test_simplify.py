@@ -121,7 +121,7 @@ def test_one_bad_file_does_not_cost_the_others(gppcs_command, scan):
     Path("results").mkdir()
     Path("results/done.ply").write_text("old")
     inputs = ["broken.ply", "missing.ply", "empty.ply", "done.ply", "scan.ply"]
-    code, out, err = gppcs_command("simplify", *inputs, "-o", "results", "--points", 9, "--json", *FAST)
+    code, out, err = gppcs_command("simplify", *inputs, "-o", "results", "--separately", "--points", 9, "--json", *FAST)
     assert (code, [json.loads(line)["input"] for line in out.splitlines()]) == (2, ["scan.ply"])
     named = ["broken.ply", "missing.ply", "empty.ply", "results/done.ply"]
     assert [line.split(": ")[1] for line in err.splitlines()] == named

@@ -1,7 +1,7 @@
 """Golden indices: what each method, and each option of `gp`, chooses of clouds that stay the same.
 
-A change of numerics changes hashes. `PYTHONPATH=benchmarks python tests/golden/test_indices.py` writes the table anew;
-look at the tables of quality before you commit it.
+A change of numerics changes hashes. `PYTHONPATH=benchmarks python tests/golden/test_indices.py` writes the table
+anew; look at the tables of quality before you commit it.
 """
 
 import hashlib

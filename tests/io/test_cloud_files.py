@@ -252,7 +252,7 @@ def test_files_are_read_as_often_as_the_plan_says(tmp_path, monkeypatch, opened,
     with CloudFiles([path], **query) as clouds:
         plan = make_plan(clouds, options)
         simplify_files(clouds, options, plan, Timer())
-    assert plan.readings == (3 if query else 2)
+    assert plan.readings == (4 if query else 3)
     assert opened["points"] == pytest.approx(plan.readings * 20_000, rel=0.01)
 
 

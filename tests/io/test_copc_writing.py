@@ -9,6 +9,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import pandas
 import pytest
 from scipy.spatial import cKDTree
 
@@ -176,6 +177,9 @@ def test_levels_follow_the_ranking_that_a_result_has(tmp_path):
     kept = gppcs.PointCloud(result.points, {"gps_time": rank})
     gppcs.write(tmp_path / "result.copc.laz", dataclasses.replace(result, cloud=kept))
     gppcs.write(tmp_path / "rank.copc.laz", gppcs.PointCloud(result.points, {"rank": rank, "gps_time": rank})[mixed])
+    gppcs.write(
+        tmp_path / "table.copc.laz", pandas.DataFrame({**dict(zip("xyz", np.eye(3), strict=True)), "ranked": [1, 2, 3]})
+    )
     for name in ("result", "rank"):
         with laspy.CopcReader.open(tmp_path / f"{name}.copc.laz") as reader:
             assert np.sort(reader.query(level=0).gps_time)[:FULL].tolist() == list(range(FULL))

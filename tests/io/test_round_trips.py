@@ -97,11 +97,14 @@ def test_text_keeps_values_and_their_order(folder, suffix, data):
 def test_any_number_of_points_comes_back(folder, suffix, count):
     points, intensity = np.arange(3.0 * count).reshape(-1, 3), np.arange(count) % 999
     again = through(folder, PointCloud(points, {"intensity": intensity}), suffix, lossy=True)
+    if suffix == ".copc.laz":  # sorted by levels
+        again = again.take(np.argsort(again.points[:, 0]))
     assert np.array_equal(again.points, points)
     if count and suffix not in (".obj", ".off", ".points3d.txt", ".points3d.bin"):
         assert np.array_equal(again.attributes["intensity"], intensity)
     other = np.repeat(intensity.astype(">i8"), 2)[::2]  # another order of bytes, and a stride
-    assert through(folder, PointCloud(points, {"intensity": other}), suffix, lossy=True) == again
+    found = through(folder, PointCloud(points, {"intensity": other}), suffix, lossy=True)
+    assert found.take(np.argsort(found.points[:, 0])) == again
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)

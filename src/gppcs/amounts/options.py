@@ -56,7 +56,7 @@ class Options:
     keep: str | ArrayLike | None = _option(
         None,
         "Keep all points that meet a condition, such as 'classification == 6 and z > 2'; in Python also a mask or "
-        "indices. They count, and come first (methods gp and fps).",
+        "indices. They count, and come first (methods gp, fps and random).",
     )
     weight: str | ArrayLike | None = _option(
         None,
@@ -117,7 +117,7 @@ class Options:
     assume_same_crs: bool = _option(False, "Give all files the coordinate system of the first one.", True)
     memory: int | str | None = _option(
         None,
-        "How much memory to use, such as 2GB; half of what is free by default. Larger clouds go to temporary files.",
+        "How much memory to use, such as 2GB; half of what is free by default. Larger clouds go tile by tile.",
         True,
     )
     workers: str | Executor | None = _option(

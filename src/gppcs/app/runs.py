@@ -52,7 +52,7 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     rows = {
         "plan": "nothing is done",
         "points": f"{'' if plan.is_counted else 'about '}{plan.points_in:,} in, {plan.points_out:,} out",
-        "points are": "in memory" if plan.in_memory else "with the points on disk",
+        "points are": "in memory" if plan.in_memory else "in tiles",
         "memory": f"about {size_of(plan.memory)}, of {limit} allowed",
     }
     if plan.disk:
@@ -97,7 +97,7 @@ def run_folder(job: Job, outputs: Sequence[Output], timer: Timer) -> tuple[dict[
     sources = [output.sources[0] for output in outputs]
     targets = [Target(output.targets[0], output.format, _order(job, output), job.lossy) for output in outputs]
     with job.options.open(sources) as files:
-        plan = make_plan(files, job.options)
+        plan = make_plan(files, job.options, to_files=True)
         _check_storable(job, outputs[0], files.preview)
         written, diagnostics = simplify_each(files, targets, job.options, plan, timer, job.force)
         points_in = files.n_points

@@ -19,6 +19,7 @@ from gppcs.errors import InputError, NoSurfaceError
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.triangles import nearest_triangles
+from gppcs.surface.normals import with_signs_of
 
 OCTREE_DEPTH = 8  # depth of the octree
 NORMAL_NEIGHBOURS = 10  # points that a plane is fitted to
@@ -33,8 +34,7 @@ def estimated_normals(points: Floats, positions: Floats | None = None, guides: F
     if positions is None or guides is None:
         return normals
     nearest, _ = KdTree.build(positions).nearest_of(points, 1)
-    opposed = np.einsum("ij,ij->i", normals, guides[nearest[:, 0]]) < 0
-    return np.where(opposed[:, None], -normals, normals)
+    return with_signs_of(normals, guides[nearest[:, 0]])
 
 
 def exact_normals(mesh: Mesh, points: Floats) -> Floats:

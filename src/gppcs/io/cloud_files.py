@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -20,7 +21,7 @@ from gppcs.engine.memory import available_memory, size_of
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
-from gppcs.io.joining import joined
+from gppcs.io.joining import JointColumns, joined
 from gppcs.io.query import Query
 from gppcs.io.rows import BLOCK
 from gppcs.io.streams import is_standard, plain_input
@@ -163,6 +164,12 @@ class CloudFiles:
         return name, size
 
     @property
+    def point_size(self) -> int:
+        """The bytes that a point takes in memory, with its attributes; of lists, the references alone."""
+        columns = self.preview.attributes.values()
+        return 24 + sum(values.dtype.itemsize * math.prod(values.shape[1:]) for values in columns)
+
+    @property
     def bounds(self) -> NDArray[np.float64] | None:
         """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
         return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
@@ -195,12 +202,13 @@ class CloudFiles:
         return joined(self.read_each())
 
     def read_each(self) -> list[PointCloud]:
-        """Read the points of each file."""
+        """Read the points of each file, after checking that they fit each other."""
         self._check_memory()
-        clouds = []
+        clouds, columns = list[PointCloud](), JointColumns()
         for path in self._paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
+                columns.add(clouds[-1])
         return clouds
 
     @property
@@ -212,9 +220,7 @@ class CloudFiles:
         """Check, before many points are read, that there is memory for them."""
         n = sum(opened.reader.n_points or 0 for opened in map(self._open, self._paths))
         if n > 1 << 22 and self.query is None:
-            preview = self.preview
-            size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
-            _check_free(size * n // len(preview))
+            _check_free(self.point_size * n)
 
     def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, at most n at once unless a file is read at once."""
@@ -287,7 +293,7 @@ class CloudFiles:
 
 def _check_free(size: int) -> None:
     """Check that there is memory for some bytes."""
-    if (free := available_memory()) is not None and size > free:
+    if size and (free := available_memory()) is not None and size > free:
         raise InputError(
             f"expected {size_of(size)} of free memory to unpack the points, found {size_of(free)}; read a part with "
             "`inside` or `only`, or use a machine with more memory"

@@ -140,8 +140,9 @@ class Octree:
             codes, keys = self._codes_of(block), np.empty(len(block), np.int64)
             order = np.argsort(codes, kind="stable")[_evenly(len(block))] if is_even else np.arange(len(block))
             keys[order] = self._keys_of(codes[order])
-            # Neighbours that follow each other are compressed better.
-            order = np.lexsort([codes, keys]) if is_even else np.argsort(keys, kind="stable")
+            # Neighbours that follow each other are compressed better than points in random order.
+            is_mixed = is_even and len(records) > BLOCK
+            order = np.lexsort([codes, keys]) if is_mixed else np.argsort(keys, kind="stable")
             block[:] = block[order]
             nodes, starts = np.unique(keys[order], return_index=True)
             ends = [*starts[1:], len(block)]

@@ -67,7 +67,7 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    chosen = format_to_write(path, format, ascii, levels_by, getattr(cloud, "ranked", False))
+    chosen = format_to_write(path, format, ascii, levels_by, getattr(cloud, "ranked", False) is True)
     store(path, as_cloud(cloud), chosen, force, lossy)
 
 

@@ -153,7 +153,7 @@ def _mark_part(points, grid, values, spare, entries, table, marks):
     return table
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _is_greater(points, values, i, j):
     """Return whether the value of one of the points, (N, 3), is greater, or the same and the point comes before."""
     if values[i] != values[j]:

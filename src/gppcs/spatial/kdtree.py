@@ -92,6 +92,7 @@ class KdTree:
         """Find the k points nearest to each query. Shapes: queries (Q, 3); returns indices (Q, k), squared (Q, k)."""
         # Zeros: for a query without a finite distance.
         positions, squared = np.zeros((len(queries), k), dtype=np.int64), np.empty((len(queries), k))
+        queries = np.ascontiguousarray(queries)  # so that the kernel is compiled for one layout only
         on_ranges(_nearest_of_all, len(queries), *self.arrays, queries, positions, squared, minimum=QUERIES_AT_ONCE)
         return self.order[positions], squared
 
@@ -176,7 +177,7 @@ def _fill_leaf(records, numbers, leaf, depth, keys, order, points, lower, upper)
             points[a, slot] = records[begin + i, a]
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _earlier_ties(first, second, third, i):
     """Count the points, (n,) each axis, that have the first coordinate of the i-th but come before it."""
     a, b, c, count = first[i], second[i], third[i], 0
@@ -186,7 +187,7 @@ def _earlier_ties(first, second, third, i):
     return count
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _longest_side(lower, upper):
     """Return the axis of the longest side of a box, of several the first. Shapes: lower, upper (3,)."""
     axis = 0

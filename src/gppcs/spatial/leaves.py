@@ -214,10 +214,11 @@ def leaves_of_runs(first, last, runs, queries):
 
 
 @kernel(forceinline=True)
-def look_around_leaf(tree, queries, leaf, runs, mean, search):
+def look_around_leaf(tree, queries, leaf, runs, mean, search, alone=False):
     """Find and pack the points near a leaf of queries, by the mean squared distance that the last leaf needed.
 
-    Returns where its queries begin and end, the number of points, and the squared radius within which all are found.
+    In the first leaf of a run, it is that of the first query, or 0 if all its queries search `alone`. Returns where
+    its queries begin and end, the number of points, and the squared radius within which all are found.
     """
     points, lower, upper = tree
     of_queries, queries_lower, queries_upper = queries
@@ -227,7 +228,7 @@ def look_around_leaf(tree, queries, leaf, runs, mean, search):
     if leaf == leaves + leaves * run // runs:  # there is no last leaf
         x, y, z = of_queries[0, begin], of_queries[1, begin], of_queries[2, begin]
         nearest_in_tree(points, lower, upper, x, y, z, search.positions, search.gaps)
-        mean = search.gaps[-1]
+        mean = 0.0 if alone else search.gaps[-1]
     squared_radius = WIDER * mean
     count = look_around(points, lower, upper, queries_lower[leaf], queries_upper[leaf], squared_radius, search)
     return begin, end, count, squared_radius

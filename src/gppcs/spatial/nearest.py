@@ -17,7 +17,7 @@ from gppcs.spatial.leaves import (
     sort_nearest,
 )
 
-NEIGHBOURS = 8  # whose distance tells the area of a point
+AREA_NEIGHBOURS = 8  # whose distance tells the area of a point
 
 
 def nearest_others(tree: KdTree, k: int) -> tuple[Ints, Floats]:
@@ -51,7 +51,7 @@ def squared_radii(tree: KdTree) -> Floats:
     n = len(tree.order)
     squared = np.ones(n)
     if n > 1:
-        on_leaves(_squared_radii, tree, tree, tree.order, min(NEIGHBOURS, n - 1) + 1, squared)
+        on_leaves(_squared_radii, tree, tree, tree.order, min(AREA_NEIGHBOURS, n - 1) + 1, squared)
     return squared
 
 
@@ -98,7 +98,7 @@ def _nearest_of_each(first, last, runs, tree, queries, positions, squared):
     points, lower, upper = tree
     of_queries, search, mean = queries[0], search_for(1, tree), 0.0
     for leaf in range(*leaves_of_runs(first, last, runs, queries)):
-        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search, True)
         total = 0.0
         for q in range(begin, end):
             x, y, z = of_queries[0, q], of_queries[1, q], of_queries[2, q]

@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats
 from gppcs.spatial.kdtree import KdTree, nearest_distances
-from gppcs.spatial.nearest import NEIGHBOURS, squared_radii
+from gppcs.spatial.nearest import AREA_NEIGHBOURS, squared_radii
 
 AREA_QUANTILE = 0.99  # quantile to which larger areas are cut, for outliers
 AREA_POINTS = 16_384  # of a larger cloud, the area is measured on so many points
@@ -34,7 +34,7 @@ def paper_radius(points: Floats, k: int = 25) -> float:
 
 def areas_of_points(tree: KdTree) -> Floats:
     """Estimate the area, (N,), that each point stands for, of which the largest 1 % are cut, for outliers."""
-    areas = squared_radii(tree) * (np.pi / max(1, min(NEIGHBOURS, len(tree.order) - 1)))
+    areas = squared_radii(tree) * (np.pi / max(1, min(AREA_NEIGHBOURS, len(tree.order) - 1)))
     largest = quantile(areas, AREA_QUANTILE)
     return np.minimum(areas, largest) if largest > 0.0 else np.ones(len(areas))
 
@@ -49,7 +49,7 @@ def neighbourhood_radius(tree: KdTree, k: int = 25) -> float:
 def surface_area(tree: KdTree) -> float:
     """Estimate the area of the surface by discs to the k-th neighbours; the largest 1 % are cut."""
     n = len(tree.order)
-    k = min(NEIGHBOURS, n - 1)
+    k = min(AREA_NEIGHBOURS, n - 1)
     if k == 0:
         return 0.0
     squared = squared_radii(tree) if n <= AREA_POINTS else nearest_distances(tree, k, AREA_POINTS) ** 2

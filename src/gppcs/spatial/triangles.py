@@ -88,7 +88,7 @@ def qualities(vertices, faces):
     return values
 
 
-@kernel
+@kernel(inline="always")
 def circumradius(a, b, c):
     """Return the radius of the circle through three points."""
     ab, bc, ca = minus(b, a), minus(c, b), minus(a, c)

@@ -50,6 +50,7 @@ TILE = 1 << 19  # Points of a tile at most, without its halo.
 SAMPLED_PER_CHOSEN = 26  # Points of the sample for each point of the first choice, at least.
 FIRST = 0.05  # Fraction of the kept points that all tiles keep from the first choice.
 HALO = 6.0  # In target spacings.
+MAX_RATIO = math.log(8.0)  # Of a density to that of the first choice, from the middle one: few points tell little.
 PILOT, BLOCK = 1 << 19, 400  # Points of the pilot choice, about, and kept points of each of its blocks.
 REREADINGS = 3  # Of files whose points lie near each other, rather than to sort them once.
 
@@ -158,9 +159,11 @@ class Survey:
 
         Returns the diagnostics of that, too.
         """
-        chosen, selection = self.choose(self.sample, min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1))
+        holds_all = self.overview.n_places <= len(self.sample)
+        n_chosen = n_points if holds_all else min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1)
+        chosen, selection = self.choose(self.sample, n_chosen)
         mass = self._mass(chosen)
-        if len(chosen) < n_points and selection.scale is not None:
+        if n_chosen < n_points and selection.scale is not None:
             finer, ratios = self._pilot(n_points, mass)
             mass *= ratios
             if finer.scale is not None:
@@ -212,7 +215,8 @@ class Survey:
         if n_drawn > 2:
             ratio[:] = np.poly1d(np.polyfit(density[drawn], ratio[drawn], 1, w=np.sqrt(expected[drawn])))(density)
         ratio[drawn] = np.log(actual[drawn] / expected[drawn])
-        return selection, np.exp(ratio - ratio.max())[of_sample]
+        middle = float(np.median(ratio))
+        return selection, np.exp(np.clip(ratio - middle, -MAX_RATIO, MAX_RATIO))[of_sample]
 
     def write_guide(self, chosen: Ints, mass: Floats, n_first: int) -> None:
         """Write what tiles need to know of the choice in the sample."""

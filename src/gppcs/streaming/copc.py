@@ -29,6 +29,7 @@ from gppcs.io.copc_writing import FORMAT, write_octree
 from gppcs.io.format import shift_in_words
 from gppcs.io.joining import JointColumns
 from gppcs.io.las_header import LasHeader
+from gppcs.io.las_scales import multiples, scale_and_offset
 from gppcs.io.streams import whole_output
 from gppcs.streaming.plan import PROGRAM
 from gppcs.streaming.scratch import scratch_folder
@@ -51,9 +52,7 @@ def write_beyond_memory(
     lossy: bool,
 ) -> tuple[int, list[str]] | None:
     """Write a COPC file of files; return the number of points and in words what it lacks. None if all fit in memory."""
-    preview = files.preview
-    size = preview.points.nbytes + sum(values.nbytes for values in preview.attributes.values())
-    size = size * files.n_points // max(1, len(preview))
+    size = files.point_size * files.n_points
     limit = memory or (available_memory() or 0) // 2
     if not limit or PROGRAM + 3 * size <= limit:
         return None
@@ -149,12 +148,12 @@ def _on_one_scale(target: Path, parts: list[Path], header: LasHeader, lossy: boo
 
     scaled = deepcopy(header.las)
     for i, (scale, offset) in enumerate(zip(header.las.scales, header.las.offsets, strict=True)):
-        scaled.scales[i], scaled.offsets[i] = las.scale_and_offset(partial(of_axis, i), scale, offset)
+        scaled.scales[i], scaled.offsets[i] = scale_and_offset(partial(of_axis, i), scale, offset)
     lower, upper, shift = np.full(3, np.inf), np.full(3, -np.inf), 0.0
     for part in points():
         if len(part):
             lower, upper = np.minimum(lower, part.min(axis=0)), np.maximum(upper, part.max(axis=0))
-            shift = max(shift, np.abs(las.multiples(part, scaled.scales, scaled.offsets) - part).max())
+            shift = max(shift, np.abs(multiples(part, scaled.scales, scaled.offsets) - part).max())
     digits, tolerated = shift_in_words(shift, np.abs([lower, upper]).max(), float(np.linalg.norm(upper - lower)))
     if not tolerated:
         FORMAT.refuse(target, digits, lossy)

@@ -86,23 +86,21 @@ def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], 
 
 @dataclass(frozen=True, eq=False)
 class FileTask:
-    """The work on one file of a cloud, whose kept points come from the files of tiles."""
+    """The work on one file of a cloud."""
 
-    choice: Choice
-    more: Sequence[Kept]
     parts: Sequence[Part]  # of the file
     target: Target
 
 
-def write_file(task: FileTask) -> Written:
-    """Write the kept points of a file, unless an earlier run has done so."""
-    record = task.choice.tiling.folder / f"{task.target.path.name}.json"
+def write_file(choice: Choice, more: Sequence[Kept], task: FileTask) -> Written:
+    """Write the kept points of a file, by a choice and others besides, unless an earlier run has done so."""
+    record = choice.tiling.folder / f"{task.target.path.name}.json"
     if record.exists() and task.target.path.exists():
         count, lower, upper = json.loads(record.read_text(encoding="utf-8"))
         return Written(task.target.path, count, np.array(lower), np.array(upper))
-    kept = _kept_in(task)
+    kept = _kept_in(choice, more, task.parts)
     cloud = take(task.parts, kept)
-    if task.choice.tiling.options.scores:
+    if choice.tiling.options.scores:
         scores = {name: values.astype(np.float32) for name, values in kept.scores.items()}
         cloud = replace(cloud, attributes={**cloud.attributes, **scores})
     written = task.target.write(cloud, kept.indices)
@@ -110,12 +108,12 @@ def write_file(task: FileTask) -> Written:
     return written
 
 
-def _kept_in(task: FileTask) -> Kept:
-    """Return the kept points of a file, the most important first."""
-    first, last = task.parts[0], task.parts[-1]
-    lower, upper = (np.array([getattr(part, name) for part in task.parts]) for name in ("lower", "upper"))
-    numbers = task.choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
-    kept = Kept.joined([*map(task.choice.kept, numbers or [0]), *task.more])
+def _kept_in(choice: Choice, more: Sequence[Kept], parts: Sequence[Part]) -> Kept:
+    """Return the kept points of the parts of a file, the most important first."""
+    first, last = parts[0], parts[-1]
+    lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))
+    numbers = choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
+    kept = Kept.joined([*map(choice.kept, numbers or [0]), *more])
     inside = (kept.indices >= first.first) & (kept.indices < last.first + (last.count or 0))
     kept = kept.take(np.flatnonzero(inside))
     return kept.take(np.lexsort([kept.indices, kept.ranks]))

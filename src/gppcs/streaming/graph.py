@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,10 +42,13 @@ class Engine:
             return self._run_in_order(task, arguments, before, on_progress)
         from distributed import as_completed
 
+        shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
         futures: dict[int, Any] = {}
         for number in _sorted(before):
             earlier = [futures[i] for i in before[number]]
-            futures[number] = self.executor.submit(task, arguments[number], earlier, pure=False, retries=RETRIES)
+            futures[number] = self.executor.submit(
+                Call.__call__, shared, arguments[number], earlier, pure=False, retries=RETRIES
+            )
         for _ in as_completed(list(futures.values()), with_results=True):  # type: ignore[no-untyped-call]
             on_progress(1)
         return self.executor.gather([futures[number] for number in range(len(arguments))])

@@ -16,7 +16,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import point_hashes
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.tiles import Kept, Tiling, normals_at
-from gppcs.surface.outliers import NEIGHBOURS, outliers_among
+from gppcs.surface.outliers import CLUMP_NEIGHBOURS, outliers_among
 
 BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distances, in tolerances, which is one of them.
 
@@ -53,7 +53,7 @@ def outliers_in_tile(tiling: Tiling, number: int) -> Rows:
     if not len(points):
         return own
     sampled = points[:: max(1, len(points) // 1024)]
-    radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(NEIGHBOURS + 1, len(points)))[1][:, -1])
+    radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(CLUMP_NEIGHBOURS + 1, len(points)))[1][:, -1])
     tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
     rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
     rows = rows.only(outliers_among(tiling.frame.local(rows.points)))

@@ -1,8 +1,7 @@
-"""Decide whether a cloud in files is simplified in memory, or with its points on disk."""
+"""Decide whether a cloud in files is simplified in memory, or tile by tile."""
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,7 +28,7 @@ CHUNK = 1 << 17  # Points of a chunk that is read. It does not depend on the mem
 class Plan:
     """How a cloud in files is going to be simplified. Sizes are estimates in bytes."""
 
-    in_memory: bool  # all points at once; otherwise they are on disk
+    in_memory: bool  # all points at once; otherwise tile by tile
     points_in: int
     points_out: int
     is_counted: bool  # whether these numbers are exact
@@ -45,7 +44,7 @@ class Plan:
         return max(1 << 20, self.points_in // 10_000)
 
 
-def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None) -> Plan:
+def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None, to_files: bool = False) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""
     if options.workers is not None and files.reads_standard_input:
         raise InputError("expected files that workers can read, found standard input; name a file, or omit `workers`")
@@ -59,7 +58,7 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     _check_preview(preview, options)
     n_kept = options.count(n) or max(1, round(0.1 * n))  # a guess, where only the work tells
     outliers = 130 * n if options.drop_outliers else 0
-    row = _bytes_of_row(preview)
+    row = files.point_size
     memory = PROGRAM + max(2 * row * n, row * n + 24 * n + max(outliers, options.algorithm.memory(n, n_kept)))
     readings = 2 if files.query else 1  # the first one counts the points that a query leaves
     in_memory = Plan(True, n, n_kept, files.is_counted, memory, limit, readings=readings)
@@ -68,13 +67,14 @@ def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = No
     if reason := needs_memory or _reason(files, options):
         expected = f"{size_of(memory)} of memory for {n:,} points, as {reason} takes all points at once"
         raise _too_little(expected, limit)
-    return _plan_on_disk(in_memory, options, row, len(_columns(preview, options)))
+    row_kept = 0 if to_files else 2 * row + 120  # of the result, whose points are held twice with their attributes
+    return _plan_on_disk(in_memory, options, row_kept, len(_columns(preview, options)))
 
 
-def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -> Plan:
-    """Return the plan with the points on disk, given that in memory and the bytes of a point."""
+def _plan_on_disk(in_memory: Plan, options: Options, row_kept: int, n_columns: int) -> Plan:
+    """Return the plan to go tile by tile, given that in memory and the bytes of a kept point."""
     n, n_kept, limit = in_memory.points_in, in_memory.points_out, in_memory.memory_limit
-    fixed = PROGRAM + (2 * row + 120) * n_kept  # which are held twice with their attributes
+    fixed = PROGRAM + row_kept * n_kept
     threads = number_of_threads()
     if limit is not None:
         threads = min(threads, max(1, (limit - fixed) // PER_TILE))
@@ -84,7 +84,7 @@ def _plan_on_disk(in_memory: Plan, options: Options, row: int, n_columns: int) -
         expected = f"{size_of(needed)} of memory to choose {n_kept:,} of {n:,} points"
         raise _too_little(expected, limit, "keep fewer points")
     disk = (32 + 8 * n_columns) * n + 120 * n_kept
-    readings = in_memory.readings + 1
+    readings = in_memory.readings + 2  # for the survey, the tiles or their files, and the kept points
     return replace(in_memory, in_memory=False, memory=memory, disk=disk, threads=threads, readings=readings)
 
 
@@ -111,13 +111,6 @@ def _check_preview(preview: PointCloud, options: Options) -> None:
         length.in_cloud(1.0, units)
     if options.max_error:
         options.max_error.length.in_cloud(1.0, units)
-
-
-def _bytes_of_row(cloud: PointCloud) -> int:
-    """Return how many bytes a point of a cloud takes in memory, with its attributes."""
-    return 24 + sum(
-        values.dtype.itemsize * math.prod(values.shape[1:]) for values in cloud.attributes.values()
-    )  # of lists, the references alone
 
 
 def _reason(files: CloudFiles, options: Options) -> str | None:

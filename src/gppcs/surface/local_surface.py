@@ -39,7 +39,7 @@ from gppcs.surface.surface_variation import features_of_nearest
 
 PLANE_NEIGHBOURS = 12  # points that a tangent plane is fitted to, with the point itself
 # Neighbours that are searched for corners; twice as many, again and again up to the second number, if necessary.
-NEIGHBOURS, MAX_NEIGHBOURS = 18, 288
+FAN_NEIGHBOURS, MAX_FAN_NEIGHBOURS = 18, 288
 AROUND = 4.0  # squared radius of a search for twice as many: this times the squared distance to the last neighbour
 MAX_TRIANGLES = 16  # most triangles of a fan; the mean is six
 BOUNDED = 8  # triangles of a fan, at its start, whose distances are bounded before they are computed
@@ -117,7 +117,7 @@ def _build_fans(first, last, runs, tree, queries, normals, corners):
     """Fill `corners`, (M, MAX_TRIANGLES, 2), of the points in a range of runs, by normals, (M, 3), in tree order."""
     points, lower, upper = tree
     n, mean = points.shape[1], 0.0
-    k, largest = min(NEIGHBOURS + 1, n), min(MAX_NEIGHBOURS + 1, n)
+    k, largest = min(FAN_NEIGHBOURS + 1, n), min(MAX_FAN_NEIGHBOURS + 1, n)
     search, wide, here = search_for(k, tree), search_for(largest, tree), np.empty(3, dtype=np.float64)
     near = np.empty(largest + 1, dtype=np.int64)
     inverse, index = np.empty((largest, 2), dtype=np.float64), np.empty(largest, dtype=np.int64)

@@ -7,7 +7,7 @@ neighbourhoods off" and "largest variance off" of the ablation (benchmarks/resul
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -51,14 +51,10 @@ class NoiseLayer(NamedTuple):
     median: float  # Median distance to the quadric
 
     @classmethod
-    def from_distances(cls, distances: Floats, radii: Floats) -> NoiseLayer:
-        """Return the layer by the distances of points from their quadrics and the radii of neighbourhoods, (m,)."""
-        return cls(quantile(distances, 0.9) / 1.645, quantile(radii, 0.5), quantile(distances, 0.5))
-
-    @classmethod
     def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
         """Return the layer between points and their feet on quadrics, (3, m) both."""
-        return cls.from_distances(np.sqrt(((feet - points) ** 2).sum(axis=0)), fitted.radii)
+        distances = np.sqrt(((feet - points) ** 2).sum(axis=0))
+        return cls(quantile(distances, 0.9) / 1.645, quantile(fitted.radii, 0.5), quantile(distances, 0.5))
 
     @property
     def ratio(self) -> float:
@@ -130,15 +126,9 @@ class Noise:
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
         """Measure the noise of the points of a tree; neighbourhoods never grow beyond the target spacing."""
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
-        noise = cls.from_layers(partial(layer_of, tree), within, spacing)
-        return noise if noise.is_negligible else replace(noise, tree=tree)
-
-    @classmethod
-    def from_layers(cls, layers: Callable[[int], NoiseLayer], within: int, spacing: float) -> Noise:
-        """Return the noise by the layers about quadrics fitted to different numbers of points."""
         if within < FEWEST:
             return cls(None, within, False, 0.0, True, True, spacing)
-        layers = cache(layers)
+        layers = cache(partial(layer_of, tree))
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
         sigma, looks_thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
         # Quadrics of fewer points than these bend toward one sheet or the other.
@@ -148,7 +138,8 @@ class Noise:
         is_negligible = (
             is_below_threshold or two_sheets or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
         )
-        return cls(None, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
+        noisy = None if is_negligible else tree
+        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
 
     @property
     def in_spacings(self) -> float:

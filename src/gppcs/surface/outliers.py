@@ -13,7 +13,7 @@ from gppcs.spatial.queries import has_others, medians, others_within
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.units import Units
 
-NEIGHBOURS = 16  # More than there are points in a clump of outliers.
+CLUMP_NEIGHBOURS = 16  # More than there are points in a clump of outliers.
 
 
 def find_outliers(cloud: CloudLike) -> NDArray[np.bool_]:
@@ -67,11 +67,13 @@ def outliers_among(points: Floats) -> Flags:
     means, squared = np.empty(len(distinct)), np.empty(len(distinct))
     changed = checked = np.ones(len(distinct), dtype=np.bool_)
     gone = [np.empty((0, 3))]
-    while tree.points.shape[1] > NEIGHBOURS + 1:
+    while tree.points.shape[1] > CLUMP_NEIGHBOURS + 1:
         distinct = np.ascontiguousarray(tree.points.T)
         for batch in _batches(changed):
-            to_nearest = tree.nearest_of(distinct[batch], NEIGHBOURS + 1)[1][:, 1:]
-            means[batch] = np.cumsum(np.sqrt(to_nearest), axis=1)[:, -1] / NEIGHBOURS  # in the order of the neighbours
+            to_nearest = tree.nearest_of(distinct[batch], CLUMP_NEIGHBOURS + 1)[1][:, 1:]
+            means[batch] = (
+                np.cumsum(np.sqrt(to_nearest), axis=1)[:, -1] / CLUMP_NEIGHBOURS
+            )  # in the order of the neighbours
             squared[batch] = to_nearest[:, -1]
         outside = np.zeros(len(distinct), dtype=np.bool_)
         for batch in _batches(checked):

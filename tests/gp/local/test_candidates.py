@@ -20,21 +20,21 @@ def test_gaps_are_the_distances_to_the_nearest_others(sphere):
     nearest = cKDTree(points).query(points, 2)[0][:, 1]
     for spacing in (0.05, 0.2, 1.0):
         expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
-        np.testing.assert_allclose(gaps_of_isolated(KdTree.build(points), spacing), expected)
-    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1]), 1.0))
+        np.testing.assert_allclose(spacing * gaps_of_isolated(KdTree.build(points / spacing)), expected)
+    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1])))
 
 
 def test_largest_gap_lies_where_the_numbers_fall_slowly():
     for isolated, expected in (
         ([442, 88, 18, 2], np.inf),  # the far points of a LiDAR sweep
-        ([839, 673, 157, 0], 0.9),
-        ([978, 43, 39, 24], 1.8),  # some are lone by chance, and 43 are outliers
-        ([3_000, 546, 40, 29], 3.6),
+        ([839, 673, 157, 0], 0.45),
+        ([978, 43, 39, 24], 0.9),  # some are lone by chance, and 43 are outliers
+        ([3_000, 546, 40, 29], 1.8),
         ([3, 3, 3, 3], np.inf),  # too few to tell
-        ([12_001, 12_000, 5_000, 0], 1.8),  # too many to spare, at first
+        ([12_001, 12_000, 5_000, 0], 0.9),  # too many to spare, at first
     ):
-        assert largest_gap(np.array(isolated), 15_000, 1_000, 2.0) == expected
-    assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500, 2.0) == np.inf  # 8 of 7,500 do no harm
+        assert largest_gap(np.array(isolated), 15_000, 1_000) == expected
+    assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500) == np.inf  # 8 of 7,500 do no harm
 
 
 def test_scattered_outliers_are_no_candidates():
@@ -52,7 +52,7 @@ def test_wires_and_sparse_parts_stay():
     rows = np.column_stack([np.tile(np.arange(30.0), 12) * gaps, 1 + 8 * gaps, np.zeros(360)])
     points = np.concatenate([square(40_000), wire, rows])
     kept = finest_of(points, 1_000)
-    gaps = gaps_of_isolated(KdTree.build(points[kept]), np.sqrt(1.0 / 1_000))
+    gaps = gaps_of_isolated(KdTree.build(points[kept] * np.sqrt(1_000)))
     assert (gaps > 0).sum() > 5
     for first, last in ((40_000, 40_120), (40_120, len(points))):
         others = points[kept[(kept >= first) & (kept < last)]]

@@ -66,7 +66,7 @@ def test_beyond_memory_thin_parts_count(tmp_path, monkeypatch):
 
     aware = chosen()
     assert len(np.unique(aware)) == 1_000
-    monkeypatch.setattr("gppcs.gp.local.beyond_memory.has_thin_parts", lambda normals: False)
+    monkeypatch.setattr("gppcs.gp.local.sheets.THIN_FRACTION", 2.0)
     assert len(np.intersect1d(aware, chosen())) < 900
 
 

@@ -14,8 +14,6 @@ from gppcs.app.printing import emit, for_each, names_of, say, text_of, unit_text
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
-    from gppcs.clouds.summary import Summary
-    from gppcs.io import CloudFiles
 
 LARGE = 1_000_000  # points of a LAS file of which its header is shown
 
@@ -47,18 +45,23 @@ def info(
 
     def show_info(file: Path) -> None:
         with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:
-            is_short = clouds.bounds is not None and clouds.n_points > LARGE and not everything
-            cloud = clouds.preview if is_short else clouds.read()
+            bounds = None if everything else clouds.bounds
+            if bounds is not None and clouds.n_points <= LARGE:
+                bounds = None
+            cloud = clouds.read() if bounds is None else clouds.preview
             summary, faces = gppcs.info(cloud), clouds.n_faces
             record = {"file": str(file), **asdict(summary), "classes": _classes(cloud), "faces": faces}
-            if is_short:
-                record |= _of_header(clouds, summary)
+            if bounds is not None:
+                lower, upper = bounds.tolist()
+                unknown = dict.fromkeys(("diagonal", "spacing", "repeats", "non_finite"))
+                record |= {"points": clouds.n_points, "minimum": lower, "maximum": upper, **unknown, "classes": {}}
+                record["ranges"] = dict.fromkeys(summary.ranges)
             note_unused(file, clouds, are_faces_used=True)  # they are counted
             if clouds.query:
                 note_empty(file, clouds, summary.points)
         emit(record, as_json, quiet, str(file), _table(record))
-        if is_short and not (quiet or as_json):
-            say("gppcs info --all also tells spacing, repeats, classes and the ranges of attributes")
+        if bounds is not None and not (quiet or as_json):
+            say("gppcs info --all also tells diagonal, spacing, repeats, classes and the ranges of attributes")
 
     for_each(sources_of(files), show_info)
 
@@ -75,18 +78,6 @@ def _classes(cloud: PointCloud) -> dict[str, int]:
     names = dict(enumerate(CLASS_NAMES))
     classes, counts = np.unique(values, return_counts=True)
     return {f"{n} {names.get(n, '')}".strip(): k for n, k in zip(classes.tolist(), counts.tolist(), strict=True)}
-
-
-def _of_header(clouds: CloudFiles, summary: Summary) -> dict[str, Any]:
-    """Return what differs from the record of the first points where the header tells of all."""
-    import numpy as np
-
-    assert clouds.bounds is not None
-    lower, upper = clouds.bounds
-    diagonal = float(np.linalg.norm((upper - lower) * clouds.preview.factors()))
-    known = {"points": clouds.n_points, "minimum": tuple(lower.tolist()), "maximum": tuple(upper.tolist())}
-    unknown = dict.fromkeys(("spacing", "repeats", "non_finite"))
-    return {**known, "diagonal": diagonal, **unknown, "classes": {}, "ranges": dict.fromkeys(summary.ranges)}
 
 
 def _table(record: dict[str, Any]) -> dict[str, Any]:

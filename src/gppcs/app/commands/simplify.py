@@ -127,7 +127,7 @@ def simplify(
     """
     arguments = {name: value for name, value in locals().items() if name in HELP}
     from gppcs.amounts.options import method_of, require
-    from gppcs.app.outputs import outputs_of
+    from gppcs.app.outputs import Output, outputs_of
     from gppcs.app.runs import Job, plan_job, run_folder, run_job
     from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct, is_standard
@@ -157,9 +157,12 @@ def simplify(
     sources = [source for result in outputs.values() for source in result.sources]
     check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
-    if len(outputs) > 1 and not (separately or dry_run):
+    if len(outputs) > 1 and not separately:
         _check_folder(job)
-        record, rows = run_folder(job, list(outputs.values()), timer)
+        if dry_run:
+            record, rows = plan_job(job, Output(sources, targets, makes_folders=True, format=output_format))
+        else:
+            record, rows = run_folder(job, list(outputs.values()), timer)
         emit(record, as_json, quiet, f"{len(sources)} files → {output}", rows)
         return
 

@@ -12,7 +12,7 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import ROUNDING, density_of, graded, refinement, roundness_of
+from gppcs.gp.local.density import VARIATION_ROUNDING, density_of, graded, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
@@ -78,20 +78,12 @@ def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
 
 def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> tuple[Ranking, Measured]:
     """Choose among candidates, and return what is measured around all points."""
-    density = _candidate_density(problem, criterion)
+    density = problem.candidate_density(criterion)
     candidates, stages, measured = _survey(problem, density, timer)  # steps 1, 2, and 5, Eq. (7)
     ranking = choose_in_stages(problem, candidates, stages, criterion, timer)  # steps 3 to 6, and 8, Eqs. (2) to (9)
     noise = measured.noise
     scale = problem.scale or Scale(replace(noise, tree=None), density, stages[-1].largest_gap, ranking.stages)
     return ranking._replace(noise_in_spacings=noise.in_spacings, scale=scale), measured
-
-
-def _candidate_density(problem: Problem, criterion: Criterion) -> float:
-    """Return the number of cells of the candidates' grid for each point to keep."""
-    if problem.scale is not None:
-        return problem.scale.candidate_density
-    density = criterion.candidate_density * (1.0 if problem.weights is None else refinement(problem.weights))
-    return cells_for(density, len(problem.points), problem.n_points, criterion.density_power)
 
 
 def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
@@ -304,7 +296,7 @@ def local_field(
     spacings *= factor
     mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
     y = np.zeros(len(variances))
-    if criterion.error_weight > 0.0 and deviation > ROUNDING:  # otherwise nothing depends on it
+    if criterion.error_weight > 0.0 and deviation > VARIATION_ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation
     field = LocalField(
         positions=tree.points,

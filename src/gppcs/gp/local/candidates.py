@@ -18,7 +18,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.density import ROUNDING
+from gppcs.gp.local.density import VARIATION_ROUNDING
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.scale import Scale
 from gppcs.gp.local.settings import (
@@ -41,9 +41,7 @@ from gppcs.surface.noise import Noise
 from gppcs.surface.surface_variation import features_in_radius
 
 ALIKE = 0.8  # A ball whose radius is at least this fraction of that for planes is enlarged to that radius.
-RANDOM_BITS = (
-    16  # Of a rank, the last. The others are the first of a float32 that is not negative: its order is theirs.
-)
+RANDOM_BITS = 16  # Of a rank, the last. The others are the first of a float32 that is not negative, in its order.
 
 Ranks = NDArray[np.uint32]
 
@@ -88,8 +86,8 @@ def survey(
     of_tree, sharpness, normals = indices[tree.order], np.zeros(len(indices), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
-            plane = radius_of_plane(area / len(sampled))
-            radius = radius_of_sharpness(cell_edge(area, candidate_density * n_points), plane)
+            edge, plane = cell_edge(area, candidate_density * n_points), radius_of_plane(area / len(sampled))
+            radius = plane if edge < plane < edge / ALIKE else edge
             features = features_in_radius(tree.in_own_order(), radius)
             sharpness += sharpness_of(features.surface_variation)
             if sampled is points and plane <= radius <= plane / ALIKE:
@@ -129,14 +127,9 @@ def cells_for(wanted: float, n: int, n_points: int, density_power: float) -> flo
     return min(wanted, max(1.0, density_power) * max(FEWEST_CELLS, wanted * n / (WANTED_FROM * n_points)))
 
 
-def radius_of_sharpness(edge: float, plane: float) -> float:
-    """Return the radius for planes if it is a little larger than the edge of a cell, else the edge."""
-    return plane if edge < plane < edge / ALIKE else edge
-
-
 def sharpness_of(variation: Floats) -> Floats:
     """Return the surface variation, (n,), but 0 where it is rounding, which changes with the position of the cloud."""
-    return np.where(variation > ROUNDING, variation, 0.0)
+    return np.where(variation > VARIATION_ROUNDING, variation, 0.0)
 
 
 class Stage(NamedTuple):
@@ -174,9 +167,9 @@ def nested_candidates(
     area, indices = thin(points, ranks, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
         tree = KdTree.build(points[indices] / cell_edge(area, n_points))
-        gaps = gaps_of_isolated(tree, 1.0)
+        gaps = gaps_of_isolated(tree)
         if largest is None:
-            largest = largest_gap(count_isolated(gaps, 1.0), len(indices), n_points, 1.0)
+            largest = largest_gap(np.count_nonzero(gaps[:, None] > ISOLATION, axis=0), len(indices), n_points)
         stays = gaps <= largest
         indices = indices[stays]
         stages = [Stage(n_points, indices, True, area, tree if stays.all() else None, largest)]
@@ -194,9 +187,9 @@ def nested_candidates(
     return stages[::-1]
 
 
-def gaps_of_isolated(tree: KdTree, spacing: float) -> Floats:
-    """Return how far isolated candidates, the n points of a tree, are from all others. Shapes: returns (n,)."""
-    n, radius = len(tree.order), ISOLATION[0] * spacing
+def gaps_of_isolated(tree: KdTree) -> Floats:
+    """Return how far isolated candidates, the n points of a tree, are from all others, in its unit; 0 for others."""
+    n, radius = len(tree.order), ISOLATION[0]
     suspects = np.ones(n, dtype=bool)
     on_ranges(_clear_leaves, tree.leaves, tree.points, tree.leaves, radius * radius, suspects, minimum=64)
     gaps = np.full(n, 0.0 if n > 1 else np.inf)
@@ -220,22 +213,17 @@ def _clear_leaves(begin, end, points, leaves, squared_radius, suspects):
                     break
 
 
-def count_isolated(gaps: Floats, spacing: float) -> Ints:
-    """Return how many of the gaps, (n,), are wider than each distance of `ISOLATION`, (4,)."""
-    return np.count_nonzero(gaps[:, None] > np.multiply(ISOLATION, spacing), axis=0)
-
-
-def largest_gap(isolated: Ints, n: int, n_points: int, spacing: float) -> float:
-    """Return how far from all others a candidate may be. Those farther away are outliers, which are excluded.
+def largest_gap(isolated: Ints, n: int, n_points: int) -> float:
+    """Return how far from all others a candidate may be, by how many of n are farther than each of `ISOLATION`, (4,).
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
-    of a scan some are isolated, but their number falls fast with the distance. That of scattered outliers does not.
-    Shapes: isolated (4,), as `count_isolated` returns it.
+    of a scan some are isolated, but their number falls fast with the distance. That of scattered outliers, which are
+    excluded, does not.
     """
     harmless = 0.003 * n_points  # so few may stay, whatever they are
     for distance, (n_isolated, n_isolated_twice) in zip(ISOLATION, pairwise(isolated), strict=False):
         if harmless < n_isolated <= n - MIN_CANDIDATES * n_points and n_isolated_twice > OUTLIERS * n_isolated:
-            return distance * spacing
+            return distance
     return math.inf
 
 
@@ -247,11 +235,6 @@ def radius_of_plane(area: float) -> float:
 def cell_edge(area: float, cells: float) -> float:
     """Return the edge length of the cells when so many squares cover the area."""
     return math.sqrt(area / cells) or 1.0
-
-
-def vanishes(area: float) -> bool:
-    """Return whether halving of the area stops, before it becomes zero."""
-    return area <= 1e-200
 
 
 def sharpest_in_cells(
@@ -284,7 +267,7 @@ def _halved(points: Floats, ranks: Ranks, target: int, area: float, candidate_de
     is_sampled = point_hashes(points) % np.uint64(len(points) // int(MAX_CELLS * cells)) == 0
     sampled, sampled_ranks = points[is_sampled], ranks[is_sampled]
     halvings = 1
-    while not vanishes(area * 0.5**halvings):
+    while area * 0.5**halvings > 1e-200:  # before it becomes zero
         if len(greatest_in_cells(sampled, cell_edge(area * 0.5**halvings, cells), sampled_ranks)) >= few:
             break
         halvings += 4  # the loop below takes back what is too much

@@ -119,7 +119,7 @@ def _denoise_leaves(first, last, runs, tree, queries, normals, observed, k, sele
     terms = np.zeros((TERMS, search.local.shape[1]), dtype=np.float64)
     equations = np.empty((COEFFICIENTS, COEFFICIENTS + 1), dtype=np.float64)
     for leaf in range(*leaves_of_runs(first, last, runs, queries)):
-        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
+        begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search, True)
         total, number = 0.0, 0
         for i in range(begin, end):
             if selected[i]:

@@ -17,7 +17,7 @@ from gppcs.spatial.kdtree import (
     squared_distance_to_box,
 )
 
-ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
+VARIATION_ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
 
 def density_of(roughness: Floats, power: float) -> Floats:
@@ -39,7 +39,7 @@ def roundness_of(roughness: Floats) -> float:
     clipped = np.minimum(roughness, EDGE_ROUGHNESS)
     mean = float(np.mean(clipped))
     largest = mean * (EDGE_ROUGHNESS - mean)
-    segregation = float(np.var(clipped)) / largest if largest > ROUNDING else 0.0
+    segregation = float(np.var(clipped)) / largest if largest > VARIATION_ROUNDING else 0.0
     return (1.0 - min(segregation, 1.0) ** 2) ** ROUNDNESS_POWER
 
 

@@ -22,31 +22,6 @@ from gppcs.surface.moments import MOMENTS, with_step
 FIT_RADIUS = 1.5  # Within which an attribute varies, in edge lengths of the candidates' cells.
 
 
-class DetailNoise(NamedTuple):
-    """What is noise of k attributes, by all points of a cloud or by many (Eq. (19)), (k,) each."""
-
-    noise: Floats  # r_0^2: their variance about linear functions of the position, where they hardly vary
-    strength: Floats  # c: the fraction of their variance that is no noise, with a margin
-
-    @classmethod
-    def from_residuals(cls, residuals: Floats, values: Floats) -> DetailNoise | None:
-        """Measure it by what linear functions leave of values, both (n, k); None if all is noise."""
-        variance = np.maximum(values.var(axis=0), np.finfo(np.float32).tiny)
-        strength = np.maximum(1.0 - 1.2 * residuals.mean(axis=0) / variance, 0.0)
-        if not strength.any():
-            warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
-            return None
-        return cls(np.median(residuals, axis=0), strength)
-
-    def variation(self, residuals: Floats) -> Floats:
-        """Return what residuals, (n, k), add to the surface variation, (n,) (Eq. (19)), without noise."""
-        return DETAIL_ROUGHNESS * (np.maximum(residuals - 3.0 * self.noise, 0.0) @ self.strength)
-
-    def without(self, attributes: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return attributes, (n, k), as far as they are no noise."""
-        return attributes * np.sqrt(self.strength, dtype=np.float32)
-
-
 class Detail(NamedTuple):
     """What counts of k attributes of n points."""
 
@@ -55,16 +30,20 @@ class Detail(NamedTuple):
 
     @classmethod
     def measure(cls, tree: KdTree, indices: Ints, attributes: NDArray[np.float32], edge: float) -> Detail | None:
-        """Measure attributes, (N, k), of a cloud at the points, (n,), in a tree; None if all is noise."""
+        """Measure attributes, (N, k), of a cloud at the points, (n,), in a tree (Eq. (19)); None if all is noise."""
         measured = indices[tree.order]
         values = attributes.take(measured, axis=0).astype(np.float64)
         residual = residuals(tree, values, FIT_RADIUS * edge)
-        noise = DetailNoise.from_residuals(residual, values)
-        if noise is None:
+        noise = np.median(residual, axis=0)  # r_0^2: where the attributes hardly vary
+        variance = np.maximum(values.var(axis=0), np.finfo(np.float32).tiny)
+        # c: the fraction of their variance that linear functions explain, with a margin.
+        strength = np.maximum(1.0 - 1.2 * residual.mean(axis=0) / variance, 0.0)
+        if not strength.any():
+            warnings.warn("the detail is only noise at this number of points: it counts for nothing", stacklevel=2)
             return None
         variation = np.zeros(len(attributes), dtype=np.float32)
-        variation[measured] = noise.variation(residual)
-        return cls(noise.without(attributes), variation)
+        variation[measured] = DETAIL_ROUGHNESS * (np.maximum(residual - 3.0 * noise, 0.0) @ strength)
+        return cls(attributes * np.sqrt(strength, dtype=np.float32), variation)
 
     def take(self, indices: Ints) -> Detail:
         """Return that of some of the points."""

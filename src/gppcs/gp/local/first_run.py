@@ -17,7 +17,7 @@ NEIGHBOURS = 4  # points on which each is conditioned
 
 def compile_choice(n: int) -> None:
     """Compile the kernels of the greedy choice among n candidates, in parts if these are many."""
-    tree = KdTree.over(np.random.default_rng(0).random((3, n)))
+    tree = KdTree.over(np.sort(np.random.default_rng(0).random((3, n))))  # near a line, so that boxes are small
     field = LocalField(
         tree.points, np.ones((3, n)), np.full(n, 0.01), np.zeros(n), np.full(n, 0.1), np.empty((0, n)), 1.5, 1.0
     )

@@ -45,7 +45,7 @@ class Workspace(NamedTuple):
     work: Work
 
 
-@kernel
+@kernel(inline="always")
 def workspace_below(field, state, count):
     """Return memory for the points below one of `count` nodes of a depth."""
     return Workspace(

@@ -221,7 +221,7 @@ class _SideBySide(NamedTuple):
     gaps: Floats  # (LEAF_SIZE,), its squared distances in the field
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def _take_up(field, begin, end, side):
     """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
     for p in range(LEAF_SIZE):

@@ -13,12 +13,11 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.settings import SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
+from gppcs.gp.local.settings import PLANE_POINTS, SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 from gppcs.spatial.leaves import MANY_LEAVES, pack, radius_of_nearest, search_buffer
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_step
 
-PLANE_POINTS = 12  # Of the plane along whose normal the other sheet is sought: few, so that it is of one sheet.
 SIGMAS = 3.0  # Standard deviations from this plane at least in which the other sheet lies.
 FEW = 64  # Runs of points that follow each other in a tree, by which a cloud has thin parts or none.
 POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run: four at least, if so many are there.
@@ -29,21 +28,17 @@ def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | N
 
     The tree is over the points of the surface.
     """
-    few = toward_other_sheet(tree, runs_of(tree, max(4, len(tree.order) // POINTS_FOR_EACH)), radius, SHEET_VARIATION)
-    return toward_other_sheet(tree, KdTree.build(points), radius) if has_thin_parts(few) else None
+    some = toward_other_sheet(tree, _runs_of(tree), radius, SHEET_VARIATION)
+    is_thin = some.any(axis=1).mean() >= THIN_FRACTION
+    return toward_other_sheet(tree, KdTree.build(points), radius) if is_thin else None
 
 
-def runs_of(tree: KdTree, in_run: int = LEAF_SIZE) -> KdTree:
-    """Return a tree over `FEW` runs of points at most so long, evenly spread, as points of a run share one search."""
+def _runs_of(tree: KdTree) -> KdTree:
+    """Return a tree over `FEW` runs of points, evenly spread, as points of a run share one search."""
     n = len(tree.order)
-    in_run = min(in_run, LEAF_SIZE, -(-n // FEW))
+    in_run = min(max(4, n // POINTS_FOR_EACH), LEAF_SIZE, -(-n // FEW))
     starts = (n - in_run) * np.arange(FEW) // (FEW - 1)
     return KdTree.over(tree.points[:, (starts[:, np.newaxis] + np.arange(in_run)).ravel()], leaf_size=in_run)
-
-
-def has_thin_parts(normals: Floats) -> bool:
-    """Return whether a cloud has thin parts, by the normals of the sheets of some of its points, (n, 3)."""
-    return len(normals) > 0 and float(np.mean(normals.any(axis=1))) >= THIN_FRACTION
 
 
 def toward_other_sheet(tree: KdTree, queries: KdTree, radius: float, max_variation: float = math.inf) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gppcs.engine.kernels import kernel
-from gppcs.gp.local.placement.shape import ROUNDING, next_point, squared_difference
+from gppcs.gp.local.placement.shape import DISTANCE_ROUNDING, next_point, squared_difference
 from gppcs.gp.local.settings import DETAIL_INTERPOLATED, DETAIL_NEAREST, DETAIL_TRIALS, DETAIL_TRIED_ON
 from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
 
@@ -15,7 +15,7 @@ def best_with_attributes(observed, attributes, chosen, v, cell, widest, current,
     """Return the point of a cell with the least F of Eq. (20), or -1 for the vertex, and what its attributes gain."""
     vertex, best = row(chosen.positions, v), -1
     distance, before = _off_fan(observed, attributes, chosen, v, vertex, attributes.of_vertices[v], cell, np.inf)
-    smallest = current + distance + before - ROUNDING * chosen.gaps[v]
+    smallest = current + distance + before - DISTANCE_ROUNDING * chosen.gaps[v]
     after = before
     for _ in range(DETAIL_TRIALS):
         x, error = next_point(observed.points, cell, errors, smallest, widest)

@@ -10,7 +10,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.placement.attributes import best_with_attributes
 from gppcs.gp.local.placement.cells import Attributes, Cells, Observed, Vertices, cells_of, hand_over
-from gppcs.gp.local.placement.shape import ROUNDING, best_by_shape, fill_errors
+from gppcs.gp.local.placement.shape import DISTANCE_ROUNDING, best_by_shape, fill_errors
 from gppcs.gp.local.settings import TRIED_ON
 from gppcs.spatial.triangles import dot, minus, row
 from gppcs.surface.error_quadrics import NUMBERS
@@ -45,7 +45,7 @@ def exchanged(
             of_vertices = attributes.of_vertices.copy()
             of_vertices[moved] = attributes.of_points[new[moved]]
             attributes = attributes._replace(of_vertices=of_vertices)
-    return new, chosen.positions, ROUNDING * chosen.gaps + gains, observed.feet
+    return new, chosen.positions, DISTANCE_ROUNDING * chosen.gaps + gains, observed.feet
 
 
 @kernel

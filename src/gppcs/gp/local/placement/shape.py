@@ -9,7 +9,7 @@ from gppcs.gp.local.settings import PULL, TRIALS
 from gppcs.spatial.triangles import approach, dot, minus, row
 from gppcs.surface.error_quadrics import add_plane, value
 
-ROUNDING = 1e-9  # Distances that change by less, in mean distances of kept points, are only rounded.
+DISTANCE_ROUNDING = 1e-9  # Distances that change by less, in mean distances of kept points, are only rounded.
 LANES = 8  # Numbers of feet that are judged are multiples of this.
 
 
@@ -79,7 +79,7 @@ def best_by_shape(observed, chosen, v, cell, widest, current, errors, local, squ
     vertex, fan, best = row(chosen.positions, v), chosen.corners[v], -1
     judged, full = pack_feet(observed.feet, cell, vertex, local)
     smallest = _off_triangles(local, squared[:full], judged, chosen.positions, fan, vertex, vertex)
-    smallest -= ROUNDING * chosen.steps[v]
+    smallest -= DISTANCE_ROUNDING * chosen.steps[v]
     for _ in range(TRIALS):
         x, _ = next_point(observed.points, cell, errors, current, widest)
         if x < 0:
@@ -117,7 +117,7 @@ def _off_triangles(local, squared, judged, vertices, corners, origin, apex):
     return sum_of_roots(squared[:judged])
 
 
-@kernel(allocates=False)
+@kernel(inline="always")
 def sum_of_roots(squared):
     """Return the summed distance, by the squares."""
     total = 0.0
