@@ -57,3 +57,17 @@ def test_stages_report_compilation_apart(fresh, fails):
     assert 0.2 <= timer.seconds["compilation"] <= elapsed
     assert compiling.compile_timer.seconds == pytest.approx(timer.seconds["compilation"], abs=0.005)  # both have ended
     assert 0 <= timer.seconds["second"] <= elapsed - 0.2
+
+
+@pytest.mark.slow
+def test_kernels_that_share_functions_compile_one_after_another(tmp_path):
+    """A choice with detail, after one without: LLVM leaves out what nothing calls when it is linked."""
+    code = (
+        "import numpy as np, gppcs\n"
+        "points = np.random.default_rng(0).random((4000, 3))\n"
+        "cloud = gppcs.PointCloud(points, {'a': np.sin(9 * points[:, 0])})\n"
+        "print(len(gppcs.simplify(cloud, n_points=100)), len(gppcs.simplify(cloud, n_points=100, detail='a')))\n"
+    )
+    variables = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    assert done.stdout.split() == ["100", "100"], done.stderr

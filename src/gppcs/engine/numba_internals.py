@@ -104,10 +104,16 @@ class _Options(Flags):
 class _KernelCompiler(Compiler):
     """The steps of compilation that kernels need."""
 
-    def __init__(self, cache: _KernelCache, *arguments: Any) -> None:
-        super().__init__(*arguments)
+    def __init__(self, cache: _KernelCache, typing: Any, target: Any, _: Any, *arguments: Any) -> None:
+        super().__init__(typing, target, self._library(target.codegen(), cache.qualname), *arguments)
         self.state.flags = _Options(self.state.flags)
         self._digest = cache.digest
+
+    def _library(self, codegen: Any, name: str) -> JITCodeLibrary:
+        """Return the library for the code of the kernel."""
+        library = _OuterLibrary(codegen, name)
+        library.enable_object_caching()
+        return library
 
     def define_pipelines(self) -> list[Any]:
         """Return Numba's steps without those that change nothing in kernels."""
@@ -124,8 +130,32 @@ class _InnerCompiler(_KernelCompiler):
     """The steps of compilation for kernels that other kernels call."""
 
     def __init__(self, cache: _KernelCache, typing: Any, target: Any, library: Any, *arguments: Any) -> None:
-        super().__init__(cache, typing, target, _InnerLibrary(target.codegen(), "inner"), *arguments)
+        super().__init__(cache, typing, target, library, *arguments)
         self.state.flags.no_compile = self.state.flags.no_cpython_wrapper = True
+
+    def _library(self, codegen: Any, name: str) -> JITCodeLibrary:
+        """Return the library for the code of the kernel."""
+        return _InnerLibrary(codegen, "inner")
+
+
+class _OuterLibrary(JITCodeLibrary):
+    """The code of a kernel that Python calls, together with that of all functions that it calls."""
+
+    def _optimize_final_module(self) -> None:
+        """Link what LLVM has left out, as nothing called it when it came: then optimise."""
+        module, libraries, before = self._final_module, dict.fromkeys(self._linking_libraries), set()
+        while (missing := _names(module, defined=False)) and missing != before:
+            before = missing
+            for library in libraries:
+                linked = library._get_module_for_linking()
+                if missing & _names(linked, defined=True):
+                    module.link_in(linked, preserve=True)
+        super()._optimize_final_module()
+
+
+def _names(module: Any, defined: bool) -> set[str]:
+    """Return the names of the functions that a module defines, or only declares."""
+    return {function.name for function in module.functions if function.is_declaration != defined}
 
 
 class _InnerLibrary(JITCodeLibrary):
@@ -141,8 +171,11 @@ class _InnerLibrary(JITCodeLibrary):
         """Whether the code, or that of a kernel that it calls, holds addresses of this process."""
         return any(library._dynamic_globals for library in [self, *self._linking_libraries])
 
-    def linked(self) -> bytes:
-        """Return the code together with that of all functions that it calls; nobody else calls those of Numba."""
+    def linked(self, name: str) -> bytes:
+        """Return the code of a kernel of this name together with that of all functions that it calls.
+
+        Functions of Numba get a name of their own, as other processes number them in another way.
+        """
         module, numbered = self._final_module.clone(), set()
         for library in dict.fromkeys(self._linking_libraries):
             linked = library._get_module_for_linking()
@@ -151,7 +184,7 @@ class _InnerLibrary(JITCodeLibrary):
             module.link_in(linked, preserve=True)
         for function in module.functions:
             if function.name in numbered and not function.is_declaration:
-                function.linkage = "internal"
+                function.name = f"{function.name}${name}"
         return module.as_bitcode()
 
 
@@ -190,6 +223,11 @@ class _KernelCache(NullCache):
     def __init__(self, function: Any, options: dict[str, Any]) -> None:
         self._function, self._options = function, options
         self._digest: str | None = None
+
+    @property
+    def qualname(self) -> str:
+        """The name of the kernel."""
+        return str(self._function.__qualname__)
 
     @property
     def digest(self) -> str:
@@ -252,7 +290,8 @@ class _InnerCache(_KernelCache):
         """Return what callers need of a compiled kernel, as it can be kept."""
         description = result.fndesc
         description.typemap = description.calltypes = None  # which only the compilation of this kernel needs
-        return result.library.linked(), description, result.signature
+        name = hashlib.sha256(self.name(result.signature, result.target_context).encode()).hexdigest()[:24]
+        return result.library.linked(name), description, result.signature
 
     def _rebuilt(self, target: Any, code: bytes, description: Any, signature: Any) -> CompileResult:
         """Return the compiled kernel of which `_reduced` kept that."""
