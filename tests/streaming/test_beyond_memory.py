@@ -56,18 +56,21 @@ def test_exactly_as_many_points_with_their_attributes(tmp_path, method, count):
 
 
 @pytest.mark.slow
-def test_points_are_chosen_as_well_as_in_memory(tmp_path):
-    """Over several clouds; the order of its rows alone changes the error of one by up to 4 %."""
+def test_points_are_chosen_nearly_as_well_as_in_memory(tmp_path, monkeypatch):
+    """In tiles of about 1,000 kept points, a tenth of them beside a border; most is lost on flat faces with edges."""
+    for name, value in {"TILE": 15_000, "PILOT": 30_000, "BLOCK": 400}.items():
+        monkeypatch.setattr(f"gppcs.streaming.beyond_memory.{name}", value)
+    monkeypatch.setattr("gppcs.streaming.survey.SAMPLED", 20_000)
     ratios = []
     for name in ("bracket", "medallion", "terrain", "statue", "street"):
         cloud = sample(name, 60_000)
-        found = gppcs.simplify(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
-        whole = gppcs.simplify(cloud, n_points=4_000)
-        for count in (2_000, 4_000):
-            few, all_at_once = (result.cloud.points[:count] for result in (found, whole))
+        tiled = gppcs.simplify(written(tmp_path, cloud), n_points=4_000, memory=MEMORY)
+        together = gppcs.simplify(cloud, n_points=4_000)
+        for count in (3_000, 4_000):
+            few, all_at_once = (result.cloud.points[:count] for result in (tiled, together))
             ratios.append(errors(cloud, few) / errors(cloud, all_at_once))
-    assert np.max(ratios, axis=0)[0] < 1.1
-    assert (np.exp(np.log(ratios).mean(axis=0))[:2] < 1.03).all()
+    assert np.max(ratios, axis=0)[0] < 1.3
+    assert (np.exp(np.log(ratios).mean(axis=0))[:2] < [1.1, 1.02]).all()
 
 
 def test_no_seam_shows(tmp_path):
