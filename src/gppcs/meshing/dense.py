@@ -98,7 +98,7 @@ class DensePoints:
         near, squared = nearest_others(tree, RANK)
         # Signs agree between every few points only: nearer ones lie across what noise is left, not along the surface.
         step, normals = max(1, len(indices) // count), normals[tree.order]
-        sparse, signed = tree.in_own_order().thinned(step), normals[::step].copy()
+        sparse, signed = tree.in_own_order().thinned(step), normals[tree.one_of_each(step)]
         signed = with_signs(sparse, nearest_others(sparse, EDGES)[0], signed)
         normals = with_signs_of(normals, signed[sparse.nearest_of(tree.points.T, 1)[0][:, 0]])
         # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot

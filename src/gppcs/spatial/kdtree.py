@@ -77,10 +77,13 @@ class KdTree:
         """Return a tree over one of each `step` points in tree order, in this order; itself if that is all."""
         if step == 1:
             return self
+        return KdTree.over(self.points[:, self.one_of_each(step)])
+
+    def one_of_each(self, step: int) -> Ints:
+        """Return the positions of one of each `step` points in tree order."""
         starts = np.arange(0, self.points.shape[1], step)
         # At equal steps they would lie in rows, as the points of a leaf are sorted.
-        positions = np.minimum(starts + starts // step * 7919 % 104_729 % step, self.points.shape[1] - 1)
-        return KdTree.over(self.points[:, positions])
+        return np.minimum(starts + starts // step * 7919 % 104_729 % step, self.points.shape[1] - 1)
 
     def positions(self) -> Ints:
         """Return the position in tree order of each point of the input. Shapes: returns (N,)."""
