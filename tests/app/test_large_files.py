@@ -79,7 +79,7 @@ def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "limit"), [("10k", "350MB"), ("50k", "450MB"), ("300k", "500MB")])
+@pytest.mark.parametrize(("count", "limit"), [("10k", "400MB"), ("50k", "450MB"), ("300k", "500MB")])
 def test_the_plan_tells_the_memory_that_is_used(record, tmp_path, count, limit):
     """Within a quarter, and the limit is held."""
     rng = np.random.default_rng(0)

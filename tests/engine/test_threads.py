@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import gppcs
 from gppcs.engine import threads
-from gppcs.engine.threads import RANGES, number_of_threads, on_ranges, set_threads, sharing_cores
+from gppcs.engine.threads import RANGES, beside, number_of_threads, on_ranges, set_threads, sharing_cores
 
 pytestmark = pytest.mark.usefixtures("default_threads")
 
@@ -136,3 +136,16 @@ print(len(done))
 def test_ctrl_c_ends_a_call_and_the_next_one_works():
     output = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, check=True)
     assert output.stdout == "interrupted\n64\n"
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_task_beside_returns_its_result_or_error_also_if_no_thread_is_free(count):
+    set_threads(count)
+    is_free = threading.Event()
+    waits = [beside(is_free.wait) for _ in range(3)]  # more than there are helping threads
+    result, error = beside(lambda: 7), beside(lambda: [][0])
+    assert result() == 7
+    with pytest.raises(IndexError):
+        error()
+    is_free.set()
+    assert all(wait() for wait in waits)

@@ -38,6 +38,15 @@ def test_neighbours_are_those_of_the_triangles_in_order(seed):
         assert around(mesh, v, halves) == (edges, closed)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_dropped_and_added_triangles_are_connected_as_from_the_start(seed):
+    points, _, faces = ball(80, seed)
+    first, kept = faces[:100], np.random.default_rng(seed).random(100) < 0.8
+    changed = HalfEdges.from_faces(first, len(points)).changed(kept, faces[100:])
+    expected = HalfEdges.from_faces(np.concatenate([first[kept], faces[100:]]), len(points))
+    assert all(np.array_equal(part, other) for part, other in zip(changed, expected, strict=True))
+
+
 def test_removed_triangles_are_dropped_when_others_are_added():
     points, _, faces = ball(80)
     mesh, removed = HalfEdges.from_faces(faces[:100], len(points)), np.arange(0, 100, 7)

@@ -75,7 +75,7 @@ def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [4, 2, 1])
-@pytest.mark.parametrize(("scan", "pieces"), [("nyu_basement", 4), ("redwood_livingroom_frame", 3), ("tum_desk", 10)])
+@pytest.mark.parametrize(("scan", "pieces"), [("nyu_basement", 5), ("redwood_livingroom_frame", 4), ("tum_desk", 10)])
 def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, pieces, step):
     """There were 6, 6, 9 pieces, 6, 3, 5 and 10, 13, 14: signs of normals differed, and borders in contact stayed."""
     points = gppcs.read(shared_data / f"{scan}.ply").points[::step]

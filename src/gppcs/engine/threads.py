@@ -15,10 +15,12 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from gppcs.engine.memory import control_groups
 from gppcs.errors import whole_number
+
+T = TypeVar("T")
 
 RANGES = 64  # Ranges of the work at most: enough to balance threads, few enough that taking them costs nothing.
 
@@ -59,6 +61,18 @@ def on_ranges(kernel: Callable[..., Any], n: int, *arguments: Any, minimum: int 
     except BaseException:
         deque(left, maxlen=0)
         raise
+
+
+def beside(task: Callable[[], T]) -> Callable[[], T]:
+    """Start a task on a helping thread, if there is one; return a function that waits for what it returns."""
+    threads = number_of_threads()
+    if threads == 1:
+        return task
+    try:
+        future = _pool_of(threads - 1).submit(task)
+    except RuntimeError:  # no thread can start
+        return task
+    return lambda: task() if future.cancel() else future.result()
 
 
 def _pool_of(size: int) -> ThreadPoolExecutor:

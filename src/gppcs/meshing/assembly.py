@@ -161,7 +161,10 @@ def without_scraps(mesh: HalfEdges, min_faces: int) -> HalfEdges:
 
 
 def largest_pieces(mesh: HalfEdges, count: int, counts_faces: bool) -> HalfEdges:
-    """Keep the largest pieces whose smallest meshes, without handles, have at most so many vertices or triangles."""
+    """Keep the largest pieces whose smallest meshes (Euler's formula) have at most so many vertices or triangles.
+
+    No triangle of the mesh was removed.
+    """
     faces, n = mesh.faces(), len(mesh.leaving)
     pieces = pieces_of(faces, n)
     sizes = np.bincount(pieces)
@@ -169,8 +172,14 @@ def largest_pieces(mesh: HalfEdges, count: int, counts_faces: bool) -> HalfEdges
         return mesh
     of_vertex = np.full(n, -1)
     of_vertex[faces] = pieces[:, None]
+    boundary_edges = np.bincount(of_vertex[mesh.origin[mesh.boundary_edges()]], minlength=len(sizes))
+    edges = (3 * sizes + boundary_edges) // 2
+    euler = np.bincount(of_vertex[of_vertex >= 0], minlength=len(sizes)) - edges + sizes
     loops = np.bincount([of_vertex[loop[0]] for loop in boundary_loops(mesh)], minlength=len(sizes))
-    minimum = np.where(loops, (5 * loops - 4) if counts_faces else 3 * loops, 4)  # by Euler's formula
+    handles = (2 - loops - euler) // 2
+    minimum = np.where(loops, 3 * loops, 4) + 3 * handles
+    if counts_faces:  # by Euler's formula, as each boundary loop has as many edges as vertices
+        minimum = 2 * (minimum - euler) - 3 * loops
     order = np.argsort(-sizes, kind="stable")
     kept = np.zeros(len(sizes), dtype=np.bool_)
     kept[order] = np.cumsum(minimum[order]) <= count

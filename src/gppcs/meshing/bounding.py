@@ -17,6 +17,7 @@ from gppcs.meshing.flips import flip_all
 
 def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
     """Halve the vertices while points that count, (n,), are near and nothing is cut; up to 2 % may be fixed."""
+    nearest = Assignment.on_any_sheet(draft.mesh, draft.vertices, draft.dense.raw)
     while True:
         trial = draft.copy()
         collapse(trial, draft.n_vertices // 2)
@@ -27,12 +28,11 @@ def thinned_by_quadrics(draft: Draft, counted: Flags, limit: float) -> Draft:
         if not far.any() and not len(cut):
             trial.compact()
             trial.fixed[:] = False
-            draft = trial
+            draft, nearest = trial, Assignment.on_any_sheet(trial.mesh, trial.vertices, draft.dense.raw)
             continue
         before = np.count_nonzero(draft.fixed)
         draft.fixed |= np.isin(trial.nearest[draft.dense_index], trial.mesh.corners()[cut])
-        beside = Assignment.on_any_sheet(draft.mesh, draft.vertices, draft.dense.raw[far]).face
-        draft.fixed[draft.mesh.corners()[beside]] = True
+        draft.fixed[draft.mesh.corners()[nearest.face[far]]] = True
         if not before < np.count_nonzero(draft.fixed) <= 0.02 * draft.n_vertices:
             return draft
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from heapq import heapify, heappop, heappush
 
 import numpy as np
 
@@ -35,13 +34,14 @@ def collapse(
     quadrics = dense_quadrics(dense.positions, dense.normals, vertices, draft.nearest)
     add_boundaries(mesh, vertices, density, quadrics)
     thin_cost = 1e-2 * density  # in squared edges, for each unit of quality
-    into, bounds = np.arange(len(vertices)), np.empty(len(vertices))
+    into, costs = np.arange(len(vertices)), np.full(len(vertices), np.inf)
+    winner = np.empty(2 * len(vertices), dtype=np.int64)
     for min_cosine in (0.2, -2.0):  # between a triangle's normals before and after
-        _bound_all(mesh, vertices, quadrics, draft.fixed, bounds)
+        _start(mesh, vertices, quadrics, draft.fixed, costs, winner)
         while (excess := (len(mesh.faces()) if counts_faces else draft.n_vertices) - target) > 0:
             steps = min(16_384, -(-excess // 2) if counts_faces else excess)  # until progress is reported
             removed = _collapse_some(
-                mesh, vertices, draft.normals, quadrics, draft.fixed, thin_cost, min_cosine, steps, bounds, into
+                mesh, vertices, draft.normals, quadrics, draft.fixed, thin_cost, min_cosine, steps, costs, winner, into
             )
             if on_progress:
                 on_progress(removed)
@@ -72,11 +72,29 @@ def ends(into: Ints) -> Ints:
 
 
 @kernel
-def _bound_all(mesh, vertices, quadrics, fixed, bounds):
-    """Fill the lower bounds of the costs of vertices, (V,)."""
+def _start(mesh, vertices, quadrics, fixed, costs, winner):
+    """Fill the costs, (V,), and the tournament tree `winner`, (2 V,): vertex v is at V + v, and the cheapest at 1."""
+    n = len(costs)
     halves, ring = room_for_ring()
-    for v in range(len(bounds)):
-        bounds[v] = np.inf if fixed[v] else _lower_bound(mesh, vertices, quadrics, v, halves, ring)
+    for v in range(n):
+        costs[v] = np.inf if fixed[v] else _lower_bound(mesh, vertices, quadrics, v, halves, ring)
+        winner[n + v] = v
+    for node in range(n - 1, 0, -1):
+        a, b = winner[2 * node], winner[2 * node + 1]
+        winner[node] = b if costs[b] < costs[a] else a
+
+
+@kernel(allocates=False)
+def _play(costs, winner, v):
+    """Update the tournament tree after the cost of a vertex has changed."""
+    node = (len(costs) + v) // 2
+    while node:
+        a, b = winner[2 * node], winner[2 * node + 1]
+        best = b if costs[b] < costs[a] else a
+        if best == winner[node] != v:  # nothing changes above, either
+            return
+        winner[node] = best
+        node //= 2
 
 
 @kernel(allocates=False)
@@ -96,50 +114,59 @@ def _lower_bound(mesh, vertices, quadrics, v, halves, ring):
 
 
 @kernel
-def _collapse_some(mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosine, steps, bounds, into):
+def _collapse_some(mesh, vertices, normals, quadrics, fixed, thin_cost, min_cosine, steps, costs, winner, into):
     """Remove at most `steps` vertices; return how many were removed."""
     halves, ring = room_for_ring()
     halves_u, ring_u = room_for_ring()
-    heap, removed = [(bounds[v], v) for v in range(len(bounds)) if bounds[v] < np.inf], 0
-    heapify(heap)
-    while removed < steps and heap:
-        bound, v = heappop(heap)
-        if bound != bounds[v]:  # which has changed
-            continue
-        cost, u = _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u)
-        bounds[v] = cost
-        if cost == np.inf:
-            continue
-        if heap and heap[0][0] < cost:
-            heappush(heap, (cost, v))
-            continue
+    bounds, removed = np.empty(len(ring)), 0
+    while removed < steps:
+        v = winner[1]
+        if costs[v] == np.inf:
+            break
+        cost, u = _best(
+            mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u, bounds
+        )
+        if cost > costs[v]:  # which was a lower bound
+            costs[v] = cost
+            _play(costs, winner, v)
+            if winner[1] != v or cost == np.inf:
+                continue
         add_moved(quadrics[v], minus(row(vertices, u), row(vertices, v)), quadrics[u])
         move_triangles(mesh, v, u, halves)
         into[v] = u
         removed += 1
-        bounds[v] = np.inf
+        costs[v] = np.inf
+        _play(costs, winner, v)
         count, _, _ = neighbours(mesh, u, halves, ring)
         for slot in range(count + 1):
             w = u if slot == count else ring[slot]
             if not fixed[w]:
-                bounds[w] = _lower_bound(mesh, vertices, quadrics, w, halves_u, ring_u)
-                heappush(heap, (bounds[w], w))
+                costs[w] = _lower_bound(mesh, vertices, quadrics, w, halves_u, ring_u)
+                _play(costs, winner, w)
     return removed
 
 
 @kernel(allocates=False)
-def _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u):
+def _best(mesh, vertices, normals, quadrics, thin_cost, min_cosine, v, halves, ring, halves_u, ring_u, bounds):
     """Return the cost and the neighbour of the cheapest collapse of v that is allowed; infinity and -1 if none is."""
     count, edges, closed = neighbours(mesh, v, halves, ring)
-    best, target = np.inf, -1
+    best, target = np.inf, count
     for slot in range(count):
-        cost = _cost(vertices, quadrics, v, ring[slot])
-        if cost >= best or not is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
+        bounds[slot] = _cost(vertices, quadrics, v, ring[slot])
+    for _ in range(count):  # those of the lowest bound first, as later ones then need no checks
+        slot = 0
+        for later in range(1, count):
+            slot = later if bounds[later] < bounds[slot] else slot
+        cost = bounds[slot]
+        bounds[slot] = np.inf
+        if cost > best:
+            break
+        if not is_allowed(mesh, v, slot, count, edges, closed, halves, ring, halves_u, ring_u):
             continue
         cost += thin_cost * _thinness_after(mesh, vertices, normals, min_cosine, v, ring[slot], edges, halves)
-        if cost < best:
-            best, target = cost, ring[slot]
-    return best, target
+        if cost < best or (cost == best and slot < target):
+            best, target = cost, slot
+    return best, ring[target] if best < np.inf else -1
 
 
 @kernel(allocates=False)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.engine.threads import beside
 from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
@@ -15,7 +17,7 @@ from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
 from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
-from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs, with_signs_of
+from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
 JOINED = 8  # points of the first mesh for each vertex of the result
@@ -70,9 +72,10 @@ class DensePoints:
         if thick and not noise:
             return None
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
+        spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         sharp, on_surface = NARROW if mixed else SHARP, raw
-        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp)
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
         if noise:
             for _ in range(2):
                 feet, _ = projections(tree, KdTree.over(on_surface.T), fitted)
@@ -81,7 +84,7 @@ class DensePoints:
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
             on_surface = on_surface[tree.order]
             near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
-        joined = _spread(indices, on_surface, chosen, count)
+        joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, joined, noise, near_sheets=mixed, joined_sheets=sheets)
@@ -100,7 +103,7 @@ class DensePoints:
         step, normals = max(1, len(indices) // count), normals[tree.order]
         sparse, signed = tree.in_own_order().thinned(step), normals[tree.one_of_each(step)]
         signed = with_signs(sparse, nearest_others(sparse, EDGES)[0], signed)
-        normals = with_signs_of(normals, signed[sparse.nearest_of(tree.points.T, 1)[0][:, 0]])
+        normals = _following(sparse, signed, tree.points.T, normals)
         # As far as in the thinned cloud that the quadric is fitted to, and as among the joined points, which cannot
         # tell a gap that is no wider than they are apart.
         radii = _covered(near, squared) * max(1.0, len(indices) / count) ** 0.5
@@ -112,8 +115,14 @@ class DensePoints:
     def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
         """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
         normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
-        nearest, _ = tree.nearest_of(self.positions, 1)
-        return replace(self, normals=with_signs_of(self.normals.copy(), normals[nearest[:, 0]]))
+        return replace(self, normals=_following(tree, normals, self.positions, self.normals))
+
+
+def _following(tree: KdTree, signed: Floats, points: Floats, normals: Floats) -> Floats:
+    """Give normals, (n, 3), at points, (n, 3), the signs of those at the nearest points of a tree."""
+    nearest, _ = tree.nearest_of(points, 1)
+    turned = np.einsum("ij,ij->i", signed[nearest[:, 0]], normals) < 0.0
+    return np.where(turned[:, None], -normals, normals)
 
 
 def _sample(points: Floats, n_vertices: int, chosen: Ints) -> Ints:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.assignment import Assignment
@@ -41,7 +41,7 @@ def exchanged(draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
     fitted = FittedMesh.from_points(mesh, changed.vertices, draft.dense.positions, assigned)
     exchange(fitted, changed.dense_index, draft.thin_cost)
     changed.normals = draft.dense.normals[changed.dense_index]
-    changed.follow(assigned)
+    changed.nearest = np.where(assigned.face >= 0, mesh.origin[3 * assigned.face], -1)
     after = flip(changed)
     for _ in range(2):
         after = flip(changed, fit(changed, after))
@@ -63,12 +63,19 @@ def exchange(fitted: FittedMesh, dense_index: Ints, thin_cost: float) -> None:
     added = -1
     while missing and added:
         edges = mesh.inner_edges()
-        stale = edges[changed[mesh.origin[edges]] | changed[mesh.targets()[edges]]]
+        stale = edges[_are_near(fitted, edges, changed)]
         gains[stale], changed[:] = -changes(fitted, stale, thin_cost, split=True), False
         best = edges[np.argsort(-gains[edges], kind="stable")]
         added = _split_all(fitted, tree, best, dense_index, thin_cost, missing, changed)
         missing -= added
     fit_all(fitted, tree, thin_cost)
+
+
+def _are_near(fitted: FittedMesh, edges: Ints, changed: Flags) -> Flags:
+    """Return which edges have a triangle that shares an edge with one that has changed: the gain of these may have."""
+    mesh = fitted.mesh
+    near = changed[mesh.corners()].sum(axis=1) >= 2
+    return near[edges // 3] | near[mesh.opposite[edges] // 3]
 
 
 def changes(fitted: FittedMesh, edges: Ints, thin_cost: float, split: bool) -> Floats:

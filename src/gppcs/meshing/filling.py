@@ -103,14 +103,7 @@ def fill(mesh, vertices, normals, tree, inside, corners, halves, careful, new):
                         costs[i, k], middles[i, k] = cost, m
     if costs[0, length - 1] == np.inf:
         return 0
-    count, costs[0, length - 1] = 0, -1.0  # marks what is to be filled
-    for gap in range(length - 1, 1, -1):
-        for i in range(length - gap):
-            if costs[i, i + gap] == -1.0:
-                m = middles[i, i + gap]
-                new[count, 0], new[count, 1], new[count, 2] = corners[i], corners[m], corners[i + gap]
-                costs[i, m] = costs[m, i + gap] = -1.0
-                count += 1
+    count = _trace(corners, middles, new)
     for i in range(count if careful else 0):
         if cuts_earlier(vertices, new, i):
             return 0
@@ -131,14 +124,39 @@ def _is_upright(vertices, normals, a, b, c):
     return has_area(pa, pb, pc) and agreement(area_vector(pa, pb, pc), normals, a, b, c) >= 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _has_room(mesh, corners, inside, new, halves):
     """Return whether no corner of a patch would have too many triangles."""
     for v in corners:
         edges, _ = around(mesh, v, halves)
-        if edges - inside[halves[:edges] // 3].sum() + (new == v).sum() > MAX_VALENCE:
+        count = 0
+        for slot in range(edges):
+            count += not inside[halves[slot] // 3]
+        for t in range(len(new)):
+            count += new[t, 0] == v or new[t, 1] == v or new[t, 2] == v
+        if count > MAX_VALENCE:
             return False
     return True
+
+
+@kernel
+def _trace(loop, middles, triangles):
+    """Fill `triangles`, (L - 2, 3), with those of a filling; return their number."""
+    stack = np.empty((len(loop), 2), dtype=np.int64)
+    stack[0, 0], stack[0, 1] = 0, len(loop) - 1
+    height, count = 1, 0
+    while height:
+        height -= 1
+        i, k = stack[height]
+        if k - i < 2:
+            continue
+        m = middles[i, k]
+        triangles[count, 0], triangles[count, 1], triangles[count, 2] = loop[i], loop[m], loop[k]
+        count += 1
+        stack[height, 0], stack[height, 1] = i, m
+        stack[height + 1, 0], stack[height + 1, 1] = m, k
+        height += 2
+    return count
 
 
 @kernel(allocates=False)

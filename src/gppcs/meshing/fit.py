@@ -18,13 +18,14 @@ from gppcs.surface.inducing import joint_steps, noise_between
 
 THIN = 0.1  # cost of thin triangles in fits, relative to that in flips
 BOUNDARY = 0.2  # weight of the planes through boundary edges in fits, relative to that in collapses
+SWEEPS = 2  # through all vertices
 
 
 def fit(draft: Draft, assigned: Assignment) -> Assignment:
     """Fit the vertices to the dense points, and return the triangles of these."""
     fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.positions, assigned)
     fitted.boundaries[:] *= BOUNDARY
-    for _ in range(2):
+    for _ in range(SWEEPS):
         fit_all(fitted, TriangleTree.empty(), THIN * draft.thin_cost)
     return assigned
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment, assign
+from gppcs.engine.threads import on_ranges
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, price, thinness
@@ -38,35 +40,53 @@ def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
     return assigned
 
 
-@kernel
-def flip_all(fitted, tree, normals, thin_cost, sweeps):
+def flip_all(fitted: FittedMesh, tree: TriangleTree, normals: Floats, thin_cost: float, sweeps: int) -> int:
     """Flip edges while the energy falls and nothing cuts a tree, in few `sweeps`; return how many were."""
-    mesh, vertices, size = fitted.mesh, fitted.vertices, len(fitted.mesh.origin)
+    edges = fitted.mesh.inner_edges()
+    lowers = np.zeros(len(edges), dtype=np.bool_)
+    on_ranges(_mark_lowering, len(edges), fitted, normals, thin_cost, edges, lowers, minimum=256)
+    return _flip_queued(fitted, tree, normals, thin_cost, edges[lowers], sweeps * len(edges))
+
+
+@kernel
+def _mark_lowering(begin, end, fitted, normals, thin_cost, edges, lowers):
+    """Mark which of the edges, (m,), lower the energy by a flip; for a range of these."""
+    halves = np.empty(MAX_VALENCE, dtype=np.int64)
+    for i in range(begin, end):
+        lowers[i] = _lowers_energy(fitted, normals, thin_cost, edges[i], halves)
+
+
+@kernel
+def _lowers_energy(fitted, normals, thin_cost, h, halves):
+    """Return whether an edge can be flipped, and that lowers the energy."""
+    if not is_flippable(fitted.mesh, fitted.vertices, normals, h, halves):
+        return False
+    return _is_better(fitted, thin_cost, h) if thin_cost > 0.0 else _is_smoother(fitted.mesh, fitted.vertices, h)
+
+
+@kernel
+def _flip_queued(fitted, tree, normals, thin_cost, edges, tries):
+    """Flip edges, (m,), and those around them, while the energy falls; return how many were."""
+    mesh, size = fitted.mesh, len(fitted.mesh.origin)
     queue, waiting = np.empty(size, dtype=np.int64), np.zeros(size, dtype=np.bool_)
-    count, begin, flips = 0, 0, 0
-    for h in range(size):
-        if mesh.origin[h] >= 0 and mesh.opposite[h] > h:
-            queue[count], waiting[h] = h, True
-            count += 1
-    tries = sweeps * count
+    queue[: len(edges)], waiting[edges] = edges, True
+    count, begin, flips = len(edges), 0, 0
     halves = np.empty(MAX_VALENCE, dtype=np.int64)
     inside = np.zeros(size // 3, dtype=np.bool_)
     while count and tries:
         h = queue[begin]
         begin, count, tries = (begin + 1) % size, count - 1, tries - 1
         waiting[h] = False
-        if not is_flippable(mesh, vertices, normals, h, halves):
-            continue
-        if not (_is_better(fitted, thin_cost, h) if thin_cost > 0.0 else _is_smoother(mesh, vertices, h)):
+        if not _lowers_energy(fitted, normals, thin_cost, h, halves):
             continue
         patch, new = flipped(mesh, h)
-        if not is_free(mesh, vertices, tree, inside, patch, new):
+        if not is_free(mesh, fitted.vertices, tree, inside, patch, new):
             continue
         replace_triangles(mesh, patch, new)
         _share_out(fitted, patch[0], patch[1])
         flips += 1
         for side in patch:
-            follow(mesh, vertices, tree, side)
+            follow(mesh, fitted.vertices, tree, side)
             for k in range(3):
                 opposite = mesh.opposite[3 * side + k]
                 e = min(3 * side + k, opposite)
@@ -178,7 +198,15 @@ def _share_out(fitted, f, g):
         i = begin
         while i >= 0:
             behind = fitted.after[i]
-            assign(fitted.mesh, fitted.vertices, fitted.points, assigned, i, (f, g))
+            point = row(fitted.points, i)
+            assigned.squared[i] = np.inf
+            for side in (f, g):
+                a, b, c = corners_from(fitted.mesh, fitted.vertices, side, point)
+                s, t = nearest_in_triangle(a, b, c)
+                squared = squared_distance(a, b, c, s, t)
+                if squared < assigned.squared[i]:
+                    assigned.face[i], assigned.squared[i] = side, squared
+                    assigned.weights[i, 0], assigned.weights[i, 1] = s, t
             fitted.after[i] = fitted.first[assigned.face[i]]
             fitted.first[assigned.face[i]] = i
             i = behind

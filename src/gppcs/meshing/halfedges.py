@@ -34,10 +34,19 @@ class HalfEdges(NamedTuple):
         return mesh
 
     def changed(self, kept: Flags | None = None, new: Ints | None = None) -> HalfEdges:
-        """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3)."""
+        """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3).
+
+        Triangles that were removed cannot be kept.
+        """
         kept = self.origin[::3] >= 0 if kept is None else kept
-        faces = self.corners()[kept]
-        return HalfEdges.from_faces(faces if new is None else np.concatenate([faces, new]), len(self.leaving))
+        n, first = len(self.leaving), 3 * int(np.count_nonzero(kept))
+        size = first + (0 if new is None else new.size)
+        mesh = HalfEdges(np.empty(size, dtype=np.int64), np.full(size, -1), np.full(n, -1))
+        if new is not None:
+            mesh.origin[first:] = new.ravel()
+        _copy_kept(self, kept, np.cumsum(kept) - 1, mesh)
+        _connect(mesh, EdgeTable.empty(n, size))
+        return mesh
 
     def corners(self) -> Ints:
         """Return the corners of all triangles, (F, 3), -1 for those that were removed."""
@@ -108,13 +117,27 @@ def preceding(h):
 
 
 @kernel(allocates=False)
+def _copy_kept(mesh, kept, number, smaller):
+    """Copy the triangles that are kept, (F,), to those of these numbers, (F,), of a mesh without opposite edges."""
+    for f in range(len(kept)):
+        for k in range(3 if kept[f] else 0):
+            h, o = 3 * number[f] + k, mesh.opposite[3 * f + k]
+            smaller.origin[h] = mesh.origin[3 * f + k]
+            if o >= 0 and kept[o // 3]:
+                smaller.opposite[h] = 3 * number[o // 3] + o % 3
+
+
+@kernel(allocates=False)
 def _connect(mesh, table):
-    """Fill `opposite` and `leaving` of a mesh; half-edges are added to an empty table."""
+    """Fill what is missing of `opposite`, and `leaving`, of a mesh; half-edges are added to an empty table."""
     for h in range(len(mesh.origin)):
-        add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
+        if mesh.opposite[h] < 0:
+            add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
+    for h in range(len(mesh.origin)):
+        if mesh.opposite[h] < 0:
+            mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
     for h in range(len(mesh.origin)):
         v = mesh.origin[h]
-        mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], v)
         if mesh.leaving[v] < 0 or mesh.opposite[h] < 0:
             mesh.leaving[v] = h
 
@@ -233,9 +256,8 @@ def add_to_patch(patch, size, f):
 def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
     """Drop triangles so that those at each vertex are one fan: the largest stays, of equal ones the first."""
     while True:
-        inner = np.flatnonzero(mesh.opposite >= 0)
-        after = np.where(inner % 3 == 2, inner - 2, inner + 1)
-        _, fan = connected(after, mesh.opposite[inner], len(mesh.origin))  # of each half-edge
+        fan = np.full(len(mesh.origin), -1)
+        _number_fans(mesh, fan)
         sizes = np.bincount(fan)
         if len(sizes) == np.count_nonzero(mesh.leaving >= 0):
             return mesh
@@ -245,7 +267,23 @@ def without_bow_ties(mesh: HalfEdges) -> HalfEdges:
         order = several[np.lexsort((-sizes[several], vertex[several]))]
         smaller = np.zeros(len(sizes), dtype=np.bool_)
         smaller[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-        mesh = mesh.changed(~np.any(smaller[fan.reshape(-1, 3)], axis=1))
+        mesh = mesh.changed(~smaller[fan].reshape(-1, 3).any(axis=1))
+
+
+@kernel(allocates=False)
+def _number_fans(mesh, fan):
+    """Fill `fan`, (3 F,): half-edges that leave a vertex side by side have one number, by the first of them."""
+    count = 0
+    for first in range(len(fan)):
+        if fan[first] >= 0:
+            continue
+        h = first
+        while h >= 0 and fan[h] < 0:
+            fan[h], h = count, mesh.opposite[preceding(h)]
+        h = mesh.opposite[first]
+        while h >= 0 and fan[following(h)] < 0:
+            fan[following(h)], h = count, mesh.opposite[following(h)]
+        count += 1
 
 
 def pieces_of(faces: Ints, n: int) -> Ints:

@@ -23,29 +23,33 @@ from gppcs.meshing.halfedges import (
     without_bow_ties,
 )
 from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
+from gppcs.spatial.triangles import dot, minus, row
 
 
-def mend_draft(draft: Draft, counts_faces: bool) -> int:
+def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
     """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes.
 
-    New vertices go where the points are farthest from their triangles.
+    New vertices go where the points are farthest from the triangles to which they are assigned, which follow.
     """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
-    for last in (False, False, False, True):
-        if len(_mended(draft)):
+    for last in (*[False] * (tries - 1), True):
+        corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
+        if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        _add(draft, draft.assigned(), missing)
+        is_stale = cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
+        assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
+        _add(draft, assigned, missing)
     return holes
 
 
-def _mended(draft: Draft) -> Ints:
+def _mended(draft: Draft, relaxations: int) -> Ints:
     """Mend cuts, and relax what still cuts; return the triangles that no round has helped, whose corners go back."""
     before = draft.vertices.copy()
-    for last in (*[False] * (12 if draft.moved else 0), True):
+    for last in (*[False] * relaxations, True):
         tree = TriangleTree.from_mesh(draft.mesh, draft.vertices)
         into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed, tree)
         draft.merge(into)
@@ -65,7 +69,10 @@ def _add(draft: Draft, assigned: Assignment, count: int) -> None:
     trial = split(draft.mesh, faces)
     cut = cutting(trial, np.concatenate([draft.vertices, positions[points]]))
     spoilt = np.isin(n + np.arange(len(points)), trial.corners()[cut])
-    best = np.flatnonzero(~spoilt)[:count]
+    covered = assigned.face >= 0
+    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(draft.mesh.corners()))
+    worst_first = np.argsort(-sums[faces], kind="stable")
+    best = np.sort(worst_first[~spoilt[worst_first]][:count])
     insert(draft, assigned, faces[best], points[best])
 
 
@@ -171,10 +178,23 @@ def _replace(mesh, vertices, tree, patch, corners, new, into):
     """Put the triangles `new`, (L - 2, 3), in the place of a patch with a boundary of corners, (L,)."""
     for f in patch:
         for v in mesh.origin[3 * f : 3 * f + 3]:
-            into[v] = corners[((vertices[corners] - vertices[v]) ** 2).sum(axis=1).argmin()]  # itself if it is one
+            into[v] = _nearest(vertices, v, corners)
     replace_triangles(mesh, patch, new)
     for f in patch[: len(new)]:
         follow(mesh, vertices, tree, f)
+
+
+@kernel(allocates=False)
+def _nearest(vertices, v, corners):
+    """Return the corner nearest to a vertex: itself if it is one."""
+    nearest, lowest = v, np.inf
+    for u in corners:
+        if u == v:
+            return v
+        step = minus(row(vertices, u), row(vertices, v))
+        if dot(step, step) < lowest:
+            nearest, lowest = u, dot(step, step)
+    return nearest
 
 
 def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:

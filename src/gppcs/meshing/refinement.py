@@ -6,30 +6,52 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment, assign
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import HalfEdges, replace_triangles
+from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
 
 
 def refine(draft: Draft, count: int, assigned: Assignment) -> None:
     """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
     insert(draft, assigned, *farthest_points_of(draft.mesh, assigned, unused_points(draft), count))
-    draft.follow(flip(draft, assigned))
+    _find_nearest(draft.mesh, draft.vertices, draft.dense.positions, flip(draft, assigned), draft.nearest)
 
 
-def farthest_points_of(mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int) -> tuple[Ints, Ints]:
-    """Return the triangles with the largest sums of squared distances, these first, and the farthest point in each."""
-    covered = np.flatnonzero(assigned.face >= 0)
-    s, t = assigned.weights[covered].T
-    points = covered[usable[covered] & (np.minimum(np.minimum(s, t), 1.0 - s - t) > 0.05)]  # well inside
-    points = points[np.argsort(assigned.squared[points], kind="stable")]
-    farthest = np.full(len(mesh.corners()), -1)
-    farthest[assigned.face[points]] = points  # the last one of each stays
-    sums = np.bincount(assigned.face[covered], assigned.squared[covered], minlength=len(farthest))
+@kernel(allocates=False)
+def _find_nearest(mesh, vertices, points, assigned, nearest):
+    """Fill the nearest corner of the triangle of each point, (n,)."""
+    for i in range(len(points)):
+        lowest, first = np.inf, 3 * assigned.face[i]
+        for corner in mesh.origin[first : first + 3] if first >= 0 else mesh.origin[:0]:
+            step = minus(row(vertices, corner), row(points, i))
+            if dot(step, step) < lowest:
+                nearest[i], lowest = corner, dot(step, step)
+
+
+def farthest_points_of(
+    mesh: HalfEdges, assigned: Assignment, usable: Flags, count: int, min_weight: float = 0.05
+) -> tuple[Ints, Ints]:
+    """Return the triangles with the largest sums of squared distances, and the farthest inner point of each."""
+    sums, farthest = np.zeros(len(mesh.corners())), np.full(len(mesh.corners()), -1)
+    _find_farthest(assigned, usable, min_weight, sums, farthest)
     faces = np.flatnonzero(farthest >= 0)
-    faces = faces[np.argsort(-sums[faces], kind="stable")][:count]
+    faces = np.sort(faces[np.argsort(-sums[faces], kind="stable")][:count])
     return faces, farthest[faces]
+
+
+@kernel(allocates=False)
+def _find_farthest(assigned, usable, min_weight, sums, farthest):
+    """Fill what `farthest_points_of` needs of each triangle, (F,): the sum, and the point, -1 if there is none."""
+    for i in range(len(usable)):
+        f, (s, t) = assigned.face[i], assigned.weights[i]
+        if f < 0:
+            continue
+        sums[f] += assigned.squared[i]
+        is_farther = farthest[f] < 0 or assigned.squared[i] >= assigned.squared[farthest[f]]
+        if is_farther and usable[i] and min(s, t, 1.0 - s - t) > min_weight:
+            farthest[f] = i
 
 
 def unused_points(draft: Draft) -> Flags:
@@ -40,7 +62,7 @@ def unused_points(draft: Draft) -> Flags:
 
 
 def insert(draft: Draft, assigned: Assignment, faces: Ints, points: Ints) -> None:
-    """Split triangles, each by a dense point; `assigned` follows."""
+    """Split triangles, ascending, each by a dense point; `assigned` follows."""
     n_faces = len(draft.mesh.corners())
     draft.mesh = split(draft.mesh, faces)
     positions = draft.dense.positions if draft.moved else draft.dense.raw
@@ -60,7 +82,14 @@ def _reassign(mesh, vertices, points, beside, assigned):
         f = assigned.face[i]
         if f < 0 or beside[f] < 0:
             continue
-        assign(mesh, vertices, points, assigned, i, (f, beside[f], beside[f] + 1))
+        assigned.squared[i] = np.inf
+        for third in (f, beside[f], beside[f] + 1):
+            a, b, c = corners_from(mesh, vertices, third, row(points, i))
+            s, t = nearest_in_triangle(a, b, c)
+            squared = squared_distance(a, b, c, s, t)
+            if squared < assigned.squared[i]:
+                assigned.face[i], assigned.squared[i] = third, squared
+                assigned.weights[i, 0], assigned.weights[i, 1] = s, t
 
 
 def split(mesh: HalfEdges, faces: Ints) -> HalfEdges:

@@ -23,7 +23,6 @@ from gppcs.spatial.triangles import (
     unit,
 )
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
-from gppcs.surface.quadrics import solve
 
 SLIDE = 0.02  # weight of a point's step along its triangle, which costs no distance, beside that off it
 
@@ -45,6 +44,8 @@ class Star(NamedTuple):
     ring: Ints
     halves_u: Ints
     ring_u: Ints
+    nearest: Ints  # (1,): buffers for the point nearest to the vertex, and for its squared distance
+    gap: Floats
 
 
 @kernel
@@ -57,6 +58,7 @@ def room_for_star(n):
         np.empty(2, dtype=np.int64), np.empty(size, dtype=np.int64), np.empty((size, 2, 3)),
         np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty((n, 2)), np.empty(n),
         np.empty(1), np.empty(NUMBERS), np.empty(3), halves, ring, halves_u, ring_u,
+        np.empty(1, dtype=np.int64), np.empty(1),
     )  # fmt: skip
 
 
@@ -195,13 +197,23 @@ def _stepped(fitted, star, p):
         for axis in range(3):
             q[6 + axis] -= SLIDE * r * off[axis]
         total += r * r
-    if total == 0.0:
+    hold = (SLIDE + 1e-3) * total  # the second weight holds the vertex where it is
+    return _solved(p, q[0] + hold, q[1], q[2], q[3] + hold, q[4], q[5] + hold, -q[6], -q[7], -q[8])
+
+
+@kernel
+def _solved(p, xx, xy, xz, yy, yz, zz, x, y, z):
+    """Return p plus the solution of three equations with a symmetric matrix; p if that is singular."""
+    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    volume = xx * a + xy * b + xz * c
+    if not volume > 0.0:
         return p
-    equations = np.array([[q[0], q[1], q[2], -q[6]], [q[1], q[3], q[4], -q[7]], [q[2], q[4], q[5], -q[8]]])
-    for axis in range(3):
-        equations[axis, axis] += (SLIDE + 1e-3) * total  # the second weight holds the vertex where it is
-    solve(equations)
-    return p[0] + equations[0, 3], p[1] + equations[1, 3], p[2] + equations[2, 3]
+    return (
+        p[0] + (a * x + b * y + c * z) / volume,
+        p[1] + (b * x + d * y + e * z) / volume,
+        p[2] + (c * x + e * y + f * z) / volume,
+    )
 
 
 @kernel
@@ -214,7 +226,7 @@ def _is_allowed(fitted, star, p):
         if star.squared[m] > farthest:
             return False
         largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
-    if largest < 0.4 or not is_near_points(fitted, p):  # no point with such a weight: nothing holds the vertex
+    if largest < 0.4 or not is_near_points(fitted, star, p):  # no point with such a weight: nothing holds the vertex
         return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
@@ -233,13 +245,12 @@ def _is_allowed(fitted, star, p):
 
 
 @kernel
-def is_near_points(fitted, p):
+def is_near_points(fitted, star, p):
     """Return whether the nearest point is near enough to a vertex at p, if distances have a limit."""
     if fitted.limit == np.inf:
         return True
-    nearest, squared = np.empty(1, dtype=np.int64), np.empty(1)
-    nearest_in_tree(fitted.bounded, fitted.lower, fitted.upper, p[0], p[1], p[2], nearest, squared)
-    return squared[0] <= max(fitted.limit, fitted.squared_radii[nearest[0]])
+    nearest_in_tree(fitted.bounded, fitted.lower, fitted.upper, p[0], p[1], p[2], star.nearest, star.gap)
+    return star.gap[0] <= max(fitted.limit, fitted.squared_radii[star.nearest[0]])
 
 
 @kernel(allocates=False)

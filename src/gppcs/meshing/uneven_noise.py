@@ -32,6 +32,8 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     near, _ = nearest_others(sampled, 16)  # the noise at a sample is the median of these
     sigmas, radii = np.empty((2, len(strides), len(near)))
     for number, stride in enumerate(strides):
+        if number == len(strides) - 1 and (sigmas[:-1] > THIN * radii[0]).mean(axis=1).max() < FRACTION:
+            return None  # whatever the widest fits see
         fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED)
         sigmas[number] = np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN
         radii[number] = np.median(fitted.radii[near], axis=1)

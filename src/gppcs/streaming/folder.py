@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,7 +62,7 @@ def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], 
     """Return the folder for temporary files of a run: a new one, or that of the same run, if it was stopped."""
     work = targets[0].path.parent / WORK
     manifest = {
-        "options": repr(options),
+        "options": _described(options),
         "outputs": [repr(target) for target in targets],
         "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in sources],
     }
@@ -82,6 +83,18 @@ def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], 
     work.mkdir(parents=True)
     path.write_text(json.dumps(manifest), encoding="utf-8")
     return work
+
+
+def _described(options: Options) -> str:
+    """Return what the result depends on of the options: of arrays, a digest of their values."""
+    described = []
+    for option in fields(options):
+        value = getattr(options, option.name)
+        if option.name in ("keep", "weight") and not isinstance(value, str | None):
+            value = hashlib.sha256(np.asarray(value).tobytes()).hexdigest()
+        if option.name not in ("memory", "workers", "scratch"):
+            described.append(f"{option.name}={value!r}")
+    return ", ".join(described)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -93,12 +94,17 @@ def estimate_normals(
     return with_signs_of(normals, signed)
 
 
-def normals_of(tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP) -> Floats:
-    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise."""
+def normals_of(
+    tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP, when_fitted: Callable[[], object] | None = None
+) -> Floats:
+    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise.
+
+    If there is none, a function is called before the signs are found, which takes one thread.
+    """
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
-        return _oriented(tree, None, near, sharp)
+        return _oriented(tree, None, near, sharp, when_fitted)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
         return with_signs_of(normals, _oriented(tree, None, near))
@@ -124,10 +130,10 @@ def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     return (SHARP if neighbours > NEIGHBOURS and layer.is_two_sheets() else neighbours), layer
 
 
-def with_signs_of(normals: Floats, guides: Floats) -> Floats:
-    """Return normals with the signs of guides, (M, 3) both."""
-    is_opposed = np.einsum("ij,ij->i", normals, guides) < 0.0
-    return np.where(is_opposed[:, np.newaxis], -normals, normals)
+def with_signs_of(normals: Floats, signed: Floats) -> Floats:
+    """Give normals, (M, 3), the signs of others, in place; return them."""
+    normals[np.einsum("ij,ij->i", normals, signed) < 0] *= -1
+    return normals
 
 
 def _signed_nearby(tree: KdTree, queries: Floats, neighbours: int, n_guides: int = 1_000_000) -> Floats:
@@ -155,7 +161,13 @@ def _near(queries: Floats, frame: Frame) -> Floats:
     return near
 
 
-def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None = None, close: int = CLOSE) -> Floats:
+def _oriented(
+    tree: KdTree,
+    fits: tuple[KdTree, int] | None,
+    near: Ints | None = None,
+    close: int = CLOSE,
+    when_fitted: Callable[[], object] | None = None,
+) -> Floats:
     """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
     _, normals, radii = fit_quadrics(tree, tree, close)
@@ -167,6 +179,8 @@ def _oriented(tree: KdTree, fits: tuple[KdTree, int] | None, near: Ints | None =
     areas = radii**2
     votes = np.empty(near.shape)
     on_ranges(_vote, len(points), points, normals, near, votes, minimum=1024)
+    if when_fitted:
+        when_fitted()
     cast = np.flatnonzero(votes)
     pairs = np.array([cast // near.shape[1], near.ravel()[cast]])
     pieces, signs = signs_by_votes(len(points), pairs, votes.ravel()[cast])
