@@ -19,7 +19,7 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.streaming.graph import Engine
 from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
@@ -134,13 +134,23 @@ class Source:
     pieces: Sequence[Part | Run]
     excluded: Ints  # (n,), ascending: indices of outliers, which are not there
 
-    def read(self, lower: Floats, upper: Floats) -> Rows:
+    def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
         """Read the points between two corners, (3,), in an order that does not depend on that of the files."""
-        parts = [rows for piece in self.pieces if piece.meets(lower, upper) for rows in piece.read(lower, upper)]
+        parts = [
+            _drawn(rows, fraction)
+            for piece in self.pieces
+            if piece.meets(lower, upper)
+            for rows in piece.read(lower, upper)
+        ]
         rows = Rows.joined(parts or list(self.pieces[0].read(np.ones(3), np.zeros(3))))
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
         return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
+
+
+def _drawn(rows: Rows, fraction: float) -> Rows:
+    """Return a fraction of the places, by their hashes, and all points to keep."""
+    return rows if fraction >= 1.0 else rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:

@@ -24,7 +24,6 @@ from gppcs.methods import Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Source
@@ -107,10 +106,7 @@ class Tiling:
 
     def near(self, number: int) -> Rows:
         """Read the points of a tile and its halo that take part in the choice."""
-        rows = self.source.read(*self.region(number))
-        if self.fraction >= 1.0:
-            return rows
-        return rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < self.fraction * HASHES))
+        return self.source.read(*self.region(number), self.fraction)
 
     def own(self, number: int) -> Rows:
         """Read the points of a tile."""
