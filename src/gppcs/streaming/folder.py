@@ -81,7 +81,8 @@ def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], 
         raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
-    path.write_text(json.dumps(manifest), encoding="utf-8")
+    with whole_output(path) as file:
+        file.write(json.dumps(manifest).encode())
     return work
 
 

@@ -264,9 +264,9 @@ def _ranks(tiling: Tiling, number: int, indices: Ints, is_kept_anyway: Flags) ->
     is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
     # The n-th point of a tile comes about where the n-th one of the first choice does.
     of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]
-    places = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
+    of_all = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
     numbers = np.append(np.arange(len(of_tile)), n)
-    ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, places)
+    ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, of_all)
     return ranks
 
 
@@ -276,8 +276,8 @@ def normals_at(tiling: Tiling, number: int, positions: Floats, normals: Floats |
 
     guide, frame = tiling.guide, tiling.frame
     assert guide.normals is not None
-    places = frame.near(positions)
+    local = frame.near(positions)
     if normals is None:
-        normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), places)
-    nearest = KdTree.build(frame.local(guide.points)).nearest_of(places, 1)[0][:, 0]
+        normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), local)
+    nearest = KdTree.build(frame.local(guide.points)).nearest_of(local, 1)[0][:, 0]
     return with_signs_of(normals, guide.normals[nearest])
