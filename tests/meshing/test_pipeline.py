@@ -396,9 +396,9 @@ def test_bad_parameters_are_errors(ball, arguments, message):
 
 
 def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least():
-    """No other points tell how they are joined; across edges of the bracket, the error would be twice as large."""
-    scan = gppcs.sample("bracket", n_points=20_000)
+    """No other points tell how they are joined: without flips, the error would be 1.46 times that of the scan's mesh."""
+    scan = gppcs.sample("medallion", n_points=20_000)
     kept = gppcs.simplify(scan, n_points=2000)
     alone, joined = gppcs.mesh(kept.cloud, n_points=2000, moved=False), gppcs.mesh(scan, keep=kept.indices)
     errors = [distances_to(result.mesh, scan.points).mean() for result in (alone, joined)]
-    assert errors[0] < 1.6 * errors[1]
+    assert errors[0] < 1.4 * errors[1]
