@@ -404,10 +404,14 @@ def test_bad_parameters_are_errors(ball, arguments, message):
         gppcs.mesh(ball, **arguments)
 
 
-def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least():
-    """No other points tell how they are joined: without flips, the error is 1.46 times that of the scan's mesh."""
-    scan = gppcs.sample("medallion", n_points=20_000)
+@pytest.mark.parametrize(("name", "most"), [("medallion", 1.4), ("bracket", 1.6)])
+def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least(name, most):
+    """No other points tell how they are joined: without flips, the error is 1.46 times that of the scan's mesh.
+
+    Of the bracket, some points are on no triangle. Flips followed these only, and the error was 2.36 times as large.
+    """
+    scan = gppcs.sample(name, n_points=20_000)
     kept = gppcs.simplify(scan, n_points=2000)
     alone, joined = gppcs.mesh(kept.cloud, n_points=2000, moved=False), gppcs.mesh(scan, keep=kept.indices)
     errors = [distances_to(result.mesh, scan.points).mean() for result in (alone, joined)]
-    assert errors[0] < 1.4 * errors[1]
+    assert errors[0] < most * errors[1]
