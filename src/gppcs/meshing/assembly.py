@@ -11,7 +11,7 @@ from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import MAX_VALENCE, EdgeTable, HalfEdges, add_edge, find_edge, pieces_of, without_bow_ties
 from gppcs.meshing.handles import without_small_handles
 
-LARGEST_GAP = 150  # corners of a gap that is filled at the end, such as a slit along the rim of two sheets
+LARGEST_GAP = 300  # corners of a gap that is filled at the end, such as a slit along the rim of two sheets
 
 
 def assembled(

@@ -16,15 +16,14 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
-from gppcs.surface.noise import THICK, NoiseLayer, layer_of, layer_of_sheets, projections
-from gppcs.surface.normals import EDGES, normals_of, with_signs
+from gppcs.surface.noise import THICK, layer_of, projections, two_sheets
+from gppcs.surface.normals import ACROSS, EDGES, normals_of, with_signs
 
 JOINED = 8  # points of the first mesh for each vertex of the result
 JOINED_OF_SHEETS = 24  # where sheets are near each other
 JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
-WIDE = 40  # points of the fits that tell noise from two sheets
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class DensePoints:
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
-        sheets = None if thick or len(indices) <= 2 * WIDE else layer_of_sheets(tree, WIDE)
+        sheets = None if thick or len(indices) <= 2 * ACROSS else two_sheets(tree, ACROSS)
         mixed = near_sheets and sheets is not None
         if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
@@ -73,9 +72,8 @@ class DensePoints:
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
         spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
-        on_surface = raw
-        normals = normals_of(tree.in_own_order(), near, noise > 0.0, mixed, None if noise else spread)
-        own_sheets = mixed and not joined_sheets
+        on_surface, own_sheets = raw, mixed and not joined_sheets
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0, own_sheets, None if noise else spread)
         if noise:
             for _ in range(2):
                 feet, _ = projections(tree, KdTree.over(on_surface.T), fitted, own_sheets)
@@ -153,16 +151,16 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
-def _noise(tree: KdTree, sheets: NoiseLayer | None) -> tuple[float, int, float]:
+def _noise(tree: KdTree, sheets: tuple[float, float] | None) -> tuple[float, int, float]:
     """Return the noise, 0 if it is small or grows as detail does, the points of fits, and how far sheets are apart."""
-    if len(tree.order) <= 2 * WIDE:
-        return 0.0, WIDE, 0.0
-    wider, spacing = layer_of(tree, WIDE), float(np.median(nearest_distances(tree, RANK)))
-    apart = 2.0 * sheets.median if sheets else 0.0
-    if sheets and apart > spacing:
-        return (sheets.sigma if sheets.sigma > 0.25 * spacing else 0.0), WIDE, 0.0
-    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer_of(tree, WIDE // 2).ratio else 0.0
-    return noise, WIDE, apart if apart > 0.25 * spacing else 0.0
+    if len(tree.order) <= 2 * ACROSS:
+        return 0.0, ACROSS, 0.0
+    wider, spacing = layer_of(tree, ACROSS), float(np.median(nearest_distances(tree, RANK)))
+    own, apart = sheets or (0.0, 0.0)
+    if apart > spacing:
+        return (own if own > 0.25 * spacing else 0.0), ACROSS, 0.0
+    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer_of(tree, ACROSS // 2).ratio else 0.0
+    return noise, ACROSS, apart if apart > 0.25 * spacing else 0.0
 
 
 def _thick_noise(tree: KdTree) -> tuple[float, int, float]:

@@ -198,9 +198,14 @@ def _nearest(vertices, v, corners):
 
 
 def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdges, int]:
-    """Drop triangles until none cuts another, as handles may, and fill the holes; return also how many stay open."""
+    """Drop triangles until none cuts another, large ones first, and fill the holes; return also how many stay open."""
     boundary, tree = mesh.boundary_edges(), TriangleTree.from_mesh(mesh, vertices)
-    left = _without(mesh, vertices, tree, cutting(mesh, vertices, tree))
+    cut = cutting(mesh, vertices, tree)
+    a, b, c = (vertices[corner] for corner in mesh.corners()[cut].T)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    dropped = mesh.origin[::3] < 0
+    _drop(mesh, vertices, tree, cut[np.argsort(-areas, kind="stable")], dropped)
+    left = without_bow_ties(mesh.changed(~dropped))
     old = mesh.origin[boundary] * len(vertices) + mesh.targets()[boundary]
     loops = [loop for loop in boundary_loops(left) if not np.isin(np.roll(loop, -1) * len(vertices) + loop, old).any()]
     filled, numbers = with_fillings(left, vertices, *fillings(left, vertices, normals, loops, careful=True))
@@ -208,19 +213,9 @@ def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdg
 
 
 def without_cuts(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags) -> HalfEdges:
-    """Mend triangles that cut others once, then drop those that still do: a first mesh has others beside them."""
-    tree = TriangleTree.from_mesh(mesh, vertices)
-    _, cut = mend(mesh, vertices, normals, fixed, tree, rounds=1)
-    return _without(mesh, vertices, tree, cut) if len(cut) else mesh.changed()
-
-
-def _without(mesh: HalfEdges, vertices: Floats, tree: TriangleTree, cut: Ints) -> HalfEdges:
-    """Drop triangles that cut others until none does, large ones first."""
-    a, b, c = (vertices[corner] for corner in mesh.corners()[cut].T)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    dropped = mesh.origin[::3] < 0
-    _drop(mesh, vertices, tree, cut[np.argsort(-areas, kind="stable")], dropped)
-    return without_bow_ties(mesh.changed(~dropped))
+    """Mend triangles that cut others once, then cut out those that still do."""
+    mend(mesh, vertices, normals, fixed, TriangleTree.from_mesh(mesh, vertices), rounds=1)
+    return cut_out(mesh, vertices, normals)[0]
 
 
 @kernel

@@ -48,13 +48,12 @@ class NoiseLayer(NamedTuple):
 
     sigma: float  # Standard deviation of the noise: 90th percentile of the distance to the quadric, divided by 1.645
     radius: float  # Median radius of the neighbourhoods
-    median: float  # Median distance to the quadric, or of two sheets to the one between them
 
     @classmethod
     def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
         """Return the layer between points and their feet on quadrics, (3, m) both."""
         distances = np.sqrt(((feet - points) ** 2).sum(axis=0))
-        return cls(quantile(distances, 0.9) / 1.645, quantile(fitted.radii, 0.5), quantile(distances, 0.5))
+        return cls(quantile(distances, 0.9) / 1.645, quantile(fitted.radii, 0.5))
 
     @property
     def ratio(self) -> float:
@@ -77,8 +76,8 @@ def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     return NoiseLayer.between(sampled.points, feet, fitted)
 
 
-def layer_of_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> NoiseLayer | None:
-    """Measure the noise of each of two sheets, where fits see both; None if hardly any does.
+def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> tuple[float, float] | None:
+    """Measure the noise of each of two sheets and their distance, where fits see both; None if hardly any does.
 
     Other fits may see a part of the second sheet, so they do not count, and nor do the farthest of these.
     """
@@ -88,7 +87,7 @@ def layer_of_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> NoiseLaye
         return None
     both = fit_quadrics(tree, sampled, neighbours)
     off, between = (quantile(np.abs(fitted.heights[own.two_sheets]), 0.5) for fitted in (own, both))
-    return NoiseLayer(off / MEDIAN, quantile(own.radii, 0.5), between)
+    return off / MEDIAN, 2.0 * between
 
 
 def _sampled(tree: KdTree) -> KdTree:
@@ -117,10 +116,10 @@ def projected(points: Floats, fitted: Quadrics) -> Floats:
     return points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals
 
 
-def feet_of(tree: KdTree, points: Floats, neighbours: int, sheets: bool = False) -> Floats:
+def feet_of(tree: KdTree, points: Floats, neighbours: int) -> Floats:
     """Return the projections, (m, 3), of points, (m, 3), onto quadrics fitted to the nearest points of a tree."""
     of_points, feet = KdTree.build(points), np.empty_like(points)
-    feet[of_points.order] = projections(tree, of_points, neighbours, sheets)[0].T
+    feet[of_points.order] = projections(tree, of_points, neighbours)[0].T
     return feet
 
 
@@ -132,11 +131,10 @@ class Noise:
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
     sigma: float  # Standard deviation, as in `NoiseLayer`, in the unit of the tree; 0 where it is not measured
-    # Whether no noise matters: there is little, it is detail, or there are too few points to measure it.
+    # Whether no noise matters: there is little, it is detail or two sheets, or there are too few points to measure it.
     is_negligible: bool
-    is_below_threshold: bool  # Whether sigma is so small that sharpness can be measured
+    is_below_threshold: bool  # Whether sigma is so small, and sheets so far apart, that sharpness can be measured
     spacing: float  # Target spacing, in the same unit
-    sheets: bool = False  # Whether the noise is that of each of two sheets
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
@@ -147,13 +145,12 @@ class Noise:
         layers = cache(partial(layer_of, tree))
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
         sigma, thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
-        sheets = layer_of_sheets(tree) if sigma > CLEAN * spacing else None
-        if sheets:
-            neighbours, sigma, thick = 2 * NEIGHBOURS, sheets.sigma, False
         is_below_threshold = sigma <= CLEAN * spacing
+        if not is_below_threshold and (sheets := two_sheets(tree)):
+            return cls(None, neighbours, False, sheets[0], True, False, spacing)
         is_negligible = is_below_threshold or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
         noisy = None if is_negligible else tree
-        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing, bool(sheets))
+        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
 
     @property
     def in_spacings(self) -> float:
@@ -168,11 +165,7 @@ class Noise:
         """
         if self.tree is None:
             return None, np.zeros(len(points))
-        feet = (
-            feet_of(self.tree, points, self.neighbours, self.sheets)
-            if fitted is None
-            else projected(points.T, fitted).T
-        )
+        feet = feet_of(self.tree, points, self.neighbours) if fitted is None else projected(points.T, fitted).T
         squared = ((feet - points) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)  # Eq. (7)
         return feet if self.thick else None, variances
@@ -180,4 +173,4 @@ class Noise:
     def fitted(self, points: KdTree) -> Quadrics:
         """Return the quadrics across the noise around points, in tree order and float32; only where noise matters."""
         assert self.tree is not None
-        return fit_quadrics(self.tree, points, self.neighbours, SHARED, self.sheets).astype(np.float32)
+        return fit_quadrics(self.tree, points, self.neighbours, SHARED).astype(np.float32)

@@ -17,7 +17,7 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.scaling import Frame, normalised
-from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of, layer_of_sheets
+from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of, two_sheets
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -104,9 +104,11 @@ def normals_of(
     If there is none, a function is called before the signs are found, which takes one thread.
     """
     near = np.ascontiguousarray(near[:, :EDGES])
+    if sheets:
+        return _oriented(tree, None, near, NARROW, when_fitted)
     neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
-        return _oriented(tree, None, near, NARROW if sheets else SHARP, when_fitted)
+        return _oriented(tree, None, near, SHARP, when_fitted)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
         return with_signs_of(normals, _oriented(tree, None, near))
@@ -129,7 +131,7 @@ def _points_of_fits(tree: KdTree) -> int:
 def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     """Return the points of fits across the noise; quadrics of still more points cut off detail and take long."""
     neighbours, layer = across(partial(layer_of, tree), 4 * NEIGHBOURS)
-    return (SHARP if neighbours > NEIGHBOURS and layer_of_sheets(tree) else neighbours), layer
+    return (SHARP if neighbours > NEIGHBOURS and two_sheets(tree) else neighbours), layer
 
 
 def with_signs_of(normals: Floats, signed: Floats) -> Floats:
