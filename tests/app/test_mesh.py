@@ -54,6 +54,13 @@ def test_options_are_arguments_of_the_function(record, ball, options, arguments)
     assert gppcs.read("small.ply").points == pytest.approx(expected.mesh.vertices, rel=1e-6)
 
 
+@pytest.mark.parametrize(("n_points", "is_noted"), [(6, True), (300, False)])
+def test_a_mesh_that_lacks_a_part_of_the_area_is_never_silent(gppcs_command, ball, n_points, is_noted):
+    _, _, err = gppcs_command("mesh", "ball.ply", "-o", "small.ply", "--points", n_points, "-q")
+    assert ("of the area of the cloud" in err) == is_noted
+    assert (gppcs.mesh(ball, n_points=n_points).diagnostics.area_ratio < 0.9) == is_noted
+
+
 def test_vertices_leave_noisy_points_unless_they_must_not_and_a_note_tells(gppcs_command):
     cloud = gppcs.sample("sphere", n_points=10_000, noise=0.0075)
     gppcs.write("noisy.ply", cloud)

@@ -16,13 +16,15 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
-from gppcs.surface.noise import THICK, layer_of, projections, two_sheets
-from gppcs.surface.normals import ACROSS, EDGES, normals_of, with_signs
+from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections, two_sheets
+from gppcs.surface.normals import ACROSS, EDGES, NARROW, SHARP, normals_of, with_signs
+from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
 JOINED = 8  # points of the first mesh for each vertex of the result
 JOINED_OF_SHEETS = 24  # where sheets are near each other
 JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
+MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 
 
@@ -61,12 +63,11 @@ class DensePoints:
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
-        sheets = None if thick or len(indices) <= 2 * ACROSS else two_sheets(tree, ACROSS)
-        mixed = near_sheets and sheets is not None
+        mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
         if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
             return finer and replace(finer, near_sheets=True)
-        noise, fitted, joined_sheets = _thick_noise(tree) if thick else _noise(tree, sheets)
+        noise, fitted, joined_sheets = _thick_noise(tree) if thick else _noise(tree)
         if thick and not noise:
             return None
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
@@ -144,6 +145,17 @@ def _spread(indices: Ints, positions: Floats, chosen: Ints, count: int) -> Ints:
     return np.union1d(even, forced)
 
 
+def _mixes_sheets(tree: KdTree) -> bool:
+    """Return whether fits of the normals of a tree's points mix near sheets, so that narrow ones differ from wide ones.
+
+    They differ less from the narrowest, as fits of noise do.
+    """
+    sampled = tree.thinned(-(-len(tree.order) // SAMPLES))
+    wide, narrow, narrowest = (fit_quadrics(tree, sampled, k).normals for k in (SHARP, NARROW, COEFFICIENTS))
+    differ, noise = (np.mean(np.abs((a * narrow).sum(axis=0)) < 0.5) for a in (wide, narrowest))
+    return bool(differ > max(MIXED, noise))
+
+
 def _covered(near: Ints, squared: Floats) -> Floats:
     """Return the distance of the last of k neighbours, at most twice its median there, as strays cover little."""
     radii = np.sqrt(squared[:, -1])
@@ -151,12 +163,12 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
-def _noise(tree: KdTree, sheets: tuple[float, float] | None) -> tuple[float, int, float]:
+def _noise(tree: KdTree) -> tuple[float, int, float]:
     """Return the noise, 0 if it is small or grows as detail does, the points of fits, and how far sheets are apart."""
     if len(tree.order) <= 2 * ACROSS:
         return 0.0, ACROSS, 0.0
     wider, spacing = layer_of(tree, ACROSS), float(np.median(nearest_distances(tree, RANK)))
-    own, apart = sheets or (0.0, 0.0)
+    own, apart = two_sheets(tree, ACROSS) or (0.0, 0.0)
     if apart > spacing:
         return (own if own > 0.25 * spacing else 0.0), ACROSS, 0.0
     noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer_of(tree, ACROSS // 2).ratio else 0.0

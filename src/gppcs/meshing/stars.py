@@ -226,8 +226,12 @@ def _is_allowed(fitted, star, p):
         if star.squared[m] > farthest:
             return False
         largest = max(largest, 1.0 - star.weights[m, 0] - star.weights[m, 1])
-    if largest < 0.4 or not is_near_points(fitted, star, p):  # no point with such a weight: nothing holds the vertex
+    if largest < 0.4:  # no point with such a weight: nothing holds the vertex
         return False
+    if fitted.limit < np.inf:
+        nearest_in_tree(fitted.bounded, fitted.lower, fitted.upper, p[0], p[1], p[2], star.nearest, star.gap)
+        if star.gap[0] > max(fitted.limit, fitted.squared_radii[star.nearest[0]]):
+            return False
     for k in range(count):
         a, b, edge = row(star.ends[k], 0), row(star.ends[k], 1), star.edges[k]
         if not has_area(p, a, b):
@@ -242,15 +246,6 @@ def _is_allowed(fitted, star, p):
             if dot(normal, beside) < min_cosine:
                 return False
     return True
-
-
-@kernel
-def is_near_points(fitted, star, p):
-    """Return whether the nearest point is near enough to a vertex at p, if distances have a limit."""
-    if fitted.limit == np.inf:
-        return True
-    nearest_in_tree(fitted.bounded, fitted.lower, fitted.upper, p[0], p[1], p[2], star.nearest, star.gap)
-    return star.gap[0] <= max(fitted.limit, fitted.squared_radii[star.nearest[0]])
 
 
 @kernel(allocates=False)
