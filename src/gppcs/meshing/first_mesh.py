@@ -8,10 +8,11 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import NoSurfaceError
 from gppcs.meshing.assembly import assembled, without_scraps
+from gppcs.meshing.cuts import TriangleTree
 from gppcs.meshing.dense import DensePoints
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.fans import fans_of, turned_patches
-from gppcs.meshing.mending import without_cuts
+from gppcs.meshing.mending import cut_out, mend
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.fans import ON_CIRCLE
@@ -25,19 +26,17 @@ def first_mesh(points: Floats, n_vertices: int, fixed: Ints, moved: bool | None,
 
     Unless it is said whether vertices may leave the points, they do if these are noisy.
     """
-    best, best_agreed, near_sheets = None, 0.0, False
+    best, best_agreed, mixed = None, 0.0, True
     errors: list[NoSurfaceError] = []
-    for attempt in ("near sheets", "no near sheets", "thick noise"):
-        if attempt == "no near sheets" and not near_sheets:  # as in the first attempt
+    for near_sheets, thick in ((True, False), (False, False), (False, True)):
+        if not (mixed or thick):  # as in the first attempt
             continue
         try:
             with timer("normals"):
-                dense = DensePoints.from_points(
-                    points, n_vertices, fixed, attempt == "thick noise", attempt == "near sheets"
-                )
+                dense = DensePoints.from_points(points, n_vertices, fixed, thick, near_sheets)
             if dense is None:  # there is no thick noise
                 continue
-            near_sheets = dense.near_sheets
+            mixed = dense.near_sheets
             with timer("first mesh"):
                 draft, agreed = _joined(dense, fixed, moved)
         except NoSurfaceError as error:
@@ -82,7 +81,9 @@ def _joined(dense: DensePoints, fixed: Ints, moved: bool | None) -> tuple[Draft,
     mesh = assembled(triangles, votes, radii, positions, normals, cover_radii, dense.cover, dense.uneven)
     min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface
     mesh = without_scraps(mesh, min_piece)
-    mesh = without_cuts(mesh, positions if moved else dense.raw[joined], normals, is_fixed)
+    vertices = positions if moved else dense.raw[joined]
+    mend(mesh, vertices, normals, is_fixed, TriangleTree.from_mesh(mesh, vertices), rounds=1)
+    mesh, _ = cut_out(mesh, vertices, normals)
     mesh = without_scraps(mesh, min_piece)  # cuts leave some, too
     n_faces, n_joined = len(mesh.faces()), int(np.count_nonzero(mesh.leaving >= 0))
     if not n_faces or (n_faces < MIN_PIECE and 2 * n_joined < n):

@@ -212,12 +212,6 @@ def cut_out(mesh: HalfEdges, vertices: Floats, normals: Floats) -> tuple[HalfEdg
     return filled, len(loops) - len(numbers)
 
 
-def without_cuts(mesh: HalfEdges, vertices: Floats, normals: Floats, fixed: Flags) -> HalfEdges:
-    """Mend triangles that cut others once, then cut out those that still do."""
-    mend(mesh, vertices, normals, fixed, TriangleTree.from_mesh(mesh, vertices), rounds=1)
-    return cut_out(mesh, vertices, normals)[0]
-
-
 @kernel
 def _drop(mesh, vertices, tree, faces, dropped):
     """Mark in `dropped`, (F,), those of some triangles that cut one that is not marked."""

@@ -177,7 +177,10 @@ class _Request:
 def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) -> tuple[Draft, MeshDiagnostics]:
     """Return a mesh of so many vertices or triangles, and those that fill holes: a first mesh, step by step."""
     timer = request.timer
-    draft = _begun(request, first, count, counts_faces)
+    mesh = first.mesh if len(request.fixed) else largest_pieces(first.mesh, count, counts_faces)
+    draft = first.copy()
+    if mesh is not first.mesh:
+        draft = Draft.from_mesh(mesh, first.dense, first.dense_index, first.fixed, first.moved)
     fraction = excluded(draft)
     target = draft.n_fixed if len(request.fixed) else count
     assigned = _thinned(request, draft, target, counts_faces)
@@ -199,14 +202,6 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     if len(request.fixed):
         of_fixed = {"missing": len(request.fixed) - draft.n_fixed, "added": draft.n_vertices - draft.n_fixed}
     return _finished(request, draft, fraction, mean_distance, open_holes=open_holes, **of_fixed)
-
-
-def _begun(request: _Request, first: Draft, count: int, counts_faces: bool) -> Draft:
-    """Return a draft of the pieces of a first mesh that are large enough."""
-    mesh = first.mesh if len(request.fixed) else largest_pieces(first.mesh, count, counts_faces)
-    if mesh is first.mesh:
-        return first.copy()
-    return Draft.from_mesh(mesh, first.dense, first.dense_index, first.fixed, first.moved)
 
 
 def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -> Assignment:

@@ -17,7 +17,7 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.scaling import Frame, normalised
-from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of, two_sheets
+from gppcs.surface.noise import NEIGHBOURS, SHEETS, NoiseLayer, across, feet_of, layer_of, two_sheets
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
@@ -180,7 +180,8 @@ def _oriented(
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     elif close == NARROW:
         across = fit_quadrics(tree, tree, ACROSS, sheets=True)
-        normals = np.where(across.two_sheets, across.normals, normals)
+        if across.two_sheets.mean() > SHEETS:
+            normals = np.where(across.two_sheets, across.normals, normals)
     normals = np.ascontiguousarray(normals.T)
     if near is None:
         near, _ = nearest_others(tree, min(EDGES, len(points) - 1))
