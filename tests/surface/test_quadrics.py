@@ -14,7 +14,7 @@ def fitted(points, place, k=None):
     """Height in the points' unit along the normal, and the normal."""
     points, place = np.asarray(points, dtype=np.float64), np.asarray(place, dtype=np.float64)
     k = k or len(points)
-    (height,), ((x,), (y,), (z,)), (reach,) = fit_quadrics(KdTree.build(points), KdTree.build(place[None]), k)
+    (height,), ((x,), (y,), (z,)), (reach,), _ = fit_quadrics(KdTree.build(points), KdTree.build(place[None]), k)
     assert (
         reach == pytest.approx(np.sort(np.linalg.norm(points - place, axis=1))[k - 1], rel=1e-14, abs=1e-300)
         or reach == 1
@@ -126,3 +126,18 @@ def test_queries_near_a_fit_take_its_quadric():
     assert len(np.unique(shared.radii)) < 1_200
     np.testing.assert_allclose(np.abs(shared.heights), np.abs(single.heights), atol=1e-4)
     assert np.abs((shared.normals * single.normals).sum(axis=0)).min() > np.cos(np.radians(1))
+
+
+def test_a_fit_that_sees_two_sheets_is_that_of_the_own_one():
+    """Two bent sheets, 2.5 spacings apart: a quadric of both lies between them."""
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-1.0, 1.0, (2, 4_000))
+    upper = rng.random(4_000) < 0.5
+    points = np.column_stack([x, y, 0.2 * x * x - 0.3 * x * y + 0.08 * upper])
+    tree = KdTree.build(points)
+    own, both = (fit_quadrics(tree, tree, 60, sheets=sheets) for sheets in (True, False))
+    inner = (np.abs(tree.points[:2]) < 0.8).all(axis=0)
+    two = own.two_sheets & inner
+    assert two.sum() > 0.7 * inner.sum()
+    assert np.quantile(np.abs(own.heights[two]), 0.99) < 0.004
+    assert np.median(np.abs(both.heights[two])) == pytest.approx(0.04, rel=0.1)
