@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gppcs.amounts.choice import choose_by_options
 from gppcs.amounts.constraints import Constraints, WeightRange, check_constraints, check_finite
-from gppcs.amounts.options import Options, described_options, require
+from gppcs.amounts.options import Options, require
 from gppcs.amounts.order import check_order, in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud, with_normals
 from gppcs.clouds.objects import single_or_double
@@ -168,7 +168,69 @@ def simplify(
     cloud : PointCloud, (N, 3) array-like, path, list of paths or object that `PointCloud.from_object` takes
         The original points, which are not changed. Several files are one cloud: its points are those of the first, then
         those of the second and so on. A virtual point cloud (.vpc) stands for the files that it lists.
-    OPTIONS
+    ratio : float or str, optional
+        Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%.
+    n_points : int or str, optional
+        Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are fewer, all are kept.
+    tolerance : float or str, optional
+        Keep the fewest points such that no original point is farther than this from the surface through them, outliers
+        aside: 0.5, 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind it, it bounds that error; with
+        :max, outliers count.
+    spacing : float or str, optional
+        Keep as many points as have this spacing: 0.05, 5cm or 1% (methods gp, fps, sample-elimination and voxel, whose
+        descriptions say what it means).
+    max_gap : float or str, optional
+        Add points until each original point has a kept one within this distance. Alone, or beside another amount.
+    unit : str, optional
+        Unit of the coordinates, such as m or mm, if the file does not tell it.
+    keep : str or array-like, optional
+        Keep all points that meet a condition, such as 'classification == 6 and z > 2'; in Python also a mask or
+        indices. They count, and come first (methods gp, fps and random).
+    weight : str or array-like, optional
+        Multiply the density of the kept points by this attribute or formula, such as 1/(x*x + y*y), from 0 on; in
+        Python also by an array. No point of weight 0 is kept, but those to keep (method gp).
+    detail : str or mapping of str to float, optional
+        Let an attribute count beside the shape: rgb, a number such as intensity, or classes. Its weight, from 0 to
+        1000, is 1 by default; in Python, a mapping has several (method gp).
+    quota : mapping of str to float or str, optional
+        Keep exactly this number of points that meet a condition, or this fraction of the kept ones: 'classification ==
+        6: 10%', in Python {'classification == 6': '10%'} (methods that rank their points).
+    method : str or Method
+        The method: its name, or in Python an instance with other parameters.
+    seed : int, optional
+        Seed of random numbers. Methods without random numbers ignore it.
+    invalid : {"error", "drop"}
+        What to do with NaN or infinite coordinates: stop with an error, or drop these points.
+    drop_outliers : bool
+        First drop the points that neither their neighbours nor the surface explain. They do not count in ratios.
+    normals : bool
+        Add normals, estimated from all points of the input. On closed pieces they point outward, on flat ones along +z.
+    scores : bool
+        Add the score and the standard deviation of each point when it was chosen (method gp).
+    denoise : bool
+        Move the kept points onto the surface that all points observe with noise (method gp).
+    order : {"importance", "input", "gps_time"}
+        Order of the result: importance, whose first points are a good smaller result, input, or gps_time.
+    format : str, optional
+        Format of the files, by its suffix. By default, the content tells.
+    columns : sequence of str, optional
+        Names of the columns of a text table, with x, y and z.
+    inside : sequence or path, optional
+        Read only the points in a box, xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax, or inside the polygons of a
+        GeoJSON file, in the coordinate system of the input.
+    resolution : float, optional
+        Read a COPC file only down to the level on which neighbours are about that far from each other.
+    only : str, optional
+        Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z > 2.5'.
+    assume_same_crs : bool
+        Give all files the coordinate system of the first one.
+    memory : int or str, optional
+        How much memory to use, such as 2GB; half of what is free by default. Larger clouds go tile by tile.
+    workers : str or Executor, optional
+        Share the work among the workers of a Dask scheduler, such as tcp://10.0.0.5:8786; in Python also of an executor
+        of concurrent.futures.
+    scratch : path, optional
+        An existing folder for temporary files, by default the system's.
     timer : Timer, optional
         Measures the time of each stage, and reports progress.
 
@@ -225,10 +287,6 @@ def simplify(
 
     with options.open(cast(Sequence[str], paths)) as files:
         return simplify_files(files, options, make_plan(files, options), timer)
-
-
-if simplify.__doc__:  # which `python -OO` removes
-    simplify.__doc__ = simplify.__doc__.replace("    OPTIONS\n", described_options())
 
 
 def simplify_tiles(

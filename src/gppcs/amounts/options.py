@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
@@ -276,16 +275,6 @@ class Options:
         for name in refused if self.denoises else ():
             if getattr(self, name) is not None:
                 raise ParameterError(f"expected `denoise` without `{name}`, found both")
-
-
-def described_options() -> str:
-    """Return the options as a docstring of a function lists them."""
-    texts = []
-    for option in fields(Options):
-        kind = str(option.type).replace(" | None", ", optional").replace(" | ", " or ")
-        texts.append(f"    {option.name} : {kind}\n")
-        texts.append(textwrap.indent(textwrap.fill(option.metadata["help"], 112), " " * 8) + "\n")
-    return "".join(texts)
 
 
 def require(method: Method, feature: Feature) -> None:
