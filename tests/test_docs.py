@@ -16,6 +16,7 @@ from gppcs.app import program
 from gppcs.io import FORMATS
 from gppcs.methods import Feature
 from gppcs.methods.parameters import parameters_of
+from optional import import_or_skip
 
 ROOT = Path(__file__).parents[1]
 FOUND = [*ROOT.glob("docs/*.md"), *ROOT.glob("research/*.md"), ROOT / "README.md"]
@@ -104,7 +105,7 @@ def examples():
 @pytest.mark.parametrize(("code", "printed"), [*examples()])
 def test_code_inside_other_programs_prints_what_is_shown(code, printed, tmp_path, monkeypatch, capsys):
     for package in re.findall(r"^(?:from|import) (\w+)", code, re.MULTILINE):
-        pytest.importorskip(package)
+        import_or_skip(package)
     monkeypatch.chdir(tmp_path)
     exec(compile(code, WORK, "exec"), {"__name__": "page"})
     assert capsys.readouterr().out == printed
