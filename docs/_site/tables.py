@@ -31,7 +31,7 @@ def names_table():
     rows = ["| name | parameters | what it is |", "|---|---|---|"]
     for name in gppcs.__all__:
         thing = getattr(gppcs, name)
-        if callable(thing):
+        if inspect.isfunction(thing) or inspect.isclass(thing):
             parameters = [f"{parameter}" for parameter in _parameters(thing) if not parameter.startswith("_")]
             sentence = re.split(r"(?<=[.])\s", " ".join(inspect.getdoc(thing).split()))[0]
             rows.append(f"| `{name}` | {', '.join(parameters)} | {sentence} |")

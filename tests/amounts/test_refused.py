@@ -42,7 +42,6 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"method": "fpss"}, "did you mean 'fps'"),
     ({"method": "FPS"}, "did you mean 'fps'"),
     ({"invalid": "ignore"}, "`invalid` to be 'error' or 'drop', found 'ignore'"),
-    ({"seed": -1, "method": "random"}, "expected seed to be at least 0, found -1"),
     ({"spacing": 4.0, "method": "hc"}, "expected a method that supports spacing, found 'hc'; use 'gp' or 'fps'"),
     ({"scores": True, "method": "fps"}, "expected a method that supports scores, found 'fps'; use 'gp'"),
     ({"detail": "nx", "method": "fps"}, "expected a method that supports detail, found 'fps'; use 'gp'"),

@@ -40,7 +40,7 @@ SIMPLIFY --tolerance 1% --dry-run | --dry-run
 SIMPLIFY --tolerance 1% --memory 1MB | memory
 SIMPLIFY --levels 5,10% | levels
 SIMPLIFY --levels 5,10 --mark kept | mark
-SIMPLIFY --levels 5,1000 --method fps | level
+SIMPLIFY --levels 5,1000 --method fps | ask for fewer
 POINTS --rato 1 | --rato
 POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours | --set

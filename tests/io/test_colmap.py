@@ -54,7 +54,7 @@ def test_what_colmap_cannot_hold_is_told(tmp_path):
 @pytest.mark.parametrize(("name", "content"), [("points3D.txt", TEXT.encode()), ("points3D.bin", binary())])
 def test_the_length_of_tracks_is_an_attribute_and_the_tracks_are_left_out_with_a_word(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    cloud = gppcs.read(tmp_path / name, only="track_length >= 2")
+    cloud = gppcs.open(tmp_path / name, only="track_length >= 2").read()
     assert cloud.attributes["track_length"].tolist() == [2]
     assert losses(f"other.{name}", cloud) == ["the tracks of the points, so that COLMAP's images no longer fit"]
     gppcs.write(tmp_path / f"other.{name}", cloud)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Literal
 
@@ -19,7 +19,8 @@ from gppcs.evaluation.reconstruction import estimated_normals, reconstruct, with
 from gppcs.evaluation.report import Report
 from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
-from gppcs.simplification import Result, simplify
+from gppcs.result import Result
+from gppcs.simplification import simplify
 from gppcs.spatial.scaling import normalised
 
 PREPARATION_POINTS = 30_000  # points of the run that compiles kernels: enough for several parts that choose at once
@@ -27,12 +28,22 @@ PREPARATION_POINTS = 30_000  # points of the run that compiles kernels: enough f
 
 @dataclass(frozen=True)
 class Entry:
-    """The result of one method in a comparison."""
+    """The result of one method in a comparison.
+
+    Attributes
+    ----------
+    result : Result
+    report : Report
+    seconds : float
+        Wall time of the simplification, without the compilation of kernels.
+    failure : str or None
+        Why no surface could be rebuilt.
+    """
 
     result: Result
     report: Report
-    seconds: float  # wall time of the simplification, without the compilation of kernels
-    failure: str | None = None  # why no surface could be rebuilt
+    seconds: float
+    failure: str | None = None
 
     @property
     def method(self) -> Method:
@@ -125,7 +136,9 @@ def checked_methods(
     """Return methods with all their parameters, after checking that these are in their ranges."""
     if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
-    chosen = [Options(ratio=ratio, n_points=n_points, method=method, seed=seed).algorithm for method in methods]
+    chosen = [Options(ratio=ratio, n_points=n_points, method=method).algorithm for method in methods]
+    if seed is not None:
+        chosen = [replace(method, seed=seed) if hasattr(method, "seed") else method for method in chosen]
     if not chosen:
         raise ParameterError("expected at least one method to compare, found none")
     return chosen
