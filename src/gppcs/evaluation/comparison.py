@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
-from gppcs.amounts.options import Options
+from gppcs.amounts.options import Options, method_of
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import weights_of_detail
@@ -19,6 +19,7 @@ from gppcs.evaluation.reconstruction import estimated_normals, reconstruct, with
 from gppcs.evaluation.report import Report
 from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
+from gppcs.methods.parameters import parameters_of
 from gppcs.result import Result
 from gppcs.simplification import simplify
 from gppcs.spatial.scaling import normalised
@@ -138,7 +139,7 @@ def checked_methods(
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
     chosen = [Options(ratio=ratio, n_points=n_points, method=method).algorithm for method in methods]
     if seed is not None:
-        chosen = [replace(method, seed=seed) if hasattr(method, "seed") else method for method in chosen]
+        chosen = [method_of(m, {"seed": seed}) if "seed" in parameters_of(m) else m for m in chosen]
     if not chosen:
         raise ParameterError("expected at least one method to compare, found none")
     return chosen

@@ -18,7 +18,6 @@ OLD_NAMES = ("format", "columns", "inside", "only", "resolution", "assume_same_c
 
 def taking_old_names(function: Function) -> Function:
     """Let a function of files take arguments that went to `gppcs.open`, with a warning, until release 0.3."""
-
     first = next(iter(function.__annotations__))
 
     @wraps(function)
