@@ -121,7 +121,7 @@ paper: $(VENV)/.installed  ## Fetch or make the clouds of the paper's experiment
 	$(BIN)/python benchmarks/data.py --fetch
 	$(BIN)/python benchmarks/run_all.py --paper
 
-docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
+docs: $(VENV)/.demo  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'
 	$(BIN)/python docs/_site/tables.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -1,7 +1,7 @@
 """Why not thin by voxels: the sample scan `medallion`, thinned to the same number of points by `voxel` and by `gp`.
 
 Run as `python benchmarks/why_not_voxels.py`; needs the extras `evaluate` and `picture`, no data. It writes the table
-results/why_not_voxels.md and the picture docs/why-not-voxels.png, which the README shows.
+results/why_not_voxels.md and the picture docs/why-not-voxels.png, which docs/results.md shows.
 """
 
 from __future__ import annotations
