@@ -109,7 +109,7 @@ NO_BOXES = (
 )
 def test_what_is_no_box_or_no_resolution_is_refused(query, message):
     with pytest.raises(ParameterError, match=message):
-        gppcs.read("a.laz", **query)
+        gppcs.open("a.laz", **query)
 
 
 def damaged(path, place, values):
@@ -188,4 +188,4 @@ def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
     damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
     for query in ({"inside": [0, 0, 9e5, 9e5]}, {}):
         with pytest.raises(FileFormatError, match=r"copc\.laz: expected whole compressed points, found damaged ones"):
-            gppcs.read(path, **query)
+            gppcs.open(path, **query).read()
