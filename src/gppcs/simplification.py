@@ -271,7 +271,7 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         scratch_folder(options.scratch, plan.disk) as folder,
         engine(options.workers, plan.threads) as run_on,
     ):
-        survey = Survey.read(files.parts(plan.part), options, folder, run_on, timer)
+        survey = Survey.read(files, plan, options, folder, run_on, timer)
         choice, more, diagnostics = choose(survey)
         kept = all_kept(survey, choice, more)
         with timer("kept points"):
@@ -312,7 +312,7 @@ def simplify_each(
         from gppcs.streaming.graph import engine
 
         with engine(options.workers, plan.threads) as run_on:
-            survey = Survey.read(files.parts(plan.part), options, work, run_on, timer)
+            survey = Survey.read(files, plan, options, work, run_on, timer)
             choice, more, diagnostics = choose(survey)
             of_files = zip(files.paths, targets, strict=True)
             tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
