@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import shlex
-import tomllib
 import webbrowser
 from functools import cache
 from pathlib import Path
@@ -225,22 +224,6 @@ def test_the_picture_of_the_readme_is_drawn_by_its_commands(tmp_path, monkeypatc
     letters = slice(0, 110)  # rows with the names and the numbers
     assert drawn.shape == shown.shape
     assert (abs(drawn - shown)[letters] > 0.5).sum() < 20  # a digit changes more pixels than that
-
-
-def test_changelog_and_citation_agree_on_the_release():
-    """Until the first release neither has a date."""
-    citation = dict(re.findall(r"^(version|date-released): (.+)$", text("CITATION.cff"), re.MULTILINE))
-    releases = re.findall(r"^## \[(\d[\d.]*)\] - (\d{4}-\d\d-\d\d)$", text("CHANGELOG.md"), re.MULTILINE)
-    assert citation.get("version") == (releases[0][0] if releases else gppcs.__version__)
-    assert citation.get("date-released") == (releases[0][1] if releases else None)
-
-
-def test_the_source_distribution_has_all_that_pages_link_to():
-    included = tomllib.loads(text("pyproject.toml"))["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
-    for page in PAGES:
-        for target in re.findall(r"\]\((?!https?:)([^)#]+)", text(page)):
-            path = (ROOT / page).parent.joinpath(target).resolve().relative_to(ROOT)
-            assert path.parts[0] in included, target
 
 
 def test_the_page_on_the_api_has_each_public_name():
