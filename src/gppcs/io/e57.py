@@ -36,16 +36,12 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _COLOURS = ("colorRed", "colorGreen", "colorBlue")
 _ATTRIBUTES = {
-    "colorRed": "red",
-    "colorGreen": "green",
-    "colorBlue": "blue",
+    **dict(zip(_COLOURS, COLOUR, strict=True)),
+    **dict(zip(("nor:normalX", "nor:normalY", "nor:normalZ"), NORMALS, strict=True)),
     "intensity": "intensity",
     "timeStamp": "time",
     "rowIndex": "row",
     "columnIndex": "column",
-    "nor:normalX": "nx",
-    "nor:normalY": "ny",
-    "nor:normalZ": "nz",
 }
 _FINE = 1 / 257  # Scale of colours of 16 bits: other programs read them as numbers from 0 to 255.
 _TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")]

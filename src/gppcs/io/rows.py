@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
@@ -129,6 +130,21 @@ def read_table(
 ) -> list[Column]:
     """Read rows as whole columns."""
     return [np.concatenate(parts) for parts in zip(*read_rows(lines, width, count, what), strict=True)]
+
+
+def read_fields(
+    lines: Iterator[str], fields: Mapping[str, np.dtype[Any]], count: int, what: str = "point"
+) -> Iterator[dict[str, Column]]:
+    """Read rows as the fields of records, of one number or several each, block by block."""
+    sizes, done = [math.prod(dtype.shape) for dtype in fields.values()], 0
+    for block in read_rows(lines, sum(sizes), count, what):
+        values, columns = iter(block), {}
+        for (name, dtype), size in zip(fields.items(), sizes, strict=True):
+            expected = f"{dtype.base.name} as {name} of {what}"
+            parts = [cast(part, dtype.base, expected, done) for part in islice(values, size)]
+            columns[name] = np.stack(parts, axis=1).reshape(-1, *dtype.shape)
+        yield columns
+        done += len(block[0])
 
 
 def text_columns(lines: Iterator[str], width: int, delimiter: str | None) -> set[int]:
