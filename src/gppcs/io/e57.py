@@ -304,9 +304,8 @@ def _stored(cloud: PointCloud) -> PointCloud:
     """Return a cloud as `write_e57` stores it."""
     require_pye57()  # before long work, not at its end
 
-    def holds(name: str, values: Column) -> bool:
-        is_name = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", column_name(name))
-        return 0 not in values.shape[1:] and exact_type(values, _TYPES) is not None and is_name is not None
+    def holds(name: str, values: Column) -> object:
+        return exact_type(values, _TYPES) and re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", column_name(name))
 
     return keeping(with_byte_colours(cloud), holds, E57Header, plain_names=True)
 

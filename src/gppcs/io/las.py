@@ -343,7 +343,7 @@ def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
     types = [np.dtype(kind) for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")]
     dtype, width = exact_type(values, types), math.prod(values.shape[1:])
-    if dtype is None or not width:
+    if dtype is None:
         return {}
     columns = np.ascontiguousarray(values, dtype).reshape(len(values), width)
     if width == 1:

@@ -216,7 +216,7 @@ def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
 def _holds(name: str, values: Column) -> bool:
     """Return whether a PCD file holds an attribute."""
     dtype = exact_type(values, _TYPES)
-    return dtype is not None and 0 not in values.shape[1:] and not _may_be_colour(name, dtype, values.ndim)
+    return dtype is not None and not _may_be_colour(name, dtype, values.ndim)
 
 
 FORMAT = Format(

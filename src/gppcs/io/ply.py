@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, coordinate_names
+from gppcs.clouds.columns import coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io import rows
@@ -221,16 +221,14 @@ def write_ply(
         rows.write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
 
 
-def _holds(name: str, values: Column) -> bool:
-    return exact_type(values, _NAMES) is not None and 0 not in values.shape[1:]
-
-
 FORMAT = Format(
     "PLY",
     (".ply",),
     open_ply,
     write_ply,
     lambda start, size: re.match(rb"ply[ \t]*\r?\n", start) is not None,
-    lambda cloud: keeping(with_byte_colours(cloud), _holds, PlyHeader, plain_names=True),
+    lambda cloud: keeping(
+        with_byte_colours(cloud), lambda name, values: exact_type(values, _NAMES), PlyHeader, plain_names=True
+    ),
     frozenset({"ascii", "faces"}),
 )
