@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from formats import losses
-from gppcs.errors import FileFormatError
+from gppcs import simplify
+from gppcs.errors import FileFormatError, InputError
 from gppcs.io import CloudFiles, read, write
 
 pa = pytest.importorskip("pyarrow")
@@ -56,6 +57,17 @@ def test_a_long_text_that_many_points_share_is_refused(folder, suffix):
     path = stored(folder / f"long{suffix}", pa.table({"x": zeros, "y": zeros, "z": zeros, "label": label}))
     with pytest.raises(FileFormatError, match="'label', found one of 60,000 characters"):
         read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_points_that_are_unpacked_from_nearly_nothing_need_memory(folder, suffix):
+    path, table = folder / f"repeats{suffix}", pa.table({axis: np.zeros(10_000_000) for axis in "xyz"})
+    if suffix == ".parquet":
+        pq.write_table(table, path, compression="zstd")
+    else:
+        feather.write_feather(table, path, compression="zstd")
+    with pytest.raises(InputError, match="420 MB of memory, as the files are unpacked"):
+        simplify(path, n_points=10, memory="400MB")
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

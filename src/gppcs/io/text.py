@@ -31,6 +31,7 @@ MAX_COLUMNS = 4096  # pandas takes a millisecond for each
 _NAMES = "names of columns, each once, with x, y, z"
 # By these, a comment names columns.
 _COLUMNS = {"lon", "lat", "longitude", "latitude", "easting", "northing", "height", "time", "intensity", "red"}
+_COLMAP = "if the rows are points of COLMAP, name the format: `format='points3d.txt'`"
 _PTS_ATTRIBUTES = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
 
@@ -55,7 +56,11 @@ def open_table(
     axes = coordinate_names(names)
     quoted = {i for i, field in enumerate(preview.fields) if field.startswith('"')}
     coordinates = {names.index(axis) for axis in axes}
-    texts = rows.text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
+    may_be_colmap = not (columns or preview.names or preview.comment) and _may_be_colmap(preview.fields)
+    try:
+        texts = rows.text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
+    except FileFormatError as error:
+        raise FileFormatError(f"{error}; {_COLMAP}") if may_be_colmap else error from error
     texts |= set() if quoted & coordinates else quoted
 
     def chunks(n: int) -> Iterator[PointCloud]:
@@ -68,12 +73,19 @@ def open_table(
         if any(map(rows.is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
+    skipped = [f"tracks of images, {_COLMAP}"] if may_be_colmap else []
     are_bytes = all(field.isdecimal() and (rows.as_count(field) or 0) <= 255 for field in preview.fields[3:6])
-    skipped = []
     if names[3:6] == default_names(6)[3:] and are_bytes:
         columns_option = ",".join(["x", "y", "z", *COLOUR, *names[6:]])
         skipped.append(f"columns 4 to 6 as colours, which they may be: `columns='{columns_option}'` names them")
     return Reader(chunks, skipped=skipped)
+
+
+def _may_be_colmap(fields: Sequence[str]) -> bool:
+    """Return whether a row may be a point with a number, colours of 8 bits and a track of pairs of numbers."""
+    colours = [rows.as_count(field) or 0 for field in fields[4:7]]
+    are_whole = all(map(str.isdecimal, (*fields[:1], *fields[4:7], *fields[8:])))
+    return len(fields) >= 10 and len(fields) % 2 == 0 and are_whole and max(colours) <= 255
 
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
