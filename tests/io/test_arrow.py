@@ -70,6 +70,14 @@ def test_points_that_are_unpacked_from_nearly_nothing_need_memory(folder, suffix
         simplify(path, n_points=10, memory="400MB")
 
 
+def test_lists_of_many_numbers_need_memory_before_they_are_unpacked(folder):
+    zeros, count = np.zeros(1000), 20_000
+    lists = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(1000 * count, np.int8)), count)
+    path = stored(folder / "lists.parquet", pa.table({"x": zeros, "y": zeros, "z": zeros, "lists": lists}))
+    with pytest.raises(InputError, match="MB of memory, as the files are unpacked"):
+        simplify(path, n_points=10, memory="300MB")
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
     import pandas

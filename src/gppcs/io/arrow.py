@@ -52,9 +52,9 @@ def open_feather(file: BufferedReader) -> Reader:
 
 
 def _width(kind: Any) -> int:
-    """Return the bytes of a value in a column; 0 if they differ."""
+    """Return the bytes of a value in a column, with those that Parquet takes for each of a list; 0 if they differ."""
     if hasattr(kind, "list_size"):
-        return int(kind.list_size) * _width(kind.value_type)
+        return int(kind.list_size) * (_width(kind.value_type) + 8)
     try:
         return -(-kind.bit_width // 8)
     except ValueError:
