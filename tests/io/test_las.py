@@ -392,7 +392,7 @@ def bits(number):
         ((25, 1), 5, "extended variable-length records in the file"),
         ((94, 2), 226, "at least 227 bytes before the points, found that it gives its own size as 226"),
         ((94, 6), 0, "at least 227 bytes before the points, found that it gives its own size as 0, and 0 as"),
-        ((96, 4), 2**31, r"2147483648 as the place of the points, in [\d,]+ bytes"),
+        ((96, 4), 2**31, "2147483648 as the place of the points"),
         ((104, 1), 11, "laspy reports: PointFormatNotSupported 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),
         ((107, 4), 2**32 - 1, r"file ends in point 301 of 4294967295"),
@@ -414,7 +414,7 @@ def test_a_header_that_is_cut_off_does_not_count_records(tmp_path):
     content = bytearray(path.read_bytes()[:374])
     content[243:247] = (2**24).to_bytes(4, "little")  # each of which would take 0.1 ms
     path.write_bytes(content)
-    with pytest.raises(FileFormatError, match="at least 375 bytes before the points, found .* in 374 bytes"):
+    with pytest.raises(FileFormatError, match=r"at least 375 bytes before the points, found .* in 374 bytes"):
         read(path)
 
 
