@@ -392,7 +392,7 @@ def bits(number):
         ((25, 1), 5, "extended variable-length records in the file"),
         ((94, 2), 226, "at least 227 bytes before the points, found that it gives its own size as 226"),
         ((94, 6), 0, "at least 227 bytes before the points, found that it gives its own size as 0, and 0 as"),
-        ((96, 4), 2**31, "2147483648 as the place of the points"),
+        ((96, 4), 2**31, "the file ends in point 1 of 300"),
         ((104, 1), 11, "laspy reports: PointFormatNotSupported 11"),
         ((105, 2), 10, "laspy reports: Incoherent point size, header says 10"),
         ((107, 4), 2**32 - 1, r"file ends in point 301 of 4294967295"),
