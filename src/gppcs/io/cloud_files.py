@@ -269,9 +269,6 @@ class CloudFiles:
                 file = stack.enter_context(plain_input(path))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))
-                if 8 * os.fstat(file.fileno()).st_size < (reader.n_points or 0):
-                    # Points of less than a bit are repeats, which no tile takes in parts.
-                    reader = replace(reader, memory=max(reader.memory, 24 * (reader.n_points or 0)))
                 _check_free(reader.memory)
                 reader = self.query.restricted(file_format, reader) if self.query else reader
                 self._opened[path] = _Opened(file, file_format, reader, stack.pop_all().close)

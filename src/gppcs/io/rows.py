@@ -71,6 +71,11 @@ def bytes_left(file: BufferedReader) -> int:
     return os.fstat(file.fileno()).st_size - file.tell()
 
 
+def size_of_repeats(count: int, size: int) -> int:
+    """Return the bytes of coordinates that take less than a bit a point in a file: repeats, which no tile divides."""
+    return 24 * count if count > 8 * size else 0
+
+
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
     """Return the error for a file that ends early."""
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
