@@ -7,6 +7,7 @@ import pytest
 
 import gppcs
 from formats import losses
+from gppcs.io import CloudFiles
 
 IDS, PLACES = [63390, 7], [[1.67241, 0.292931, 0.609726], [-0.5, 1e-9, 4.0]]
 COLOURS, ERRORS = [[115, 121, 122], [0, 255, 3]], [1.33927, -1.0]
@@ -36,6 +37,17 @@ def test_points_have_numbers_colours_and_errors(tmp_path, name, content):
     assert cloud.attributes["point3D_id"].tolist() == IDS
     assert np.stack([cloud.attributes[each] for each in ("red", "green", "blue")], axis=1).tolist() == COLOURS
     assert cloud.attributes["error"].tolist() == ERRORS
+
+
+def test_points_under_another_name_are_recognised_or_the_format_is_named(tmp_path):
+    path, rows = tmp_path / "seeds.txt", TEXT.splitlines(keepends=True)[3:]
+    path.write_text("".join(rows))
+    with pytest.raises(gppcs.errors.FileFormatError, match=r"point 2: .*COLMAP.*format='points3d.txt'"):
+        gppcs.read(path)
+    assert gppcs.read(path, format="points3d.txt").points.tolist() == PLACES
+    path.write_text(rows[0])
+    with CloudFiles([path]) as files:
+        assert any("format='points3d.txt'" in text for text in files.skipped())
 
 
 def test_points_without_colours_are_black_and_numbered(tmp_path):

@@ -15,7 +15,7 @@ from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryS
 import gppcs
 from formats import losses
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io import CloudFiles, las_header, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
@@ -407,6 +407,21 @@ def test_headers_that_lie(tmp_path, place, value, message):
     path.write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         read(path)
+
+
+def test_a_header_that_is_cut_off_does_not_count_records(tmp_path):
+    path = save(random_las("1.4", 10), tmp_path / "a.las")
+    content = bytearray(path.read_bytes()[:374])
+    content[243:247] = (2**24).to_bytes(4, "little")  # each of which would take 0.1 ms
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"at least 375 bytes before the points, found .* in 374 bytes"):
+        read(path)
+
+
+def test_points_that_are_unpacked_from_nearly_nothing_need_memory(tmp_path):
+    write(tmp_path / "a.laz", PointCloud(np.zeros((10_000_000, 3))))
+    with pytest.raises(InputError, match="420 MB of memory, as the files are unpacked"):
+        gppcs.simplify(tmp_path / "a.laz", n_points=10, memory="400MB")
 
 
 def test_an_unknown_compressor_is_named(tmp_path):

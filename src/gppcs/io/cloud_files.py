@@ -146,8 +146,8 @@ class CloudFiles:
         self._columns = None if columns is None else _checked_columns(columns)
         self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
         listed = paths if isinstance(paths, list | tuple) else [paths]
-        self._paths = [file for path in listed for file in files_of(file_path(path))]
-        if not self._paths:
+        self.paths = [file for path in listed for file in files_of(file_path(path))]
+        if not self.paths:
             raise ParameterError("expected one file or several, found none")
         self._span: Span | None = None  # the part of a single file that is read
         self._header: Header | None = None  # of the first file with a coordinate system
@@ -172,12 +172,12 @@ class CloudFiles:
         return {**state, "_opened": {}, "_entered": 0}
 
     def __repr__(self) -> str:
-        return f"CloudFiles({', '.join(map(str, self._paths))})"
+        return f"CloudFiles({', '.join(map(str, self.paths))})"
 
     @cached_property
     def preview(self) -> PointCloud:
         """Up to 65,536 of the first points, with attributes and header."""
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 cloud = opened.first()
             if len(cloud):
@@ -198,7 +198,7 @@ class CloudFiles:
     def _counts(self) -> list[tuple[int, bool]]:
         """The number of points of each file, and whether it is exact."""
         counts = []
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 counts.append(opened.count(self.query is not None))
         return counts
@@ -207,7 +207,7 @@ class CloudFiles:
     def at_once(self) -> tuple[str | None, int]:
         """The name of a format, if any, whose points are all in memory before some are read; and the bytes at once."""
         name, size = None, 0
-        for opened in map(self._open, self._paths):
+        for opened in map(self._open, self.paths):
             n, memory = opened.reader.n_points, opened.reader.memory
             if opened.reader.at_once:
                 name = opened.format.name
@@ -224,30 +224,30 @@ class CloudFiles:
     @property
     def bounds(self) -> NDArray[np.float64] | None:
         """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
-        return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
+        return self._open(self.paths[0]).reader.bounds if len(self.paths) == 1 else None
 
     @property
     def reads_standard_input(self) -> bool:
         """Whether one of the files is standard input, which no other process can read."""
-        return any(map(is_standard, self._paths))
+        return any(map(is_standard, self.paths))
 
     @property
     def has_copies(self) -> bool:
         """Whether one of the files is copied to a temporary file before it is read."""
-        return any(opened.is_copy for opened in map(self._open, self._paths))
+        return any(opened.is_copy for opened in map(self._open, self.paths))
 
     @property
     def n_faces(self) -> int:
         """The number of faces, which are no points."""
-        return sum(opened.reader.n_faces for opened in map(self._open, self._paths))
+        return sum(opened.reader.n_faces for opened in map(self._open, self.paths))
 
     def skipped(self) -> list[str]:
         """Return in words what of the files, besides faces, is not read."""
-        return [text for opened in map(self._open, self._paths) for text in opened.reader.skipped]
+        return [text for opened in map(self._open, self.paths) for text in opened.reader.skipped]
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        return [opened.format for opened in map(self._open, self._paths)]
+        return [opened.format for opened in map(self._open, self.paths)]
 
     def read(self) -> PointCloud:
         """Read all points with their attributes; NaN and infinite coordinates are kept."""
@@ -261,28 +261,19 @@ class CloudFiles:
 
     def read_each(self) -> list[PointCloud]:
         """Read the points of each file, after checking that they fit each other."""
-        self._check_memory()
+        n = sum(opened.reader.n_points or 0 for opened in map(self._open, self.paths))
+        if n > 1 << 22 and self.query is None:
+            _check_free(self.point_size * n)
         clouds, columns = list[PointCloud](), JointColumns()
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
                 columns.add(clouds[-1])
         return clouds
 
-    @property
-    def paths(self) -> Sequence[Path]:
-        """The files."""
-        return self._paths
-
-    def _check_memory(self) -> None:
-        """Check, before many points are read, that there is memory for them."""
-        n = sum(opened.reader.n_points or 0 for opened in map(self._open, self._paths))
-        if n > 1 << 22 and self.query is None:
-            _check_free(self.point_size * n)
-
     def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, at most n at once unless a file is read at once."""
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 span = {"span": self._span} if self._span else {}
                 for cloud in opened.reader.chunks(n, **span):
@@ -294,12 +285,12 @@ class CloudFiles:
         parts = []
         header = self.preview.header if self._assume_same_crs else None
         header = header if header and header.crs else None
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 spans = [] if opened.is_copy else opened.reader.spans(n)
             for span in spans if len(spans) > 1 else [None]:
                 part = copy(self)
-                part._paths, part._span, part._header = [path], span, header
+                part.paths, part._span, part._header = [path], span, header
                 if opened.is_copy:
                     part._opened[path] = replace(opened, is_lent=True)
                 parts.append(part)

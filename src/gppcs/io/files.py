@@ -53,8 +53,7 @@ def format_of(
 
     Content of another format than that of the suffix is an error, unless the suffix is for files that need it.
     """
-    start, size = file.read(1024), os.fstat(file.fileno()).st_size
-    file.seek(0)
+    start, size = file.peek(1024)[:1024], os.fstat(file.fileno()).st_size
     matches = [file_format for file_format in FORMATS if file_format.recognises(start, size)]
     if matches and (format is None or if_needed):
         return matches[0]
