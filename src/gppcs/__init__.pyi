@@ -2,7 +2,9 @@ from gppcs import errors as errors
 from gppcs.clouds.cloud import PointCloud as PointCloud
 from gppcs.clouds.mesh import Mesh as Mesh
 from gppcs.clouds.summary import info as info
+from gppcs.clouds.texture import Texture as Texture
 from gppcs.drawing.show import show as show
+from gppcs.drawing.textures import bake_texture as bake_texture
 from gppcs.engine.threads import set_threads as set_threads
 from gppcs.engine.timer import Timer as Timer
 from gppcs.errors import GppcsError as GppcsError

@@ -22,7 +22,7 @@ NOISY = 0.15  # noise, in median edges of a surface, above which its triangles t
 
 
 class Surface(NamedTuple):
-    """A surface through points, and the noise of these in median lengths of its edges, 0 if it is too small to count."""
+    """A surface through points, and their noise in median lengths of its edges; 0 if it is too small to count."""
 
     mesh: Mesh
     noise: float
@@ -65,5 +65,5 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Su
 
 
 def surface_of_few(cloud: PointCloud) -> Surface | None:
-    """Return the surface through the points of a sparse finite cloud; None if it is dense, or they lie on no surface."""
+    """Return the surface through the points of a sparse finite cloud; None if it is dense, or there is none."""
     return surface_through(cloud) if len(cloud) <= MAX_SPARSE else None
