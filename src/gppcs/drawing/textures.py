@@ -11,7 +11,7 @@ from gppcs.clouds.texture import Texture
 from gppcs.drawing.colours import Colourable
 from gppcs.drawing.mesh_images import rasterised
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.engine.extras import require_pillow, require_xatlas
+from gppcs.engine.extras import require
 from gppcs.errors import InputError, ParameterError, shown, whole_number
 from gppcs.io.reading import as_cloud
 from gppcs.spatial.cells import first_occurrences
@@ -89,7 +89,8 @@ def require_colours(cloud: PointCloud) -> NDArray[np.uint8]:
 
 def checked_texture_size(size: int) -> int:
     """Check the size of a texture, and for the packages that make it."""
-    require_xatlas(), require_pillow()
+    require("xatlas", "a texture needs xatlas", extra="texture")
+    require("PIL.Image", "a texture needs Pillow", "pillow", extra="texture")
     size = whole_number("the size of a texture", size, SIZES[0])
     if size > SIZES[1]:
         raise ParameterError(f"expected a texture of at most {SIZES[1]} pixels, found {size}")
@@ -98,7 +99,8 @@ def checked_texture_size(size: int) -> int:
 
 def _laid_out(vertices: Floats, faces: Ints, size: int) -> tuple[Ints, Ints, Floats]:
     """Return the vertices of the layout of a mesh: their indices (K,), triangles (F, 3) and places (K, 2)."""
-    xatlas = require_xatlas()
+    import xatlas
+
     atlas, options = xatlas.Atlas(), xatlas.PackOptions()
     options.resolution, options.padding, options.bilinear = size, PADDING, True
     atlas.add_mesh(vertices.astype(np.float32), faces.astype(np.uint32))

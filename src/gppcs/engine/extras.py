@@ -24,8 +24,6 @@ def require(module: str, need: str, package: str | None = None, extra: str | Non
 
 
 require_matplotlib = partial(require, "matplotlib", "a picture needs matplotlib", extra="picture")
-require_xatlas = partial(require, "xatlas", "a texture needs xatlas", extra="texture")
-require_pillow = partial(require, "PIL.Image", "a texture needs Pillow", "pillow", extra="texture")
 require_pyarrow = partial(require, "pyarrow", "Parquet and Feather files need PyArrow", extra="arrow")
 require_distributed = partial(require, "distributed", "a Dask scheduler as workers needs distributed", extra="dask")
 require_pymeshlab = partial(require, "pymeshlab", "rebuilt and compared meshes need PyMeshLab", extra="evaluate")
