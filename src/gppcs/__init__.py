@@ -27,6 +27,7 @@ Simplify, make a mesh
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
     simplify_tiles           the same of several files, with a file of kept points for each
     mesh, MeshResult         make a light mesh straight from a dense cloud
+    bake_texture, Texture    the colours of all points as a picture on a mesh
 
 Measure
     info, Summary            bounding box, spacing, attributes, repeats and invalid points
@@ -81,7 +82,9 @@ _NAMES = {
     "clouds.header": "Header",
     "clouds.mesh": "Mesh",
     "clouds.summary": "Summary info",
+    "clouds.texture": "Texture",
     "drawing.show": "show",
+    "drawing.textures": "bake_texture",
     "engine.threads": "set_threads",
     "engine.timer": "Timer",
     "errors": "GppcsError InputError ParameterError",

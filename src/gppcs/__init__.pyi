@@ -5,7 +5,9 @@ from gppcs.clouds.header import Header as Header
 from gppcs.clouds.mesh import Mesh as Mesh
 from gppcs.clouds.summary import Summary as Summary
 from gppcs.clouds.summary import info as info
+from gppcs.clouds.texture import Texture as Texture
 from gppcs.drawing.show import show as show
+from gppcs.drawing.textures import bake_texture as bake_texture
 from gppcs.engine.threads import set_threads as set_threads
 from gppcs.engine.timer import Timer as Timer
 from gppcs.errors import GppcsError as GppcsError

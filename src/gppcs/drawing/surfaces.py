@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
@@ -16,9 +18,22 @@ from gppcs.spatial.scaling import normalised
 MAX_DENSE = 1_000_000  # points that a surface is made from; of more, it would take minutes
 MAX_SPARSE = 10_000  # points of a cloud whose discs would hide its shape in a picture of usual size
 MIN_COVERED = 0.9  # fraction of the points that have to lie on it: of trees and wires, points show more
+NOISY = 0.15  # noise, in median edges of a surface, above which its triangles turn every way
 
 
-def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Mesh | None:
+class Surface(NamedTuple):
+    """A surface through points, and their noise in median lengths of its edges; 0 if it is too small to count."""
+
+    mesh: Mesh
+    noise: float
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether points show more, as noise turns the triangles every way."""
+        return self.noise > NOISY
+
+
+def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Surface | None:
     """Return a mesh whose vertices are M finite points, joined as the finite original is if that is there.
 
     None if most points lie on no surface, or the original is too large.
@@ -42,9 +57,13 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Me
     vertices = result.mesh.vertices.copy()
     vertices[position[is_vertex]] = cloud.points[is_vertex]  # methods may have moved them
     wires = are_on_lines(tree, frame.near(dense.points[result.indices]))
-    return Mesh(vertices, result.mesh.faces[~wires[result.mesh.faces].all(axis=1)])
+    faces = result.mesh.faces[~wires[result.mesh.faces].all(axis=1)]
+    corners = result.mesh.vertices[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    noise = result.diagnostics.noise
+    return Surface(Mesh(vertices, faces), noise / float(np.median(edges)) if noise and len(faces) else 0.0)
 
 
-def surface_of_few(cloud: PointCloud) -> Mesh | None:
-    """Return the mesh through the points of a sparse finite cloud; None if it is dense, or they lie on no surface."""
+def surface_of_few(cloud: PointCloud) -> Surface | None:
+    """Return the surface through the points of a sparse finite cloud; None if it is dense, or there is none."""
     return surface_through(cloud) if len(cloud) <= MAX_SPARSE else None
