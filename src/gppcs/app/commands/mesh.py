@@ -169,6 +169,9 @@ def _notes(result: gppcs.MeshResult, original: PointCloud, n_points: int | None,
         yield f"{diagnostics.added:,} vertices are no points to keep, as holes, handles and small pieces need them"
     if diagnostics.excluded > 0.001 and tolerance is None:
         yield f"{diagnostics.excluded:.1%} of the points are not covered by the mesh: their pieces are too small"
+    if diagnostics.area_ratio < 0.9 or diagnostics.off_sheet > 0.05:
+        area = f"the mesh has {diagnostics.area_ratio:.0%} of the area of the cloud"
+        yield f"{area}, and {diagnostics.off_sheet:.1%} of the points are off it or on another sheet"
     if diagnostics.open_holes:
         yield f"the mesh has small holes ({diagnostics.open_holes:,}) where triangles would cut others"
     if diagnostics.outliers or diagnostics.off_surface:
