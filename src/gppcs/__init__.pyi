@@ -22,7 +22,7 @@ from gppcs.evaluation.report import Report as Report
 from gppcs.io import CloudFiles as CloudFiles
 from gppcs.io import read as read
 from gppcs.io import write as write
-from gppcs.io.cloud_files import open as open  # noqa: A004
+from gppcs.io.cloud_files import open as open
 from gppcs.io.mesh_files import read_mesh as read_mesh
 from gppcs.io.mesh_files import write_mesh as write_mesh
 from gppcs.meshing.pipeline import mesh as mesh
