@@ -45,13 +45,12 @@ def disc_radii(tree: KdTree, points: Floats) -> Floats:
         measured = np.ascontiguousarray(points[:: -(-len(points) // MAX_MEASURED)])
         nearest, _ = KdTree.build(measured[first_occurrences(measured)]).nearest_of(points, 1)
         return disc_radii(tree, measured[first_occurrences(measured)])[nearest[:, 0]]
-    _, across, squared = _around(tree, points, AROUND)
+    total, across, squared = _around(tree, points, AROUND)
     sixth = np.sqrt(squared[:, min(6, squared.shape[1] - 1)])
     radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
     usual = np.median(radii)
-    sparse = np.flatnonzero(radii > WIRE * usual)
-    wires = sparse[are_on_lines(tree, points[sparse])]
-    radii[wires] = WIRE * usual
+    sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
+    radii[sparse[are_on_lines(tree, points[sparse])]] = WIRE * usual
     return radii
 
 

@@ -39,6 +39,9 @@ FIRST_FIGURES = (  # that the page shows before somebody asks for all
 )  # fmt: skip
 
 
+MAX_MEASURED = 100_000  # original points by which the first points of a result are measured, for the plot
+
+
 @dataclass(frozen=True)
 class Page:
     """A page of clouds: all that it says, and its arrays."""
@@ -183,11 +186,13 @@ def _figures_of_mesh(original: PointCloud, result: Named) -> dict[str, object]:
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:
-    """Return the figures of a result after some numbers of its first points."""
+    """Return the figures of a result, and after some numbers of its first points by a sample of the original."""
     measured = []
     counts = {len(result), *(count for part in (8, 4, 2) if (count := len(result) // part) >= 4)}
+    sampled = original.take(np.arange(0, len(original), -(-len(original) // MAX_MEASURED)))
     for count in sorted(counts):
-        report = evaluate(original, result.take(np.arange(count)), detail=detail)
+        is_part = count < len(result) and 4 * count <= len(sampled)
+        report = evaluate(sampled if is_part else original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
 
