@@ -39,6 +39,7 @@ from gppcs.streaming.passes import (
     outliers_in_tile,
     unchosen_in_tile,
 )
+from gppcs.streaming.plan import Plan
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part, Source, sorted_once
 from gppcs.streaming.survey import Overview, read_all
@@ -70,9 +71,11 @@ class Survey:
     timer: Timer
 
     @classmethod
-    def read(cls, files: list[CloudFiles], options: Options, folder: Path, run_on: Engine, timer: Timer) -> Survey:
+    def read(
+        cls, files: CloudFiles, plan: Plan, options: Options, folder: Path, run_on: Engine, timer: Timer
+    ) -> Survey:
         """Read a cloud once or twice; check that it can be simplified as the options ask for."""
-        overview, parts = read_all(files, options, run_on, timer)
+        overview, parts = read_all(files.parts(plan.part), plan.points_in, options, run_on, timer)
         check_finite(overview.count, overview.n_bad, overview.first_bad, options.invalid)
         check_constraints(options, int(overview.keep.sum()), overview.weights)
         assert overview.sample is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
 
 SAMPLED = 1 << 18  # Points of the sample at most.
+DRAWN = 4.0  # Points that parts draw at first, for each of these, as some lie at the same place.
 
 
 @dataclass
@@ -38,8 +40,9 @@ class Overview:
     # (256,) each, by quota: number of the points that may be kept, and of those to keep.
     labels: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
     keep: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
-    sample: Rows | None = None  # of different places, those of the smallest hashes
+    sample: Rows | None = None  # of different places, all whose hashes are below a limit
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
+    limit: float = HASHES
 
     @property
     def n_usable(self) -> int:
@@ -48,11 +51,9 @@ class Overview:
 
     @property
     def n_places(self) -> int:
-        """About how many of these are different, by the smallest hashes (Bar-Yossef et al. 2002)."""
-        if len(self.hashes) < SAMPLED:
-            return len(self.hashes)
-        estimate = (len(self.hashes) - 1) * HASHES / float(self.hashes[-1])
-        return self.n_usable if estimate > 0.75 * self.n_usable else round(estimate)
+        """How many of these are different: about, by their hashes, if not all are sampled (Bar-Yossef et al. 2002)."""
+        estimate = round(len(self.hashes) * HASHES / self.limit)
+        return self.n_usable if self.limit < HASHES and estimate > 0.75 * self.n_usable else estimate
 
     def add(self, other: Overview) -> None:
         """Add the overview of the next points."""
@@ -62,29 +63,32 @@ class Overview:
         self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         self.weights = self.weights.merged(other.weights)
         self.labels, self.keep = self.labels + other.labels, self.keep + other.keep
+        self.limit = min(self.limit, other.limit)
         if other.sample is not None:
-            shifted = replace(other.sample, indices=other.sample.indices + self.count)
-            self.draw(shifted, other.hashes)
+            self._draw(replace(other.sample, indices=other.sample.indices + self.count), other.hashes)
         self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
 
-    def draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
-        """Draw a sample of different places among rows, (n,), too: those of the smallest hashes."""
-        if len(self.hashes) == SAMPLED:
-            below = np.flatnonzero(hashes < self.hashes[-1])
-            rows, hashes = rows.take(below), hashes[below]
+    def _draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
+        """Draw among more rows, (n,), too; lower the limit if there are too many."""
+        below = np.flatnonzero(hashes < self.limit)
+        rows, hashes = rows.take(below), hashes[below]
         if self.sample is not None:
             rows, hashes = Rows.joined([self.sample, rows]), np.concatenate([self.hashes, hashes])
-        self.hashes, first = np.unique(hashes, return_index=True)
-        self.hashes, self.sample = self.hashes[:SAMPLED], rows.take(first[:SAMPLED])
+        hashes, first = np.unique(hashes, return_index=True)
+        if len(hashes) > SAMPLED:
+            self.limit = min(self.limit, float(hashes[SAMPLED]))
+        count = np.searchsorted(hashes, self.limit)
+        self.hashes, self.sample = hashes[:count], rows.take(first[:count])
 
 
 def read_all(
-    sources: Sequence[CloudFiles], options: Options, run_on: Engine, timer: Timer
+    sources: Sequence[CloudFiles], n_points: int, options: Options, run_on: Engine, timer: Timer
 ) -> tuple[Overview, list[Part]]:
-    """Read all points once; return what is learnt of the cloud, and of its parts."""
+    """Read all of about so many points once; return what is learnt of the cloud, and of its parts."""
     parts = _parts(sources, options, run_on)
     with timer("reading", len(parts)) as on_progress:
-        overviews = run_on.run(_read, parts, on_progress=on_progress)
+        limit = HASHES * min(1.0, DRAWN * SAMPLED / max(1, n_points))
+        overviews = run_on.run(partial(_read, limit), parts, on_progress=on_progress)
     overview, measured = Overview(), []
     for part, of_part in zip(parts, overviews, strict=True):
         box = {"lower": of_part.lower, "upper": of_part.upper}
@@ -114,9 +118,9 @@ def _count(files: CloudFiles) -> int:
         return sum(map(len, files.chunks(CHUNK)))
 
 
-def _read(part: Part) -> Overview:
-    """Read a part, and count and draw its points."""
-    overview, first = Overview(), 0
+def _read(limit: float, part: Part) -> Overview:
+    """Read a part, count its points, and draw among those whose hashes are below a limit."""
+    overview, first = Overview(limit=limit), 0
     with part.files as files:
         for cloud in files.chunks(CHUNK):
             rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
