@@ -13,6 +13,7 @@ import typer.main
 
 import gppcs
 from gppcs.app import program
+from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt
 from gppcs.io import FORMATS
 from gppcs.methods import Feature
 from gppcs.methods.parameters import parameters_of
@@ -224,6 +225,14 @@ def test_the_picture_of_the_readme_is_drawn_by_its_commands(tmp_path, monkeypatc
     letters = slice(0, 110)  # rows with the names and the numbers
     assert drawn.shape == shown.shape
     assert (abs(drawn - shown)[letters] > 0.5).sum() < 20  # a digit changes more pixels than that
+
+
+@pytest.mark.parametrize("figures", [gppcs.Report, MeshReport, Rebuilt, DetailErrors])
+def test_the_page_on_evaluation_has_the_definition_of_each_figure(figures):
+    """One sentence defines those by area."""
+    for name, figure in figures.definitions().items():
+        row = f"| `{name}` | {figure.unit} | {figure.better or ''} | {figure.definition} |"
+        assert name.endswith("_by_area") or row in text("docs/evaluation.md")
 
 
 def test_the_page_on_the_api_has_each_public_name():
