@@ -200,10 +200,14 @@ class Survey:
         blocks = self.nodes(BLOCK * self.overview.n_usable / n_points)
         n_drawn = math.ceil(len(blocks) * min(1.0, PILOT / (fraction * self.overview.n_usable)))
         drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
-        rows = Rows.joined(self.source.read(blocks[i].lower, blocks[i].upper) for i in drawn)
+        block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
+        rows = Rows.joined(
+            rows.only(block_of_box[self.boxes.box_of(rows.points)] == i)  # not those on a cut, which may be a face
+            for i in drawn
+            for rows in [self.source.read(blocks[i].lower, blocks[i].upper)]
+        )
         rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
-        block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
         of_sample, of_chosen = (
             block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
         )
