@@ -23,12 +23,16 @@ from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
+from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Source
 
-SURPLUS = 0.01  # Of points that tiles choose, besides a root of their number: the least important go at the end.
+# Points that each tile adds to those it chose, as a fraction of these, besides a root of their number: tiles choose a
+# little more or less than is expected of them. Those that are too many go at the end.
+SPARE = 0.01
+SPARE_FROM = 32  # Points of which each of these is the farthest from those that are kept.
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +140,7 @@ class Kept:
     normals: Floats | None = None  # (k, 3)
     score: Floats | None = None  # (k,)
     deviation: Floats | None = None  # (k,)
+    chosen: Floats | None = None  # (k,), 0 for spare points
 
     def write(self, path: Path) -> None:
         """Write a file."""
@@ -167,6 +172,11 @@ class Kept:
         return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
 
     @property
+    def chosen_indices(self) -> Ints:
+        """The indices of all but spare points."""
+        return self.indices if self.chosen is None else self.indices[self.chosen > 0.0]
+
+    @property
     def scores(self) -> Mapping[str, Floats]:
         """The scores of the method, if it reports some."""
         return {name: values for name in SCORES if (values := getattr(self, name)) is not None}
@@ -185,15 +195,15 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
     if tiling.options.algorithm.by_cells:
-        return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, is_done))
+        return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, is_own, is_done))
     guide = tiling.guide
-    earlier = [Kept.read(tiling.file(i)).indices for i in tiling.before[number]]
+    earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
     fixed = rows.keep | np.isin(rows.indices, np.concatenate([guide.chosen[: guide.n_first], *earlier]))
     taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
     if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
         taken = fixed | ~is_done | (tiling.scale is not None)
     rows, fixed, is_own, is_done = rows.only(taken), fixed[taken], is_own[taken], is_done[taken]
-    return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, fixed, is_done))
+    return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, fixed, is_own, is_done))
 
 
 def _write(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Ints:
@@ -205,7 +215,7 @@ def _write(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Se
     return np.bincount(kept.labels, minlength=256)
 
 
-def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: Flags) -> Selection:
+def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_own: Flags, is_done: Flags) -> Selection:
     """Choose among rows in a tile and around it, those that are fixed first; indices are those of rows."""
     weights = rows.columns.get("weight")
     constraints = Constraints(
@@ -223,7 +233,6 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
         n_new = tiling.n_points * float(guide.mass[waits].sum())
-        n_new += SURPLUS * n_new + math.sqrt(n_new)
         n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
         task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
     is_free = ~is_done[indices]
@@ -232,7 +241,25 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
-    return replace(selection, indices=indices[selection.indices])
+    selection = replace(selection, indices=indices[selection.indices])
+    return selection if tiling.spacing is not None else _with_spare(selection, indices, points, is_own)
+
+
+def _with_spare(selection: Selection, indices: Ints, points: Floats, is_own: Flags) -> Selection:
+    """Return a selection with spare points of the tile at its end, far from all others.
+
+    Shapes: indices (n,), in random order, of different places among points, (N, 3).
+    """
+    n_own = int(np.count_nonzero(is_own[selection.indices]))
+    n_spare = math.ceil(SPARE * n_own + math.sqrt(n_own))
+    unchosen = indices[is_own[indices] & ~np.isin(indices, selection.indices)][: SPARE_FROM * n_spare]
+    if not len(unchosen):
+        return selection
+    kept = points[selection.indices] if selection.points is None else selection.points
+    spare = unchosen[farthest_points(points[unchosen], min(n_spare, len(unchosen)), before=kept)[0]]
+    moved = None if selection.points is None else np.concatenate([kept, points[spare]])
+    marked = replace(selection, attributes={**selection.attributes, "chosen": np.ones(len(selection.indices))})
+    return replace(marked.arranged(np.concatenate([selection.indices, spare])), points=moved)
 
 
 def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Kept:
