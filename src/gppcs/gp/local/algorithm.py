@@ -48,7 +48,8 @@ class Problem(NamedTuple):
     fixed: int = 0  # The first so many points are chosen from the start
     weights: Floats | None = None  # (N,), above 0: factors of the density of the chosen points
     attributes: NDArray[np.float32] | None = None  # (N, k), which count beside the shape
-    settled: Flags | None = None  # (N,), points that only show where the surface is
+    # (N,), points that only show where the surface is. Fixed ones that are not may be exchanged for points near them.
+    settled: Flags | None = None
     scale: Scale | None = None  # Of the cloud of which the points are a part
 
     def candidate_density(self, criterion: Criterion) -> float:
@@ -57,6 +58,11 @@ class Problem(NamedTuple):
             return self.scale.candidate_density
         density = criterion.candidate_density * (1.0 if self.weights is None else refinement(self.weights))
         return cells_for(density, len(self.points), self.n_points, criterion.density_power)
+
+    @property
+    def n_staying(self) -> int:
+        """Number of fixed points, the first, that are not exchanged."""
+        return self.fixed if self.settled is None else int(np.count_nonzero(self.settled[: self.fixed]))
 
     def moved(self, points: Floats, indices: Ints) -> Problem:
         """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
@@ -72,7 +78,7 @@ def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
     """Choose points of a cloud, the most important first: every prefix is a simplification of its size."""
     ranking, measured = _choose_candidates(problem, criterion, timer)  # steps 1 to 6, and 8
     with timer("placement"):
-        indices = place(problem.points, ranking.indices, problem.fixed, measured)  # step 7, Eqs. (10) and (20)
+        indices = place(problem.points, ranking.indices, problem.n_staying, measured)  # step 7, Eqs. (10) and (20)
     return ranking._replace(indices=indices)
 
 
