@@ -203,7 +203,7 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
-    first = np.zeros(len(rows))
+    first = np.zeros(len(rows), dtype=np.int64)
     if tiling.options.algorithm.by_cells:
         return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, first, is_own, is_done))
     earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
