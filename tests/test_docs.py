@@ -237,4 +237,4 @@ def test_the_page_on_evaluation_has_the_definition_of_each_figure(figures):
 
 def test_the_page_on_the_api_has_each_public_name():
     named = re.findall(r"^::: gppcs\.(\S+)$", text("docs/api.md"), re.MULTILINE)
-    assert set(gppcs.__all__) <= {*named, "METHODS", "__version__", "errors"}
+    assert set(gppcs.__all__) <= {*named, "CloudLike", "METHODS", "__version__", "errors"}
