@@ -20,16 +20,18 @@ from scans.horse import HORSE
 from scans.moth import MOTH
 from scans.plant import PLANT
 from scans.plate import PLATE
+from scans.ribs import CRATE, SINK, VENTS
 from scans.room import ROOM
 from scans.scene import Scene
 from scans.statue import PAINTED, STATUE
 from scans.street import STREET
 from scans.terrain import TERRAIN
+from scans.tubes import CABLE, HANDLEBAR, HORN
 from scans.wood import FOREST, PLOT
 
 OBJECTS: dict[str, Scan] = {
     "statue": STATUE, "painted": PAINTED, "horse": HORSE, "moth": MOTH, "case": CASE, "plate": PLATE, "gears": GEARS,
-    "plant": PLANT,
+    "plant": PLANT, "horn": HORN, "cable": CABLE, "handlebar": HANDLEBAR, "vents": VENTS, "crate": CRATE, "sink": SINK,
 }  # fmt: skip
 SCENES: dict[str, Scene] = {
     "room": ROOM, "street": STREET, "terrain": TERRAIN, "forest": FOREST, "plot": PLOT,

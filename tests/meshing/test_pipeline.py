@@ -293,6 +293,15 @@ def test_a_plate_keeps_both_sheets(thickness, size, n_points):
     assert result.diagnostics.boundary_loops <= 2
 
 
+def test_a_horn_is_one_closed_surface_whose_sheets_are_apart():
+    """Its wall is 2.6 spacings thick. It had 94 % of its area, in 10 pieces with 17 holes."""
+    result = gppcs.mesh(sample("horn", n_points=50_000), n_points=500)
+    assert result.diagnostics.pieces == 1
+    assert result.diagnostics.genus == 1
+    assert result.diagnostics.area_ratio > 1.0
+    assert result.diagnostics.off_sheet < 0.01
+
+
 @pytest.mark.parametrize("thickness", [0.5, 1.0, 1.25])
 def test_sheets_that_become_one_are_told(thickness):
     points, _, area = plate(8000, thickness)
@@ -395,10 +404,14 @@ def test_bad_parameters_are_errors(ball, arguments, message):
         gppcs.mesh(ball, **arguments)
 
 
-def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least():
-    """No other points tell how they are joined: without flips, the error would be 1.46 times that of the scan's mesh."""
-    scan = gppcs.sample("medallion", n_points=20_000)
+@pytest.mark.parametrize(("name", "most"), [("medallion", 1.4), ("bracket", 1.6)])
+def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least(name, most):
+    """No other points tell how they are joined: without flips, the error is 1.46 times that of the scan's mesh.
+
+    Of the bracket, some points are on no triangle. Flips followed these only, and the error was 2.36 times as large.
+    """
+    scan = gppcs.sample(name, n_points=20_000)
     kept = gppcs.simplify(scan, n_points=2000)
     alone, joined = gppcs.mesh(kept.cloud, n_points=2000, moved=False), gppcs.mesh(scan, keep=kept.indices)
     errors = [distances_to(result.mesh, scan.points).mean() for result in (alone, joined)]
-    assert errors[0] < 1.4 * errors[1]
+    assert errors[0] < most * errors[1]

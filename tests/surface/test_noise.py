@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import (
     CLEAN,
     FEWEST,
@@ -9,8 +10,11 @@ from gppcs.surface.noise import (
     Noise,
     feet_of,
     layer_of,
+    layer_of_sheets,
 )
 from gppcs.surface.quadrics import fit_quadrics
+from scans import sample
+from shapes import plate
 
 
 def observed(noise, places):
@@ -114,3 +118,27 @@ def test_outliers_do_not_count_as_noise():
     )
     assert together.sigma == pytest.approx(alone.sigma, rel=0.08)
     assert together.radius == pytest.approx(alone.radius, rel=0.08)
+
+
+@pytest.mark.parametrize(("name", "n"), [("horn", 20_000), ("handlebar", 20_000), ("vents", 40_000), ("fan", 20_000)])
+def test_sheets_without_noise_have_none(name, n):
+    """The two sheets of a wall were noise of 0.06 to 0.28 target spacings."""
+    points = sample(name, n_points=n).points
+    tree = KdTree.build(points)
+    noise = Noise.measure(tree, n // 20, np.sqrt(surface_area(tree) / (n // 20)))
+    assert noise.in_spacings < 0.03
+
+
+@pytest.mark.parametrize("level", [0.1, 0.3])
+def test_the_noise_of_two_sheets_is_that_of_each(level):
+    """In spacings; the wall is three of these thick. Noise of a fifth of the wall and more hides the two sheets."""
+    points, outward, area = plate(20_000, 3.0)
+    sigma = level * np.sqrt(area / len(points))
+    points = points + sigma * outward * np.random.default_rng(0).standard_normal((len(points), 1))
+    assert layer_of_sheets(KdTree.build(points)).sigma == pytest.approx(sigma, rel=0.25)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002, 0.02])
+def test_noise_and_smooth_surfaces_are_no_sheets(sigma, sphere):
+    assert layer_of_sheets(KdTree.build(rough_plane(sigma))) is None
+    assert layer_of_sheets(KdTree.build(sphere[::4])) is None

@@ -104,9 +104,9 @@ def draw_pair(
     if original.mesh is None and simplified.mesh is None:
         with timer("surface"):
             surface = surface_through(simplified.cloud, original.cloud)
-        if surface:
-            colours = everything.at(spread_over(surface))
-            columns.append(Column("surface", colours, "the surface through them", surface, is_mesh=True))
+        if surface and not surface.is_noisy:
+            colours = everything.at(spread_over(surface.mesh))
+            columns.append(Column("surface", colours, "the surface through them", surface.mesh, is_mesh=True))
     with timer("drawing"):
         draw_comparison(file, columns, viewpoint, legend, close_ups=0)
 

@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -21,6 +21,8 @@ from gppcs.errors import GppcsError, InputError
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
+
+Item = TypeVar("Item")
 
 BAD_INPUT = 2
 OPTIONS = {"n_points": "points", "n_faces": "faces", "format": "from"}  # by other names than arguments of the library
@@ -82,12 +84,12 @@ def print_failure(error: BaseException, source: Path | None = None) -> None:
         print_error(str(error) or "not enough memory")
 
 
-def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
-    """Work on each file. If that fails for one, the others are still worked on, and the program ends with an error."""
+def for_each(items: Iterable[tuple[Path, Item]], work: Callable[[Item], None]) -> None:
+    """Work on items of files. If that fails for one, others are still worked on, and the program ends with an error."""
     failed = False
-    for file in files:
+    for file, item in items:
         try:
-            work(file)
+            work(item)
         except BrokenPipeError:  # nobody reads the results any more
             raise
         except FAILURES as error:

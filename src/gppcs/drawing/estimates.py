@@ -16,6 +16,8 @@ AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
 ON_LINE = ((32, 0.42), (8, 0.08))
+MAX_MEASURED = 100_000
+WIRE = 0.4  # radius of points of wires and poles, in that of most points: larger discs would be beads
 
 
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
@@ -35,13 +37,20 @@ def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
 
 
 def disc_radii(tree: KdTree, points: Floats) -> Floats:
-    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines."""
-    _, across, squared = _around(tree, points, AROUND)
-    second, sixth = (np.sqrt(squared[:, min(k, squared.shape[1] - 1)]) for k in (2, 6))
+    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines.
+
+    Of many points, every few are measured, and the others have the radius of the nearest of these.
+    """
+    if len(points) > MAX_MEASURED:
+        measured = np.ascontiguousarray(points[:: -(-len(points) // MAX_MEASURED)])
+        nearest, _ = KdTree.build(measured[first_occurrences(measured)]).nearest_of(points, 1)
+        return disc_radii(tree, measured[first_occurrences(measured)])[nearest[:, 0]]
+    total, across, squared = _around(tree, points, AROUND)
+    sixth = np.sqrt(squared[:, min(6, squared.shape[1] - 1)])
     radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
-    sparse = np.flatnonzero(radii > 1.5 * np.median(radii))
-    wires = sparse[are_on_lines(tree, points[sparse])]
-    radii[wires] = np.minimum(radii[wires], second[wires] / 2.0)
+    usual = np.median(radii)
+    sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
+    radii[sparse[are_on_lines(tree, points[sparse])]] = WIRE * usual
     return radii
 
 

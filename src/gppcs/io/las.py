@@ -26,7 +26,7 @@ from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.las_scales import multiples, scale_and_offset
 from gppcs.io.laz import checked_chunks, points_of
-from gppcs.io.rows import BLOCK, at_most
+from gppcs.io.rows import BLOCK, at_most, size_of_repeats
 
 if TYPE_CHECKING:
     import laspy
@@ -74,7 +74,8 @@ def open_las(
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
     bounds = np.array([las.mins, las.maxs])
-    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds)
+    memory = size_of_repeats(las.point_count, file.seek(0, 2)) if las.are_points_compressed else 0
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds, memory=memory)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -343,7 +344,7 @@ def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
     types = [np.dtype(kind) for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")]
     dtype, width = exact_type(values, types), math.prod(values.shape[1:])
-    if dtype is None or not width:
+    if dtype is None:
         return {}
     columns = np.ascontiguousarray(values, dtype).reshape(len(values), width)
     if width == 1:

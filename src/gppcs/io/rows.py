@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
@@ -70,6 +71,11 @@ def bytes_left(file: BufferedReader) -> int:
     return os.fstat(file.fileno()).st_size - file.tell()
 
 
+def size_of_repeats(count: int, size: int) -> int:
+    """Return the bytes of coordinates that take less than a bit a point in a file: repeats, which no tile divides."""
+    return 24 * count if count > 8 * size else 0
+
+
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
     """Return the error for a file that ends early."""
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
@@ -129,6 +135,21 @@ def read_table(
 ) -> list[Column]:
     """Read rows as whole columns."""
     return [np.concatenate(parts) for parts in zip(*read_rows(lines, width, count, what), strict=True)]
+
+
+def read_fields(
+    lines: Iterator[str], fields: Mapping[str, np.dtype[Any]], count: int, what: str = "point"
+) -> Iterator[dict[str, Column]]:
+    """Read rows as the fields of records, of one number or several each, block by block."""
+    sizes, done = [math.prod(dtype.shape) for dtype in fields.values()], 0
+    for block in read_rows(lines, sum(sizes), count, what):
+        values, columns = iter(block), {}
+        for (name, dtype), size in zip(fields.items(), sizes, strict=True):
+            expected = f"{dtype.base.name} as {name} of {what}"
+            parts = [cast(part, dtype.base, expected, done) for part in islice(values, size)]
+            columns[name] = np.stack(parts, axis=1).reshape(-1, *dtype.shape)
+        yield columns
+        done += len(block[0])
 
 
 def text_columns(lines: Iterator[str], width: int, delimiter: str | None) -> set[int]:

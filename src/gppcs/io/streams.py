@@ -38,16 +38,13 @@ def plain_input(path: Path) -> Any:
     if path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
     file = _standard_input() if is_standard(path) else path.open("rb")
-    start = file.read(1024)
-    file.seek(0)
-    if start.startswith(b"\x1f\x8b"):
+    if file.peek(2).startswith(b"\x1f\x8b"):
         with file:
             try:
                 file = _copied(gzip.GzipFile(fileobj=file), file)
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
-        start = file.read(1024)
-        file.seek(0)
+    start = file.peek(1024)[:1024]
     if re.fullmatch(rb"[\t\x20-\x7e]*\r[\t\r\x20-\x7e]*", start) and b"format binary" not in start:
         with file:  # text whose lines end as in old Mac OS
             return _copied(BytesIO(file.read().replace(b"\r", b"\n")))

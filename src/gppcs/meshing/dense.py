@@ -16,17 +16,15 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree, nearest_distances
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
-from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections
-from gppcs.surface.normals import EDGES, SHARP, normals_of, with_signs
-from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
+from gppcs.surface.noise import THICK, NoiseLayer, layer_of, layer_of_sheets, projections
+from gppcs.surface.normals import EDGES, normals_of, with_signs
 
 JOINED = 8  # points of the first mesh for each vertex of the result
 JOINED_OF_SHEETS = 24  # where sheets are near each other
 JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
-MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
-NARROW = 8  # points of the fits of normals where wider ones mix two sheets
+WIDE = 40  # points of the fits that tell noise from two sheets
 
 
 @dataclass(frozen=True)
@@ -64,21 +62,23 @@ class DensePoints:
         uneven = None if thick else uneven_noise(tree)
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
-        mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
+        sheets = None if thick or len(indices) <= 2 * WIDE else layer_of_sheets(tree, WIDE)
+        mixed = near_sheets and sheets is not None
         if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
             return finer and replace(finer, near_sheets=True)
-        noise, fitted, sheets = _thick_noise(tree) if thick else _noise(tree)
+        noise, fitted, joined_sheets = _thick_noise(tree) if thick else _noise(tree, sheets)
         if thick and not noise:
             return None
         count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
         spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
-        sharp, on_surface = NARROW if mixed else SHARP, raw
-        normals = normals_of(tree.in_own_order(), near, noise > 0.0, sharp, None if noise else spread)
+        on_surface = raw
+        normals = normals_of(tree.in_own_order(), near, noise > 0.0, mixed, None if noise else spread)
+        own_sheets = mixed and not joined_sheets
         if noise:
             for _ in range(2):
-                feet, _ = projections(tree, KdTree.over(on_surface.T), fitted)
+                feet, _ = projections(tree, KdTree.over(on_surface.T), fitted, own_sheets)
                 on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
             indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
@@ -87,7 +87,7 @@ class DensePoints:
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, joined, noise, near_sheets=mixed, joined_sheets=sheets)
+        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed, joined_sheets)
 
     @classmethod
     def _across_uneven(
@@ -146,17 +146,6 @@ def _spread(indices: Ints, positions: Floats, chosen: Ints, count: int) -> Ints:
     return np.union1d(even, forced)
 
 
-def _mixes_sheets(tree: KdTree) -> bool:
-    """Return whether the points of a tree lie so far from each other that fits of their normals mix near sheets.
-
-    Narrow fits then differ from wide ones, and less from the narrowest, as fits of noise do.
-    """
-    sampled = tree.thinned(-(-len(tree.order) // SAMPLES))
-    wide, narrow, narrowest = (fit_quadrics(tree, sampled, k).normals for k in (SHARP, NARROW, COEFFICIENTS))
-    differ, noise = (np.mean(np.abs((a * narrow).sum(axis=0)) < 0.5) for a in (wide, narrowest))
-    return bool(differ > max(MIXED, noise))
-
-
 def _covered(near: Ints, squared: Floats) -> Floats:
     """Return the distance of the last of k neighbours, at most twice its median there, as strays cover little."""
     radii = np.sqrt(squared[:, -1])
@@ -164,18 +153,16 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
-def _noise(tree: KdTree) -> tuple[float, int, float]:
+def _noise(tree: KdTree, sheets: NoiseLayer | None) -> tuple[float, int, float]:
     """Return the noise, 0 if it is small or grows as detail does, the points of fits, and how far sheets are apart."""
-    narrow, wide = 20, 40
-    if len(tree.order) <= 2 * wide:
-        return 0.0, wide, 0.0
-    layer, wider = layer_of(tree, narrow), layer_of(tree, wide)
-    spacing = float(np.median(nearest_distances(tree, RANK)))
-    sheets = 2.0 * wider.median if wider.is_two_sheets() else 0.0
-    if sheets > spacing:
-        return 0.0, wide, 0.0
-    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer.ratio else 0.0
-    return noise, wide, sheets if sheets > 0.25 * spacing else 0.0
+    if len(tree.order) <= 2 * WIDE:
+        return 0.0, WIDE, 0.0
+    wider, spacing = layer_of(tree, WIDE), float(np.median(nearest_distances(tree, RANK)))
+    apart = 2.0 * sheets.median if sheets else 0.0
+    if sheets and apart > spacing:
+        return (sheets.sigma if sheets.sigma > 0.25 * spacing else 0.0), WIDE, 0.0
+    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer_of(tree, WIDE // 2).ratio else 0.0
+    return noise, WIDE, apart if apart > 0.25 * spacing else 0.0
 
 
 def _thick_noise(tree: KdTree) -> tuple[float, int, float]:

@@ -77,7 +77,7 @@ def _joined(dense: DensePoints, fixed: Ints, moved: bool | None) -> tuple[Draft,
         dense = dense.turned(joined, turned, tree)
         triangles, votes, radii = fans_of(positions, dense.normals[joined], near, on_circle)
         agreed = _agreed(votes)
-    moved = dense.noise > 0.0 if moved is None else moved
+    moved = dense.noise > 0.0 and not dense.joined_sheets if moved is None else moved  # never between two sheets
     normals, is_fixed = dense.normals[joined], np.isin(dense.indices[joined], fixed)
     mesh = assembled(triangles, votes, radii, positions, normals, cover_radii, dense.cover, dense.uneven)
     min_piece = 2 * MIN_PIECE if dense.uneven else MIN_PIECE  # uneven noise has small strays beside the surface

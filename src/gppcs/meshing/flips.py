@@ -24,14 +24,17 @@ from gppcs.spatial.triangles import (
     unit,
 )
 
+FEW_OTHERS = 1.1  # dense points for each vertex, up to which nearly all are vertices
+
 
 def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
     """Flip edges while the energy falls; return the triangles of the dense points; many thin ones raise their cost.
 
-    If all points are vertices, the energy is 0: edges are flipped where that bends the surface less.
+    If nearly all points are vertices, others tell little: edges are flipped where that bends the surface less.
     """
     assigned = assigned or draft.assigned()
-    if draft.thin_cost == 0.0:  # at first, five mean squared distances of the points of a triangle
+    if draft.thin_cost == 0.0 and len(draft.nearest) > FEW_OTHERS * draft.n_vertices:
+        # At first, five mean squared distances of the points of a triangle.
         draft.thin_cost = 5.0 * float(assigned.squared.sum()) / len(draft.mesh.faces())
     fitted = FittedMesh.from_points(draft.mesh, draft.vertices, draft.dense.positions, assigned)
     flip_all(fitted, TriangleTree.empty(), draft.normals, draft.thin_cost, 8)

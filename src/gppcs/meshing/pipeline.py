@@ -31,7 +31,9 @@ from gppcs.meshing.flips import flip
 from gppcs.meshing.mending import mend_draft
 from gppcs.meshing.refinement import refine
 from gppcs.meshing.result import MeshDiagnostics, MeshResult
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, normalised
+from gppcs.spatial.spacing import surface_area
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.outliers import outliers_among
 
@@ -259,12 +261,14 @@ def _finished(
         with request.timer("holes"):
             draft.mesh = holes_filled(draft.mesh, draft.vertices, draft.normals, request.hole_size)
     draft.compact()
-    topology = topology_of(draft.mesh.faces())
+    topology, area = topology_of(draft.mesh.faces()), surface_area(KdTree.over(draft.dense.cover.points))
     return draft, MeshDiagnostics(
         dense_points=len(draft.dense.indices),
         noise=request.unit * draft.dense.noise,
         joined_sheets=request.unit * draft.dense.joined_sheets,
         mean_distance=request.unit * mean_distance,
+        area_ratio=float(Mesh(draft.vertices, draft.mesh.faces()).face_areas().sum()) / area,
+        off_sheet=float(np.mean(draft.assigned().face < 0)),
         excluded=fraction,
         boundary_loops=topology.boundary_loops,
         pieces=topology.pieces,

@@ -24,6 +24,8 @@ class MeshDiagnostics:
     # Mean distance from the mesh of the dense points that the first mesh reaches; of a noisy cloud, that of their
     # projections onto the surface before vertices take their last step.
     mean_distance: float
+    area_ratio: float  # of the area of the mesh to that of the surface, estimated from the dense points
+    off_sheet: float  # fraction of the dense points near which no triangle is, or only one of another sheet
     excluded: float  # fraction of the points of the first mesh that are on no piece of it that is large enough
     open_holes: int  # small holes that stay open because all triangles that would close them cut others
     boundary_loops: int  # closed curves of boundary edges, around holes and pieces; 0 if the mesh is closed

@@ -12,7 +12,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
-from gppcs.surface.noise import MEDIAN, SAMPLES, projections
+from gppcs.surface.noise import MEDIAN, SAMPLES, SHEETS, projections
 from gppcs.surface.quadrics import fit_quadrics
 
 FITTED = 80  # points of each fit
@@ -34,7 +34,9 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     for number, stride in enumerate(strides):
         if number == len(strides) - 1 and (sigmas[:-1] > THIN * radii[0]).mean(axis=1).max() < FRACTION:
             return None  # whatever the widest fits see
-        fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED)
+        fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED, sheets=True)
+        if fitted.two_sheets.mean() > SHEETS:
+            return None
         sigmas[number] = np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN
         radii[number] = np.median(fitted.radii[near], axis=1)
     decided = _decided(sigmas, radii)

@@ -17,6 +17,7 @@ from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import InputError, OutputError
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import format_to_write
 from gppcs.io.streams import whole_output
 from gppcs.io.vpc import vpc_of
@@ -58,13 +59,14 @@ class Target:
         return Written(self.path, len(cloud), *bounds(cloud.points))
 
 
-def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], force: bool) -> Path:
+def begin(files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> Path:
     """Return the folder for temporary files of a run: a new one, or that of the same run, if it was stopped."""
     work = targets[0].path.parent / WORK
     manifest = {
         "options": _described(options),
+        "reading": files.described,
         "outputs": [repr(target) for target in targets],
-        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in sources],
+        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files.paths],
     }
     path = work / "manifest.json"
     if path.exists() and not force:

@@ -26,9 +26,9 @@ THICK = 0.25
 # What lies off quadrics is detail if twice as many points lower its ratio to their radius to no less than this. That of
 # noise falls to 1 / sqrt(2), as its distance stays; that of vegetation and clutter stays about the same.
 DETAIL = 0.85
-# Two sheets lie on both sides of the quadrics, not about them: the 90th percentile of the distance is below this many
-# medians. Plates have 1.2 to 1.5, an even layer 1.8, Gaussian noise 2.4.
-SHEETS = 1.6
+# Fits of 60 points with two peaks, of all, above which a cloud has two sheets: thin parts have 0.17 to 0.76, all others
+# at most 0.02 (research/local-field.md).
+SHEETS = 0.05
 CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharpness can be measured.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that isolated points still count. Without it the
@@ -48,7 +48,7 @@ class NoiseLayer(NamedTuple):
 
     sigma: float  # Standard deviation of the noise: 90th percentile of the distance to the quadric, divided by 1.645
     radius: float  # Median radius of the neighbourhoods
-    median: float  # Median distance to the quadric
+    median: float  # Median distance to the quadric, or of two sheets to the one between them
 
     @classmethod
     def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
@@ -65,10 +65,6 @@ class NoiseLayer(NamedTuple):
         """Return whether neighbourhoods lie within the layer."""
         return self.sigma > THICK * self.radius
 
-    def is_two_sheets(self) -> bool:
-        """Return whether it is no noise, but two sheets, as of a plate."""
-        return 1.645 * self.sigma < SHEETS * self.median
-
     def is_detail(self, wider: NoiseLayer) -> bool:
         """Return whether what lies off quadrics is detail, not noise, by the layer about quadrics of more points."""
         return wider.sigma * self.radius > DETAIL * self.sigma * wider.radius
@@ -76,11 +72,30 @@ class NoiseLayer(NamedTuple):
 
 def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     """Measure the layer of noise on an eighth of the points, `FEW_SAMPLES` to `SAMPLES`, evenly spread."""
-    n = len(tree.order)
-    step = -(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES))
-    sampled = KdTree.over(tree.points[:, ::step], leaf_size=SAMPLES_IN_LEAF)
+    sampled = _sampled(tree)
     feet, fitted = projections(tree, sampled, neighbours)
     return NoiseLayer.between(sampled.points, feet, fitted)
+
+
+def layer_of_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> NoiseLayer | None:
+    """Measure the noise of each of two sheets, where fits see both; None if hardly any does.
+
+    Other fits may see a part of the second sheet, so they do not count, and nor do the farthest of these.
+    """
+    sampled = _sampled(tree)
+    own = fit_quadrics(tree, sampled, neighbours, sheets=True)
+    if own.two_sheets.mean() <= SHEETS:
+        return None
+    both = fit_quadrics(tree, sampled, neighbours)
+    off, between = (quantile(np.abs(fitted.heights[own.two_sheets]), 0.5) for fitted in (own, both))
+    return NoiseLayer(off / MEDIAN, quantile(own.radii, 0.5), between)
+
+
+def _sampled(tree: KdTree) -> KdTree:
+    """Return a tree over some of the points of another, evenly spread."""
+    n = len(tree.order)
+    step = -(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES))
+    return KdTree.over(tree.points[:, ::step], leaf_size=SAMPLES_IN_LEAF)
 
 
 def across(layers: Callable[[int], NoiseLayer], largest: int) -> tuple[int, NoiseLayer]:
@@ -91,9 +106,9 @@ def across(layers: Callable[[int], NoiseLayer], largest: int) -> tuple[int, Nois
     return neighbours, layer
 
 
-def projections(tree: KdTree, queries: KdTree, neighbours: int) -> tuple[Floats, Quadrics]:
+def projections(tree: KdTree, queries: KdTree, neighbours: int, sheets: bool = False) -> tuple[Floats, Quadrics]:
     """Project the points of one tree onto the quadrics fitted to points of another around them, (3, m) in its order."""
-    fitted = fit_quadrics(tree, queries, neighbours)
+    fitted = fit_quadrics(tree, queries, neighbours, sheets=sheets)
     return projected(queries.points, fitted), fitted
 
 
@@ -102,10 +117,10 @@ def projected(points: Floats, fitted: Quadrics) -> Floats:
     return points + np.clip(fitted.heights, -fitted.radii, fitted.radii) * fitted.normals
 
 
-def feet_of(tree: KdTree, points: Floats, neighbours: int) -> Floats:
+def feet_of(tree: KdTree, points: Floats, neighbours: int, sheets: bool = False) -> Floats:
     """Return the projections, (m, 3), of points, (m, 3), onto quadrics fitted to the nearest points of a tree."""
     of_points, feet = KdTree.build(points), np.empty_like(points)
-    feet[of_points.order] = projections(tree, of_points, neighbours)[0].T
+    feet[of_points.order] = projections(tree, of_points, neighbours, sheets)[0].T
     return feet
 
 
@@ -117,10 +132,11 @@ class Noise:
     neighbours: int  # Points of each fit
     thick: bool  # Whether the layer of noise about quadrics of `NEIGHBOURS` points is thick
     sigma: float  # Standard deviation, as in `NoiseLayer`, in the unit of the tree; 0 where it is not measured
-    # Whether no noise matters: there is little, it is detail or two sheets, or there are too few points to measure it.
+    # Whether no noise matters: there is little, it is detail, or there are too few points to measure it.
     is_negligible: bool
     is_below_threshold: bool  # Whether sigma is so small that sharpness can be measured
     spacing: float  # Target spacing, in the same unit
+    sheets: bool = False  # Whether the noise is that of each of two sheets
 
     @classmethod
     def measure(cls, tree: KdTree, n_points: int, spacing: float) -> Noise:
@@ -130,16 +146,14 @@ class Noise:
             return cls(None, within, False, 0.0, True, True, spacing)
         layers = cache(partial(layer_of, tree))
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
-        sigma, looks_thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
-        # Quadrics of fewer points than these bend toward one sheet or the other.
-        two_sheets = layers(2 * NEIGHBOURS if looks_thick else neighbours).is_two_sheets()
-        thick = looks_thick and not two_sheets
+        sigma, thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
+        sheets = layer_of_sheets(tree) if sigma > CLEAN * spacing else None
+        if sheets:
+            neighbours, sigma, thick = 2 * NEIGHBOURS, sheets.sigma, False
         is_below_threshold = sigma <= CLEAN * spacing
-        is_negligible = (
-            is_below_threshold or two_sheets or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
-        )
+        is_negligible = is_below_threshold or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
         noisy = None if is_negligible else tree
-        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
+        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing, bool(sheets))
 
     @property
     def in_spacings(self) -> float:
@@ -154,7 +168,11 @@ class Noise:
         """
         if self.tree is None:
             return None, np.zeros(len(points))
-        feet = feet_of(self.tree, points, self.neighbours) if fitted is None else projected(points.T, fitted).T
+        feet = (
+            feet_of(self.tree, points, self.neighbours, self.sheets)
+            if fitted is None
+            else projected(points.T, fitted).T
+        )
         squared = ((feet - points) ** 2).sum(axis=1)
         variances = np.minimum(squared / TOLERATED**2, LARGEST * self.spacing**2)  # Eq. (7)
         return feet if self.thick else None, variances
@@ -162,4 +180,4 @@ class Noise:
     def fitted(self, points: KdTree) -> Quadrics:
         """Return the quadrics across the noise around points, in tree order and float32; only where noise matters."""
         assert self.tree is not None
-        return fit_quadrics(self.tree, points, self.neighbours, SHARED).astype(np.float32)
+        return fit_quadrics(self.tree, points, self.neighbours, SHARED, self.sheets).astype(np.float32)

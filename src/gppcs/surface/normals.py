@@ -17,11 +17,13 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.scaling import Frame, normalised
-from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of
+from gppcs.surface.noise import NEIGHBOURS, NoiseLayer, across, feet_of, layer_of, layer_of_sheets
 from gppcs.surface.quadrics import fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
+NARROW = 8  # Points of the fits where wider ones mix two sheets, and do not see both.
+ACROSS = 40  # Points of the fits that see both of two near sheets.
 CLEARNESS = 4.0  # A vote falls to 1 / e for each quarter of doubt, which is 0 in a plane and up to 2 across it.
 EDGES = 8  # Nearest neighbours to which a sign is passed. Farther ones lie on the other side of thin parts.
 
@@ -95,16 +97,16 @@ def estimate_normals(
 
 
 def normals_of(
-    tree: KdTree, near: Ints, noisy: bool, sharp: int = SHARP, when_fitted: Callable[[], object] | None = None
+    tree: KdTree, near: Ints, noisy: bool, sheets: bool = False, when_fitted: Callable[[], object] | None = None
 ) -> Floats:
-    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k); `sharp` of them without noise.
+    """Estimate normals, (N, 3), at the points of a tree by their neighbours, (N, k), or those on their sheet of two.
 
     If there is none, a function is called before the signs are found, which takes one thread.
     """
     near = np.ascontiguousarray(near[:, :EDGES])
     neighbours, _ = _across_noise(tree)
     if neighbours < 2 * NEIGHBOURS and not noisy:
-        return _oriented(tree, None, near, sharp, when_fitted)
+        return _oriented(tree, None, near, NARROW if sheets else SHARP, when_fitted)
     normals = np.ascontiguousarray(fit_quadrics(tree, tree, neighbours).normals.T)
     if neighbours < 2 * NEIGHBOURS:
         return with_signs_of(normals, _oriented(tree, None, near))
@@ -127,7 +129,7 @@ def _points_of_fits(tree: KdTree) -> int:
 def _across_noise(tree: KdTree) -> tuple[int, NoiseLayer]:
     """Return the points of fits across the noise; quadrics of still more points cut off detail and take long."""
     neighbours, layer = across(partial(layer_of, tree), 4 * NEIGHBOURS)
-    return (SHARP if neighbours > NEIGHBOURS and layer.is_two_sheets() else neighbours), layer
+    return (SHARP if neighbours > NEIGHBOURS and layer_of_sheets(tree) else neighbours), layer
 
 
 def with_signs_of(normals: Floats, signed: Floats) -> Floats:
@@ -170,9 +172,13 @@ def _oriented(
 ) -> Floats:
     """Return signed normals, (N, 3), of the points of a tree, fitted to `close` of them or as `fits` says."""
     points = np.ascontiguousarray(tree.points.T)
-    _, normals, radii = fit_quadrics(tree, tree, close)
+    fitted = fit_quadrics(tree, tree, close)
+    normals, radii = fitted.normals, fitted.radii
     if fits:
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
+    elif close == NARROW:
+        across = fit_quadrics(tree, tree, ACROSS, sheets=True)
+        normals = np.where(across.two_sheets, across.normals, normals)
     normals = np.ascontiguousarray(normals.T)
     if near is None:
         near, _ = nearest_others(tree, min(EDGES, len(points) - 1))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.leaves import leaves_of_runs, look_around_leaf, on_leaves, search_for, steps_to_nearest
@@ -15,6 +15,7 @@ from gppcs.spatial.triangles import dot
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangents
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
+TWO_PEAKS = 1.7  # Kurtosis of residuals below which these are two sheets: those have 1, a uniform layer 1.8, noise 3.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
 
 
@@ -24,24 +25,34 @@ class Quadrics(NamedTuple):
     heights: Floats  # (m,), signed distance from the query to the quadric, along its normal, to first order
     normals: Floats  # (3, m), unit normal of the quadric at the query; its sign has no meaning
     radii: Floats  # (m,), distance from the middle of the fit to the farthest of its points; 1 where that is zero
+    kurtosis: Floats  # (m,), of the residuals of its points, which tells two sheets from noise; (0,) if not wanted
+
+    @property
+    def two_sheets(self) -> Flags:
+        """Whether the points of each fit lie on two sheets, (m,)."""
+        two_sheets: Flags = self.kurtosis < TWO_PEAKS
+        return two_sheets
 
     def take(self, positions: Ints) -> Quadrics:
         """Return those around some of the queries."""
-        return Quadrics(self.heights[positions], self.normals[:, positions], self.radii[positions])
+        return Quadrics(
+            self.heights[positions], self.normals[:, positions], self.radii[positions], self.kurtosis[positions[:0]]
+        )
 
     def astype(self, dtype: DTypeLike) -> Quadrics:
         """Return them in another precision."""
-        return Quadrics(self.heights.astype(dtype), self.normals.astype(dtype), self.radii.astype(dtype))
+        return Quadrics(*(part.astype(dtype) for part in self))
 
 
-def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0) -> Quadrics:
+def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0, sheets: bool = False) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query, over their plane.
 
     Queries of a leaf within `shared` radii of a fit take its quadric; with 0, each has its own. Where it is steep, or
-    there are fewer than six points, the normal is the plane's.
+    there are fewer than six points, the normal is the plane's. With `sheets`, each query whose points lie on two sheets
+    has the quadric of its own.
     """
     m = queries.points.shape[1]
-    fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m))
+    fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m), np.empty(m if sheets else 0))
     on_leaves(_fit_leaves, tree, queries, min(k, len(tree.order)), shared, fitted)
     return fitted
 
@@ -81,6 +92,10 @@ def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
         _fill_terms(search.local, k, radius, u, v, normal, terms)
         fill_equations(terms, equations)
         solve(equations)
+    kurtosis = np.inf
+    if len(fitted.kurtosis) and k >= COEFFICIENTS:
+        kurtosis = _fit_own_sheet(terms, equations)
+        end = centre + 1 if kurtosis < TWO_PEAKS else end  # others may lie on the other sheet
     count = 0
     for i in range(centre, end):
         x, y, z = (
@@ -94,6 +109,8 @@ def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
         if k >= COEFFICIENTS:
             height = _turn(equations[:, COEFFICIENTS], (x, y, z), u, v, fitted.normals[:, i])
         fitted.heights[i], fitted.radii[i] = height * radius, radius
+        if len(fitted.kurtosis):
+            fitted.kurtosis[i] = kurtosis
         count += 1
     return count
 
@@ -130,6 +147,27 @@ def fill_equations(terms, equations):
                 total += weights[j] * of_a[j] * of_b[j]
             equations[a, b] = total
         equations[a, a] += 1e-8  # solvable if the points lie on a line or a conic
+
+
+@kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
+def _fit_own_sheet(terms, equations):
+    """Return the kurtosis of the residuals of a fit; where it has two peaks, fit the points on the query's side."""
+    a, b, c, d, e, f = equations[:, COEFFICIENTS]
+    total = second = fourth = 0.0
+    for j in range(terms.shape[1]):
+        fit = a + b * terms[1, j] + c * terms[2, j] + d * terms[3, j] + e * terms[4, j] + f * terms[5, j]
+        weight, squared = terms[7, j], (terms[6, j] - fit) ** 2
+        total += weight
+        second += weight * squared
+        fourth += weight * squared * squared
+    kurtosis = total * fourth / (second * second) if second > 0.0 else np.inf
+    if kurtosis < TWO_PEAKS:
+        for j in range(terms.shape[1]):
+            fit = a + b * terms[1, j] + c * terms[2, j] + d * terms[3, j] + e * terms[4, j] + f * terms[5, j]
+            terms[7, j] *= (terms[6, j] - fit) * a < 0.0  # the query lies at -a
+        fill_equations(terms, equations)
+        solve(equations)
+    return kurtosis
 
 
 @kernel(inline="always")
