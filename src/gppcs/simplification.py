@@ -228,9 +228,10 @@ def simplify_tiles(
     Raises
     ------
     OutputError
-        If a file exists, the folder cannot be written, or a run with other options was begun there.
+        If a file exists, the folder cannot be written, or a run was begun there with other options, files that have
+        changed since, or another version of gppcs.
     InputError, ParameterError, FileFormatError, GppcsError, OSError
-        As in `simplify`, and if files have changed since the run was begun.
+        As in `simplify`.
 
     Examples
     --------
@@ -271,7 +272,7 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         scratch_folder(options.scratch, plan.disk) as folder,
         engine(options.workers, plan.threads) as run_on,
     ):
-        survey = Survey.read(files, plan, options, folder, run_on, timer)
+        survey = Survey.read(files, plan, options, folder, folder, run_on, timer)
         choice, more, diagnostics = choose(survey)
         kept = all_kept(survey, choice, more)
         with timer("kept points"):
@@ -290,33 +291,50 @@ def simplify_each(
 
     A run that was stopped goes on where it was, if it goes tile by tile.
     """
-    from gppcs.streaming.folder import FileTask, begin, finish, write_file
+    from gppcs.streaming.folder import run_in_folder, write_index
 
     for name in ("levels", "index", "rank", "mark"):
         if getattr(options, name):
             raise ParameterError(f"expected `{name}` with one output file, or each input by itself, found a folder")
     check_addable(files.preview, options)
-    work = begin(files, options, targets, force)
-    if plan.in_memory:
-        with timer("reading"):
-            clouds = files.read_each()
-        result = simplify_cloud(joined(clouds), options, timer)
-        ends = np.cumsum([len(cloud) for cloud in clouds])
-        written, diagnostics = [], result.diagnostics
-        for target, cloud, end in zip(targets, clouds, ends.tolist(), strict=True):
-            positions = np.flatnonzero((result.indices >= end - len(cloud)) & (result.indices < end))
-            kept = replace(result.cloud.take(positions), header=cloud.header)
-            written.append(target.write(kept, result.indices[positions]))
-    else:
-        from gppcs.streaming.beyond_memory import Survey, choose
-        from gppcs.streaming.graph import engine
-
-        with engine(options.workers, plan.threads) as run_on:
-            survey = Survey.read(files, plan, options, work, run_on, timer)
-            choice, more, diagnostics = choose(survey)
-            of_files = zip(files.paths, targets, strict=True)
-            tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
-            with timer("writing", len(tasks)) as on_progress:
-                written = run_on.run(partial(write_file, choice, more), tasks, on_progress=on_progress)
-    finish(work, written)
+    with run_in_folder(files, options, targets, force) as work:
+        if plan.in_memory:
+            written, diagnostics = _each_in_memory(files, targets, options, timer)
+        else:
+            written, diagnostics = _each_by_tiles(files, targets, options, plan, work, timer)
+        write_index(work.parent, written)
     return written, diagnostics
+
+
+def _each_in_memory(
+    files: CloudFiles, targets: Sequence[Target], options: Options, timer: Timer
+) -> tuple[Sequence[Written], Mapping[str, float]]:
+    """Simplify files as one cloud in memory, and write the kept points of each."""
+    with timer("reading"):
+        clouds = files.read_each()
+    result = simplify_cloud(joined(clouds), options, timer)
+    ends = np.cumsum([len(cloud) for cloud in clouds])
+    written = []
+    for target, cloud, end in zip(targets, clouds, ends.tolist(), strict=True):
+        positions = np.flatnonzero((result.indices >= end - len(cloud)) & (result.indices < end))
+        kept = replace(result.cloud.take(positions), header=cloud.header)
+        written.append(target.write(kept, result.indices[positions]))
+    return written, result.diagnostics
+
+
+def _each_by_tiles(
+    files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, work: Path, timer: Timer
+) -> tuple[Sequence[Written], Mapping[str, float]]:
+    """Simplify files as one cloud tile by tile, and write the kept points of each."""
+    from gppcs.streaming.beyond_memory import Survey, choose
+    from gppcs.streaming.folder import FileTask, write_file
+    from gppcs.streaming.graph import engine
+    from gppcs.streaming.scratch import scratch_folder
+
+    with scratch_folder(options.scratch, plan.disk) as scratch, engine(options.workers, plan.threads) as run_on:
+        survey = Survey.read(files, plan, options, scratch, work, run_on, timer)
+        choice, more, diagnostics = choose(survey)
+        of_files = zip(files.paths, targets, strict=True)
+        tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
+        with timer("writing", len(tasks)) as on_progress:
+            return run_on.run(partial(write_file, choice, more), tasks, on_progress=on_progress), diagnostics

@@ -23,7 +23,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
-from gppcs.methods import Feature, Selection
+from gppcs.methods import Selection
 from gppcs.spatial.boxes import Boxes, Tile, neighbours_before
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import HASHES, point_hashes
@@ -35,6 +35,7 @@ from gppcs.streaming.passes import (
     distances_in_tile,
     file_of_gaps,
     fill_gaps_in_tile,
+    in_order_of_choice,
     margin_of_gaps,
     outliers_in_tile,
     unchosen_in_tile,
@@ -72,9 +73,12 @@ class Survey:
 
     @classmethod
     def read(
-        cls, files: CloudFiles, plan: Plan, options: Options, folder: Path, run_on: Engine, timer: Timer
+        cls, files: CloudFiles, plan: Plan, options: Options, scratch: Path, folder: Path, run_on: Engine, timer: Timer
     ) -> Survey:
-        """Read a cloud once or twice; check that it can be simplified as the options ask for."""
+        """Read a cloud once or twice; check that it can be simplified as the options ask for.
+
+        Tiles will be stored in `folder`, and what no later run needs, in `scratch`.
+        """
         overview, parts = read_all(files.parts(plan.part), plan.points_in, options, run_on, timer)
         check_finite(overview.count, overview.n_bad, overview.first_bad, options.invalid)
         check_constraints(options, int(overview.keep.sum()), overview.weights)
@@ -82,8 +86,8 @@ class Survey:
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
         boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
         direct = _lie_together(parts, overview, boxes)
-        pieces = parts if direct else sorted_once(parts, boxes, folder, run_on, timer)
-        source = Source(pieces, np.empty(0, dtype=np.int64))
+        pieces = parts if direct else sorted_once(parts, boxes, scratch, run_on, timer)
+        source = Source(pieces, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
         survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
         return survey.without_outliers() if options.drop_outliers else survey
 
@@ -203,10 +207,14 @@ class Survey:
         blocks = self.nodes(BLOCK * self.overview.n_usable / n_points)
         n_drawn = math.ceil(len(blocks) * min(1.0, PILOT / (fraction * self.overview.n_usable)))
         drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
-        rows = Rows.joined(self.source.read(blocks[i].lower, blocks[i].upper) for i in drawn)
+        block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
+        rows = Rows.joined(
+            rows.only(block_of_box[self.boxes.box_of(rows.points)] == i)  # not those on a cut, which may be a face
+            for i in drawn
+            for rows in [self.source.read(blocks[i].lower, blocks[i].upper)]
+        )
         rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
-        block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
         of_sample, of_chosen = (
             block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
         )
@@ -260,10 +268,9 @@ def choose(survey: Survey) -> Chosen:
 
 
 def all_kept(survey: Survey, choice: Choice, more: Sequence[Kept]) -> Kept:
-    """Return all kept points: the most important first, or in the order of the files if the method does not rank."""
+    """Return all kept points."""
     kept = Kept.joined([*map(choice.kept, range(len(choice.tiling.tiles))), *more])
-    is_ranked = Feature.RANKING in survey.options.algorithm.supports
-    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
+    return in_order_of_choice(kept, survey.options)
 
 
 def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:

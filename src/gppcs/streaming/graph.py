@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gppcs.engine.extras import require_distributed
@@ -37,9 +39,11 @@ class Engine:
         Returns what the calls return, in the order of the arguments.
         """
         before = [list(numbers) for numbers in after] or [[] for _ in arguments]
-        task = Call(function, platform.node(), os.getpid(), _version())
-        if isinstance(self.executor, Executor):
+        task = Call(function, platform.node(), os.getpid(), own_version())
+        if isinstance(self.executor, ThreadPoolExecutor):
             return self._run_in_order(task, arguments, before, on_progress)
+        if isinstance(self.executor, Executor):
+            return self._run_in_order(PickledCall(pickle.dumps(task)), arguments, before, on_progress)
         from distributed import as_completed
 
         shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
@@ -54,7 +58,11 @@ class Engine:
         return self.executor.gather([futures[number] for number in range(len(arguments))])
 
     def _run_in_order(
-        self, task: Call, arguments: Sequence[Any], before: list[list[int]], on_progress: Callable[[int], None]
+        self,
+        task: Callable[[Any], Any],
+        arguments: Sequence[Any],
+        before: list[list[int]],
+        on_progress: Callable[[int], None],
     ) -> list[Any]:
         results: dict[int, Any] = {}
         running: dict[Future[Any], int] = {}
@@ -80,15 +88,32 @@ class Call:
 
     def __call__(self, argument: Any, earlier: object = None) -> Any:
         """Call the function."""
-        if self.version != _version():
+        if self.version != own_version():
             raise GppcsError(
-                f"expected workers with gppcs {self.version}, found {_version()}; install the same version"
+                f"expected workers with gppcs {self.version}, found {own_version()}; install the same version"
             )
         if (self.node, self.process) == (platform.node(), os.getpid()):
             with sharing_cores():
                 return self.function(argument)
         with on_one_thread():
             return self.function(argument)
+
+
+@dataclass(frozen=True)
+class PickledCall:
+    """A call that is pickled once, not for each task; each process unpickles it once."""
+
+    pickled: bytes
+
+    def __call__(self, argument: Any) -> Any:
+        """Call the function."""
+        return _unpickled(self.pickled)(argument)
+
+
+@lru_cache(maxsize=2)
+def _unpickled(pickled: bytes) -> Call:
+    call: Call = pickle.loads(pickled)
+    return call
 
 
 @contextmanager
@@ -134,6 +159,7 @@ def _sorted(before: list[list[int]]) -> list[int]:
     return list(order)
 
 
-def _version() -> str:
+def own_version() -> str:
+    """Return the version of gppcs that runs."""
     version: str = sys.modules["gppcs"].__version__
     return version

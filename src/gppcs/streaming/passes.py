@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from gppcs.amounts.accuracy import distances_to
+from gppcs.amounts.options import Options
 from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.arrays import Floats, Ints
+from gppcs.methods import Feature
 from gppcs.spatial.boxes import inside, neighbours_before
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
@@ -44,6 +46,12 @@ class Choice:
         lower, upper = tile.lower - margin, tile.upper + margin
         points = np.concatenate([self.kept(i).positions for i in self.tiling.meeting(lower, upper)])
         return points[inside(points, lower, upper)]
+
+
+def in_order_of_choice(kept: Kept, options: Options) -> Kept:
+    """Return kept points, the most important first, or in the order of the files if the method does not rank."""
+    is_ranked = Feature.RANKING in options.algorithm.supports
+    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
 
 
 def outliers_in_tile(tiling: Tiling, number: int) -> Rows:

@@ -132,6 +132,7 @@ class Source:
     """The points of a cloud, by the box in which they lie."""
 
     pieces: Sequence[Part | Run]
+    nothing: Rows  # of the same columns
     excluded: Ints  # (n,), ascending: indices of outliers, which are not there
 
     def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
@@ -142,7 +143,7 @@ class Source:
             if piece.meets(lower, upper)
             for rows in piece.read(lower, upper)
         ]
-        rows = Rows.joined(parts or list(self.pieces[0].read(np.ones(3), np.zeros(3))))
+        rows = Rows.joined([self.nothing, *parts])
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
         return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
