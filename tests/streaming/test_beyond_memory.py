@@ -148,7 +148,7 @@ def test_points_go_to_the_surface_and_get_its_normals(tmp_path):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     noisy = directions * (1.0 + 0.02 * np.random.default_rng(1).standard_normal((20_000, 1)))
     path = written(tmp_path, gppcs.PointCloud(noisy))
-    result = gppcs.simplify(path, n_points=400, denoise=True, normals=True, memory=MEMORY)
+    result = gppcs.simplify(path, n_points=400, method=gppcs.LocalGP(denoise=True), normals=True, memory=MEMORY)
     radii = np.linalg.norm(result.points, axis=1)
     assert np.abs(radii - 1.0).mean() < 0.5 * 0.016  # the mean distance of all points is 0.016
     cosines = np.einsum("ij,ij->i", result.cloud.normals(), result.points / radii[:, None])
