@@ -16,7 +16,7 @@ import gppcs
 from gppcs.methods import Feature
 from shapes import odd_clouds
 
-METHODS = list(gppcs.METHODS)
+METHODS = list(gppcs.METHODS.built_in)
 FAR = np.array([500_000, 5_400_000, 0])  # as in UTM
 
 
@@ -288,7 +288,8 @@ def test_what_is_no_ranking_has_no_prefixes():
 
 
 @pytest.mark.parametrize(
-    "method", [name for name, method in gppcs.METHODS.items() if Feature.RANKING in method.supports and name != "gp"]
+    "method",
+    [name for name, method in gppcs.METHODS.built_in.items() if Feature.RANKING in method.supports and name != "gp"],
 )
 def test_the_first_points_of_a_ranking_are_those_of_a_smaller_run_or_as_evenly_spread(method):
     cloud = gppcs.sample("bracket", n_points=3000)
