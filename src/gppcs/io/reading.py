@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, BinaryIO
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.io.cloud_files import CloudFiles
 
 
 def read(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | BinaryIO,
     format: str | None = None,  # noqa: A002 - as numpy, pandas say
     columns: Sequence[str] | None = None,
     inside: Any = None,
@@ -26,9 +26,10 @@ def read(
 
     Parameters
     ----------
-    path : str or path
-        The file. A gzip file is decompressed; `-` is standard input. The files that a virtual point cloud (.vpc) lists
-        become one cloud; they must have the same attributes.
+    path : str, path or binary file
+        The file, its address on a server such as https:// or s3:// (with the extra `remote`; of COPC files, only what
+        `inside` and `resolution` ask for is fetched), or an open file. A gzip file is decompressed; `-` is standard
+        input. The files that a virtual point cloud (.vpc) lists become one cloud; they must have the same attributes.
     format : str, optional
         Suffix of the format, such as "ply" or "kitti", if neither content nor name tell it.
     columns : sequence of str, optional
@@ -58,7 +59,7 @@ def read(
     ParameterError
         If an argument is not as above.
     MissingExtraError
-        If the format needs a package that is not installed (E57, Parquet, Feather).
+        If the format or the server needs a package that is not installed.
     OSError
         If the file cannot be read.
 
