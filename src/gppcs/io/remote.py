@@ -69,7 +69,7 @@ def _answering(address: str) -> Iterator[None]:
     except ImportError as error:
         raise MissingExtraError(f"{address} needs another package: {error}") from error
     except Exception as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise OSError(f"{address}: fsspec reports: {reason}; look at address, connection and credentials") from error
 
 
