@@ -20,8 +20,6 @@ from gppcs.engine.timer import in_words
 from gppcs.errors import InputError, ParameterError, flag
 from gppcs.methods import Feature, Method
 
-INDEX, RANK, LEVEL = "index", "rank", "level"  # the names of attributes that are added
-
 
 @dataclass(frozen=True, eq=False)
 class Result(ComparedByValue):
@@ -142,13 +140,13 @@ class Result(ComparedByValue):
         >>> result.with_attributes(rank=True, levels=[200, 50]).cloud.attributes["level"][[49, 50]].tolist()
         [0, 1]
         """
-        attributes: dict[str, Any] = {INDEX: self.indices} if flag("index", index) else {}
+        attributes: dict[str, Any] = {"index": self.indices} if flag("index", index) else {}
         if flag("rank", rank):
             require(self.method, Feature.RANKING)
-            attributes[RANK] = self.ranks.astype(np.uint32)
+            attributes["rank"] = self.ranks.astype(np.uint32)
         if levels is not None:
-            attributes[LEVEL] = np.searchsorted(self._counts(levels), self.ranks, side="right").astype(np.uint8)
-        return replace(self, cloud=with_new(self.cloud, attributes)) if attributes else self
+            attributes["level"] = np.searchsorted(self._counts(levels), self.ranks, side="right").astype(np.uint8)
+        return replace(self, cloud=_with_new(self.cloud, attributes)) if attributes else self
 
     def marked(self, cloud: CloudLike, name: str = "kept") -> PointCloud:
         """Return the input, a cloud of N points, with an attribute that is 1 for kept points and 0 for others.
@@ -160,11 +158,11 @@ class Result(ComparedByValue):
         200
         """
         cloud = PointCloud.from_object(cloud)
-        if self.method.moves_points or self.indices.max(initial=0) >= len(cloud):
+        if self.method.moves_points or self.indices.max(initial=-1) >= len(cloud):
             raise InputError("expected the input, whose points were not moved, found another cloud or a moved one")
         is_kept = np.zeros(len(cloud), np.uint8)
         is_kept[self.indices] = 1
-        return with_new(cloud, {name: is_kept})
+        return _with_new(cloud, {name: is_kept})
 
     def _require_ranking(self) -> None:
         """Check that the first points chosen are a simplification to fewer points."""
@@ -188,7 +186,7 @@ class Result(ComparedByValue):
         return counts
 
 
-def with_new(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointCloud:
+def _with_new(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointCloud:
     """Return a cloud with attributes that it does not have yet."""
     for name in attributes:
         if name in cloud.attributes:

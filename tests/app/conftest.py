@@ -63,7 +63,8 @@ def printed(gppcs_command):
 
     def run(*arguments):
         code, out, err = gppcs_command(*arguments)
-        assert (code, err) == (0, ""), arguments
+        notes = [line for line in err.splitlines() if not line.startswith("progress: ")]  # on a slow machine
+        assert (code, notes) == (0, []), arguments
         return out
 
     return run

@@ -19,7 +19,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.errors import FileFormatError, OutputError, file_path
 from gppcs.io import text
 from gppcs.methods.method import SCORES
-from gppcs.result import INDEX, LEVEL, RANK, with_new
+from gppcs.result import Result
 from gppcs.steps import check_addable
 
 LEVEL_FIELD = "{level}"  # stands for the number of a level in the name of its file
@@ -81,14 +81,16 @@ class Output:
         check_addable(cloud, options)
         if options.mark is None:
             cloud = cloud[cloud.is_finite()]  # only these are kept
-        floats = (NORMALS if options.normals else ()) + (SCORES if options.scores else ())
-        zeros = np.zeros(len(cloud))
-        cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(floats, zeros.astype(np.float32))})
-        added: dict[str, Any] = {} if options.mark is None else {options.mark: np.uint8}
-        added |= {INDEX: np.int64} if options.index else {}
-        added |= {RANK: np.uint32} if options.rank else {}
-        added |= {LEVEL: np.uint8} if options.sizes and len(self.targets) == 1 else {}
-        cloud = with_new(cloud, {name: zeros.astype(dtype) for name, dtype in added.items()})
+        rows = np.arange(len(cloud))
+        added = (NORMALS if options.normals else ()) + (SCORES if options.scores else ())
+        zeros = dict.fromkeys(added, np.zeros(len(rows), np.float32))
+        cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
+        all_kept = Result(rows, cloud, options.algorithm, {}, {}, ranks=rows, is_ranking=True, points_in=len(rows))
+        if options.mark is None:
+            levels = options.levels if len(self.targets) == 1 else None
+            cloud = all_kept.with_attributes(index=options.index, rank=options.rank, levels=levels).cloud
+        else:
+            cloud = all_kept.marked(cloud, options.mark)
         for kind, target in dict(zip(self.formats, self.targets, strict=True)).items():
             io.check_storable(target, cloud, kind, self.lossy)
 

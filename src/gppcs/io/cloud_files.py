@@ -10,7 +10,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,9 +88,11 @@ class CloudFiles:
 
     Parameters
     ----------
-    paths : path or sequence of paths
-        The files. A gzip file is decompressed; `-` is standard input. A virtual point cloud (.vpc) stands for the files
-        that it lists. Several files must have the same attributes.
+    paths : str, path or binary file, or a sequence of these
+        The files, their addresses on a server such as https:// or s3:// (with the extra `remote`; of COPC files, only
+        what `inside` and `resolution` ask for is fetched), or open files. A gzip file is decompressed; `-` is standard
+        input. A virtual point cloud (.vpc) stands for the files that it lists. Several files must have the same
+        attributes.
     format : str, optional
         Suffix of the format, such as "ply" or "kitti", if neither content nor name tell it.
     columns : sequence of str, optional
@@ -128,7 +130,7 @@ class CloudFiles:
 
     def __init__(
         self,
-        paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+        paths: str | os.PathLike[str] | BinaryIO | Sequence[str | os.PathLike[str] | BinaryIO],
         format: str | None = None,  # noqa: A002  # as NumPy and pandas say
         columns: Sequence[str] | None = None,
         inside: Sequence[Any] | str | os.PathLike[str] | None = None,
@@ -145,12 +147,21 @@ class CloudFiles:
         self._format, self._if_needed = format, if_needed
         self._columns = None if columns is None else _checked_columns(columns)
         self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
-        listed = paths if isinstance(paths, list | tuple) else [paths]
-        self.paths = [file for path in listed for file in files_of(file_path(path))]
+        self._streams: dict[Path, BinaryIO] = {}  # open files, by the names that they get
+        listed: Sequence[Any] = paths if isinstance(paths, list | tuple) else [paths]
+        self.paths = [file for path in listed for file in self._files_of(path)]
         if not self.paths:
             raise ParameterError("expected one file or several, found none")
         self._span: Span | None = None  # the part of a single file that is read
         self._header: Header | None = None  # of the first file with a coordinate system
+
+    def _files_of(self, path: str | os.PathLike[str] | BinaryIO) -> list[Path]:
+        """Return the files that a path stands for, or a name for an open file."""
+        if isinstance(path, str | os.PathLike) or not hasattr(path, "read"):
+            return files_of(file_path(path))
+        name = Path(f"open file {len(self._streams) + 1}")
+        self._streams[name] = path
+        return [name]
 
     def __enter__(self) -> CloudFiles:
         self._entered += 1
@@ -169,7 +180,7 @@ class CloudFiles:
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
-        return {**state, "_opened": {}, "_entered": 0}
+        return {**state, "_opened": {}, "_streams": {}, "_entered": 0}
 
     def __repr__(self) -> str:
         return f"CloudFiles({', '.join(map(str, self.paths))})"
@@ -228,8 +239,8 @@ class CloudFiles:
 
     @property
     def reads_standard_input(self) -> bool:
-        """Whether one of the files is standard input, which no other process can read."""
-        return any(map(is_standard, self.paths))
+        """Whether one of the files is standard input or an open file, which no other process can read."""
+        return bool(self._streams) or any(map(is_standard, self.paths))
 
     @property
     def has_copies(self) -> bool:
@@ -324,7 +335,7 @@ class CloudFiles:
             if len(plain) >= 64:  # a process may not open many more
                 self._opened.pop(plain[0]).close()
             with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
-                file = stack.enter_context(plain_input(path))
+                file = stack.enter_context(plain_input(path, self._streams.get(path)))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))
                 _check_free(reader.memory)

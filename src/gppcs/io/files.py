@@ -17,6 +17,7 @@ from typing import Any
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, one_of, shown
 from gppcs.io import arrays, arrow, colmap, copc_writing, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
+from gppcs.io.remote import address_of
 from gppcs.io.streams import inner_name, is_standard
 
 FORMATS: tuple[Format, ...] = (
@@ -40,7 +41,8 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except (FileFormatError, InputError) as error:
-        raise FileFormatError(f"{'standard input' if is_standard(path) else path}: {error}") from error
+        name = "standard input" if is_standard(path) else address_of(path) or path
+        raise FileFormatError(f"{name}: {error}") from error
 
 
 def format_of(
@@ -53,7 +55,9 @@ def format_of(
 
     Content of another format than that of the suffix is an error, unless the suffix is for files that need it.
     """
-    start, size = file.peek(1024)[:1024], os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    start = file.peek(1024)[:1024]
     matches = [file_format for file_format in FORMATS if file_format.recognises(start, size)]
     if matches and (format is None or if_needed):
         return matches[0]

@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import Any, BinaryIO, TypeVar, cast
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.io.cloud_files import CloudFiles
@@ -36,7 +36,7 @@ def taking_old_names(function: Function) -> Function:
 
 @taking_old_names
 def read(
-    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | CloudFiles,
+    path: str | os.PathLike[str] | BinaryIO | Sequence[str | os.PathLike[str]] | CloudFiles,
     format: str | None = None,  # noqa: A002  # as NumPy and pandas say
     columns: Sequence[str] | None = None,
 ) -> PointCloud:
@@ -47,7 +47,7 @@ def read(
 
     Parameters
     ----------
-    path : path, sequence of paths or CloudFiles
+    path : path, binary file, sequence of paths or CloudFiles
         The file, or several that are one cloud. `gppcs.open(path, ...).read()` reads a part of the points.
     format, columns : optional
         As for `gppcs.open`: the suffix of the format, and the names of the columns of a text table.
@@ -64,7 +64,7 @@ def read(
     ParameterError
         If an argument is not as above.
     MissingExtraError
-        If the format needs a package that is not installed (E57, Parquet, Feather).
+        If the format or the server needs a package that is not installed.
     OSError
         If the file cannot be read.
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.remote import address_of, open_remote
 from gppcs.io.vpc import files_of
 
 
@@ -33,11 +34,19 @@ def inner_name(path: Path) -> Path:
     return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 
-def plain_input(path: Path) -> Any:
-    """Open a file, or standard input for `-`; what cannot be read from any place is copied to a temporary file."""
-    if path.exists() and not path.is_file():
+def plain_input(path: Path, stream: Any = None) -> Any:
+    """Open a file by its path, address or an open stream; what one cannot seek in is copied to a temporary file.
+
+    The path `-` is standard input.
+    """
+    if stream is not None:
+        file = _copied(stream)
+    elif address := address_of(path):
+        file = open_remote(address)
+    elif path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
-    file = _standard_input() if is_standard(path) else path.open("rb")
+    else:
+        file = _standard_input() if is_standard(path) else path.open("rb")
     if file.peek(2).startswith(b"\x1f\x8b"):
         with file:
             try:
@@ -64,6 +73,8 @@ def _copied(stream: Any, packed: Any = None) -> Any:
     with ExitStack() as stack:
         copy = stack.enter_context(tempfile.TemporaryFile())
         while block := stream.read(1 << 20):
+            if not isinstance(block, bytes):
+                raise FileFormatError(f"expected a file of bytes, found one of {type(block).__name__}; open it as 'rb'")
             copy.write(block)
             if packed and copy.tell() > 200 * packed.tell() + (1 << 24):
                 raise FileFormatError(

@@ -73,14 +73,7 @@ class Survey:
 
     @classmethod
     def read(
-        cls,
-        files: CloudFiles,
-        plan: Plan,
-        options: Options,
-        scratch: Path,
-        folder: Path,
-        run_on: Engine,
-        timer: Timer,
+        cls, files: CloudFiles, plan: Plan, options: Options, scratch: Path, folder: Path, run_on: Engine, timer: Timer
     ) -> Survey:
         """Read a cloud once or twice; check that it can be simplified as the options ask for.
 

@@ -172,12 +172,12 @@ class TestInTheBrowser:
         assert one != other
 
     def test_the_slider_shows_the_first_points_with_their_figures(self, seen):
-        assert all("points\nlargest error" in label for label in seen["labels"][1:])
+        assert all("points\nmean error" in label for label in seen["labels"][1:])
         assert seen["fewest"]["text"] == "100 (10 %)"
         assert [label.splitlines()[1] for label in seen["fewest"]["labels"]] == ["20,000 points", *2 * ["100 points"]]
         name, count, figure = seen["fewer"]["labels"][1].splitlines()
         assert (name, count) == ("fps.ply", "317 points")  # half of the way from a tenth to all, as a ratio
-        assert figure.startswith("first 250: largest error")
+        assert figure.startswith("first 250: mean error")
         assert digests(seen["fewer"]["pictures"])[0] == digests(seen["start"])[0]
         assert all_differ(seen["start"][1:], seen["fewer"]["pictures"][1:])
 
@@ -273,7 +273,7 @@ class TestInTheBrowser:
 
     def test_meshes_take_the_place_of_points_where_there_are_some(self, seen):
         *meshes, voxels = seen["meshes"]["labels"]
-        assert all(re.fullmatch(r".*\n[\d,]+ points, [\d,]+ triangles(\nlargest error .*)?", label) for label in meshes)
+        assert all(re.fullmatch(r".*\n[\d,]+ points, [\d,]+ triangles(\nmean error .*)?", label) for label in meshes)
         assert voxels == seen["labels"][2]
         assert all_differ(seen["start"][:2], seen["meshes"]["pictures"][:2])
         for points, drawn in zip(seen["start"], seen["meshes"]["pictures"], strict=True):

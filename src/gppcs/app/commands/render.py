@@ -50,7 +50,7 @@ def render(
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
 
-    timer = started(quiet, threads)
+    timer = started(quiet, threads, in_pipes=True)
     viewpoint = options.viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
     check_output(output, sources, force, [".png"])
