@@ -74,7 +74,7 @@ def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dic
         dropped = _store(job, output, clouds, is_ranked)
     note_left_out(output.targets[-1], dropped)
     note_units(output.input_title, preview, job.options.unit)
-    for note in _notes(result, job.options):
+    for note in _notes(len(result.indices), result.points_in, result.diagnostics, job.options):
         print_error(f"note: {output.input_title}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
     levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
@@ -102,6 +102,8 @@ def run_folder(job: Job, outputs: Sequence[Output], timer: Timer) -> tuple[dict[
         written, diagnostics = simplify_each(files, targets, job.options, plan, timer, job.force)
         points_in = files.n_points
     points_out = sum(file.n_points for file in written)
+    for note in _notes(points_out, points_in, diagnostics, job.options):
+        print_error(f"note: {len(written)} files: {note}")
     record = {
         "input": list(map(str, sources)),
         "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
@@ -252,13 +254,13 @@ def _effect(noise: float, options: Options) -> str:
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 
-def _notes(result: Result, options: Options) -> Iterator[str]:
+def _notes(kept: int, points_in: int, diagnostics: Mapping[str, float], options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
-    kept, fraction = len(result.indices), len(result.indices) / result.points_in
+    fraction = kept / points_in
     if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:
         yield f"this tolerance takes {fraction:.0%} of the points; it is below what their spacing and noise resolve"
-    if result.diagnostics.get("moved_largest") == 0.0:
+    if diagnostics.get("moved_largest") == 0.0:
         yield "--denoise moved no point: no noise was found, or none that differs from detail"

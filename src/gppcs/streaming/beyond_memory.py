@@ -71,11 +71,25 @@ class Survey:
         assert overview.sample is not None
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
         boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
-        direct = _lie_together(parts, overview, boxes)
-        pieces = parts if direct else sorted_once(parts, boxes, scratch, run_on, timer)
-        source = Source(pieces, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
+        source = Source(parts, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
         survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
+        if not survey.parts_lie_together():
+            runs = sorted_once(parts, boxes, scratch, run_on, timer)
+            survey = replace(survey, source=replace(source, pieces=runs))
         return survey.without_outliers() if options.drop_outliers else survey
+
+    def parts_lie_together(self) -> bool:
+        """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
+        for part in self.parts:
+            with part.files as files:
+                if files.has_copies:
+                    return False
+        met = 0
+        for tile in self.nodes(TILE):
+            margin = 0.1 * (tile.upper - tile.lower)
+            of_parts = [part for part in self.parts if part.meets(tile.lower - margin, tile.upper + margin)]
+            met += sum(part.count or 0 for part in of_parts)
+        return met <= REREADINGS * self.overview.count
 
     @property
     def outliers(self) -> Ints | None:
@@ -224,22 +238,3 @@ class Survey:
         mass = mass / mass.sum()
         guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
         guide.write(self.folder / "guide.npz")
-
-
-def _lie_together(parts: Sequence[Part], overview: Overview, boxes: Boxes) -> bool:
-    """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
-    assert overview.sample is not None
-    for part in parts:
-        with part.files as files:
-            if files.has_copies:
-                return False
-    counts = np.bincount(boxes.box_of(overview.sample.points), minlength=len(boxes))
-    tiles = boxes.tiles(counts * (overview.n_usable / len(overview.sample)), TILE)
-    margins = [0.1 * (tile.upper - tile.lower) for tile in tiles]
-    met = sum(
-        part.count or 0
-        for tile, margin in zip(tiles, margins, strict=True)
-        for part in parts
-        if part.meets(tile.lower - margin, tile.upper + margin)
-    )
-    return met <= REREADINGS * overview.count
