@@ -16,7 +16,7 @@ AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
 ON_LINE = ((32, 0.42), (8, 0.08))
-MAX_MEASURED = 100_000
+MAX_MEASURED = 100_000  # points that pages measure of more
 WIRE = 0.3  # radius of points of wires and poles, in that of most points: larger discs would be beads
 
 
@@ -42,9 +42,9 @@ def disc_radii(tree: KdTree, points: Floats) -> Floats:
     Of many points, every few are measured, and the others have the radius of the nearest of these.
     """
     if len(points) > MAX_MEASURED:
-        measured = np.ascontiguousarray(points[:: -(-len(points) // MAX_MEASURED)])
-        nearest, _ = KdTree.build(measured[first_occurrences(measured)]).nearest_of(points, 1)
-        return disc_radii(tree, measured[first_occurrences(measured)])[nearest[:, 0]]
+        measured = points[:: -(-len(points) // MAX_MEASURED)]
+        measured = measured[first_occurrences(measured)]
+        return disc_radii(tree, measured)[KdTree.build(measured).nearest_of(points, 1)[0][:, 0]]
     total, across, thinnest, squared = _around(tree, points, AROUND)
     sixth = np.sqrt(squared[:, min(6, squared.shape[1] - 1)])
     radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
