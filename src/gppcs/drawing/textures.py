@@ -59,7 +59,7 @@ def bake_texture(mesh: Mesh, cloud: CloudLike, size: int = 1024) -> Texture:
     >>> result = gppcs.mesh(cloud, n_points=200)
     >>> texture = gppcs.bake_texture(result.mesh, cloud, size=256)
     >>> gppcs.write_mesh("wall.glb", result.mesh, result.cloud, texture=texture)
-    []
+    ['attribute curvature (float32)']
     """
     size = checked_texture_size(size)
     if not isinstance(mesh, Mesh):
