@@ -31,7 +31,7 @@ def test_the_stages_of_a_long_run_go_to_stderr_without_a_terminal(gppcs_command,
     gppcs.write("few.ply", gppcs.simplify(scan, n_points=100))
     _, out, err = gppcs_command("render", "scan.ply", "few.ply", "-o", "both.png")
     assert out.startswith("both.png: ")
-    assert err.splitlines() == [f"progress: {stage}" for stage in ("reading", "colours", "surface", "drawing")]
+    assert err.splitlines() == [f"progress: {stage}" for stage in ("reading", "surface", "colours", "drawing")]
 
 
 def test_the_options_turn_and_colour_the_picture(printed, folder, scan):
