@@ -51,8 +51,8 @@ def disc_radii(tree: KdTree, points: Floats) -> Floats:
     usual = np.median(radii)
     sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
     radii[sparse[are_on_lines(tree, points[sparse])]] = WIRE * usual
-    in_space = (radii > 2.5 * usual) & (thinnest > 0.35 * across)  # on no surface, such as where wires meet
-    radii[in_space] = usual
+    in_space = (thinnest > 0.35 * across) | (across < 0.35 * total)  # on no surface, such as where wires meet
+    radii[in_space & (radii > 2.5 * usual)] = usual
     return radii
 
 
