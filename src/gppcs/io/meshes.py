@@ -246,15 +246,15 @@ def write_gltf(
     mesh = _trimesh(cloud, cloud.points - origin, faces)
     visual: Any = trimesh.visual  # of which not all is typed
     material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=not mesh.is_watertight)
-    places = None
+    uv = None
     if texture is not None:
         from PIL import Image
 
         material.doubleSided = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
         material.baseColorTexture = Image.fromarray(texture.image)
-        places = texture.places * (1.0, -1.0) + (0.0, 1.0)
-    if places is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
-        mesh.visual = visual.TextureVisuals(places, material)
+        uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
+    if uv is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
+        mesh.visual = visual.TextureVisuals(uv, material)
 
     def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR
