@@ -27,11 +27,11 @@ def test_a_scan_is_drawn_by_its_rgb(printed, folder, scan):
 
 
 def test_the_stages_of_a_long_run_go_to_stderr_without_a_terminal(gppcs_command, folder, scan, monkeypatch):
-    monkeypatch.setattr("gppcs.app.printing.PATIENCE", 0.0)
+    monkeypatch.setattr("gppcs.engine.progress.PATIENCE", 0.0)
     gppcs.write("few.ply", gppcs.simplify(scan, n_points=100))
     _, out, err = gppcs_command("render", "scan.ply", "few.ply", "-o", "both.png")
     assert out.startswith("both.png: ")
-    assert err.splitlines()[-2:] == ["progress: surface", "progress: drawing"]
+    assert err.splitlines() == [f"progress: {stage}" for stage in ("reading", "surface", "colours", "drawing")]
 
 
 def test_the_options_turn_and_colour_the_picture(printed, folder, scan):

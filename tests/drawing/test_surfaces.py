@@ -6,6 +6,7 @@ import pytest
 import gppcs
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.surfaces import MAX_DENSE, surface_of_few, surface_through
+from gppcs.drawing.web.contents import Named, report_page
 from gppcs.evaluation.reconstruction import distances_to
 from scans import sample
 
@@ -53,3 +54,17 @@ def test_points_on_no_surface_and_those_of_dense_clouds_have_none():
     assert surface_of_few(CLOUD) is None
     repeated = np.repeat(CLOUD.points[:3000], 2, axis=0)
     assert len(surface_through(PointCloud(repeated)).mesh.vertices) >= 2700
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+def test_noise_is_that_of_the_points_in_edges_and_pages_of_much_open_with_points(noise):
+    scan = gppcs.sample("sphere", n_points=50_000, noise=noise)
+    kept = gppcs.simplify(scan, n_points=2500).cloud
+    surface = surface_through(kept, scan)
+    corners = surface.mesh.vertices[surface.mesh.faces]
+    edge = np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
+    diagonal = np.linalg.norm(np.ptp(scan.points, axis=0))
+    assert surface.noise == pytest.approx(noise * diagonal / edge, rel=0.25)
+    page = report_page(Named("scan", scan), [Named("kept", kept)], []).described
+    assert page["solid"] == (surface.noise <= 0.15) == (not page["notes"])
+    assert page["clouds"][1]["mesh"]

@@ -45,7 +45,7 @@ def test_it_has_a_third_of_the_colour_error_of_the_vertices(result, texture):
         seen = blended(weights, mesh.vertices[mesh.faces[faces]])
         expected = colours_of(FRESCO)[tree.nearest_of(seen, 1)[0][:, 0]]
         of_vertices = blended(weights, colours_of(result.cloud)[mesh.faces[faces]])
-        column, row = np.floor(SIZE * blended(weights, texture.places[texture.faces[faces]])).astype(int).T
+        column, row = np.floor(SIZE * blended(weights, texture.uv[texture.faces[faces]])).astype(int).T
         errors.append([np.abs(colours - expected).mean() for colours in (of_vertices, texture.image[row, column])])
     of_vertices, of_texture = np.mean(errors, axis=0)
     assert of_texture < of_vertices / 3
@@ -53,9 +53,9 @@ def test_it_has_a_third_of_the_colour_error_of_the_vertices(result, texture):
 
 def test_the_triangles_lie_beside_each_other_in_the_picture(result, texture):
     assert np.array_equal(texture.indices[texture.faces], result.mesh.faces)
-    corners = SIZE * texture.places[texture.faces]
+    corners = SIZE * texture.uv[texture.faces]
     areas = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 2
-    covered = rasterised(SIZE * texture.places, np.zeros(len(texture.places)), texture.faces, (SIZE, SIZE))[0] >= 0
+    covered = rasterised(SIZE * texture.uv, np.zeros(len(texture.uv)), texture.faces, (SIZE, SIZE))[0] >= 0
     assert covered.sum() == pytest.approx(areas.sum(), rel=0.02)
     assert covered.mean() > 0.5
 

@@ -51,11 +51,11 @@ export function fillFigures(described: Description): void {
 
 /** Say in a sentence how far the original is from a result. */
 function verdictOn({ name, prefixes, counted }: Cloud, unit: string): HTMLElement {
-  const told = (figure: string) => length(figure, prefixes.at(-1)!, unit);
+  const lengthOf = (figure: string) => length(figure, prefixes.at(-1)!, unit);
   const said = element("li");
   said.append(
-    element("b", name), ": no original point is farther than ", element("b", told("surface_max")),
-    ` from ${counted === "vertices" ? "its surface" : "the surface through the kept points"} (surface max); 95 % are within ${told("surface_p95")} (surface p95).`,
+    element("b", name), ": no original point is farther than ", element("b", lengthOf("surface_max")),
+    ` from ${counted === "vertices" ? "its surface" : "the surface through the kept points"} (surface max); 95 % are within ${lengthOf("surface_p95")} (surface p95).`,
   );
   return said;
 }

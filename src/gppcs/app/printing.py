@@ -7,9 +7,9 @@ import logging
 import os
 import re
 import sys
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
@@ -18,7 +18,7 @@ from gppcs import __version__
 from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
-from gppcs.engine.timer import COMPILATION, OnProgress, Timer
+from gppcs.engine.timer import COMPILATION, Timer
 from gppcs.errors import GppcsError, InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 BAD_INPUT = 2
-PATIENCE = 2.0  # seconds after which a run is long
 OPTIONS = {"n_points": "points", "n_faces": "faces", "format": "from"}  # by other names than arguments of the library
 FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a traceback
 
@@ -105,38 +104,20 @@ def for_each(items: Iterable[tuple[Path, Item]], work: Callable[[Item], None]) -
 def started(quiet: bool, threads: int | None = None, in_pipes: bool = False) -> Timer:
     """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet.
 
-    With `in_pipes`, lines show the progress of a long run where no terminal would show a bar.
+    With `in_pipes`, lines show the later stages of a long run where no terminal would show a bar.
     """
     set_threads(threads)
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
         return Timer()
-    from gppcs.engine.progress import ProgressBar, ProgressLines
+    from gppcs.engine.progress import PATIENCE, ProgressBar, ProgressLines
 
+    lines, start = ProgressLines(), perf_counter()
     if os.environ.get("GPPCS_PROGRESS") == "lines":
-        return Timer(ProgressLines())
-    return Timer(_late(ProgressLines()) if in_pipes and not sys.stderr.isatty() else ProgressBar())
-
-
-def _late(report: OnProgress) -> OnProgress:
-    """Return what reports the stage that is running when a run has become long, and all later ones."""
-    running: tuple[str, int, int | None] = "", 0, 0
-
-    def become_long() -> None:
-        if running[1] != running[2]:  # the stage has not ended
-            report(*running)
-
-    late = threading.Timer(PATIENCE, become_long)
-    late.daemon = True
-    late.start()
-
-    def on_progress(stage: str, done: int, total: int | None) -> None:
-        nonlocal running
-        running = stage, done, total
-        if not late.is_alive():
-            report(stage, done, total)
-
-    return on_progress
+        return Timer(lines)
+    if not in_pipes or sys.stderr.isatty():
+        return Timer(ProgressBar())
+    return Timer(lambda *stage: lines(*stage) if perf_counter() - start > PATIENCE else None)
 
 
 def emit(

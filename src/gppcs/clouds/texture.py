@@ -22,7 +22,7 @@ class Texture(ComparedByValue):
         Red, green and blue, from the upper left.
     indices : (K,) array, int64
         The vertex of the mesh of each vertex of the texture.
-    places : (K, 2) array, float64
+    uv : (K, 2) array, float64
         Where the vertices are in the picture, from 0 to 1: to the right and down, from the upper left corner.
     faces : (F, 3) array, int64
         The triangles of the mesh, in its order, by vertices of the texture.
@@ -30,5 +30,5 @@ class Texture(ComparedByValue):
 
     image: NDArray[np.uint8]
     indices: NDArray[np.int64]
-    places: NDArray[np.float64]
+    uv: NDArray[np.float64]
     faces: NDArray[np.int64]

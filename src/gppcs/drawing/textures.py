@@ -69,14 +69,14 @@ def bake_texture(mesh: Mesh, cloud: CloudLike, size: int = 1024) -> Texture:
     points, frame = normalised(cloud.points, cloud.units)
     distinct = first_occurrences(points)
     vertices = frame.near(mesh.vertices)
-    indices, faces, places = _laid_out(vertices, mesh.faces, size)
-    nearest, weights = rasterised(size * places, np.zeros(len(places)), faces, (size, size))
+    indices, faces, uv = _laid_out(vertices, mesh.faces, size)
+    nearest, weights = rasterised(size * uv, np.zeros(len(uv)), faces, (size, size))
     covered = nearest >= 0
     seen = np.einsum("kc,kcx->kx", weights[covered], vertices[indices[faces[nearest[covered]]]])
     image = np.zeros((size, size, 3), dtype=np.uint8)
     pixel = Mesh(vertices, mesh.faces).face_areas().sum() / max(1, len(seen))
     image[covered] = _blended(KdTree.build(points[distinct]), colours[distinct], seen, pixel)
-    return Texture(_spread(image, covered), indices, places, faces)
+    return Texture(_spread(image, covered), indices, uv, faces)
 
 
 def require_colours(cloud: PointCloud) -> NDArray[np.uint8]:
@@ -98,19 +98,19 @@ def checked_texture_size(size: int) -> int:
 
 
 def _laid_out(vertices: Floats, faces: Ints, size: int) -> tuple[Ints, Ints, Floats]:
-    """Return the vertices of the layout of a mesh: their indices (K,), triangles (F, 3) and places (K, 2)."""
+    """Return the vertices of the layout of a mesh: their indices (K,), triangles (F, 3) and uv (K, 2)."""
     import xatlas
 
     atlas, options = xatlas.Atlas(), xatlas.PackOptions()
     options.resolution, options.padding, options.bilinear = size, PADDING, True
     atlas.add_mesh(vertices.astype(np.float32), faces.astype(np.uint32))
     atlas.generate(xatlas.ChartOptions(), options)
-    indices, triangles, places = atlas[0]
-    return indices.astype(np.int64), triangles.astype(np.int64), places.astype(np.float64)
+    indices, triangles, uv = atlas[0]
+    return indices.astype(np.int64), triangles.astype(np.int64), uv.astype(np.float64)
 
 
 def _blended(tree: KdTree, colours: NDArray[np.uint8], seen: Floats, pixel: float) -> NDArray[np.uint8]:
-    """Return colours (K, 3) at places (K, 3), from those of a tree's points; `pixel` is the area of a pixel."""
+    """Return colours (K, 3) at points (K, 3) of a mesh, from those of a tree; `pixel` is the area of a pixel."""
     blended = np.empty((len(seen), 3), dtype=np.uint8)
     for first in range(0, len(seen), AT_ONCE):
         part = slice(first, first + AT_ONCE)

@@ -241,21 +241,20 @@ def write_gltf(
 ) -> None:
     """Write a mesh as binary glTF: a node turns y up, moves single coordinates to their place and makes them metres."""
     import trimesh
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
 
     origin, scales = origin_of(cloud.points), np.ones(3) if metres is None else metres
     mesh = _trimesh(cloud, cloud.points - origin, faces)
-    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=not mesh.is_watertight)
-    places = None
+    visual: Any = trimesh.visual  # of which not all is typed
+    material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=not mesh.is_watertight)
+    uv = None
     if texture is not None:
         from PIL import Image
 
         material.doubleSided = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
         material.baseColorTexture = Image.fromarray(texture.image)
-        places = texture.places * (1.0, -1.0) + (0.0, 1.0)
-    if places is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
-        mesh.visual = TextureVisuals(places, material)
+        uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
+    if uv is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
+        mesh.visual = visual.TextureVisuals(uv, material)
 
     def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR

@@ -228,7 +228,7 @@ class TestInTheBrowser:
         classes = seen["classes"]
         assert "2 ground" in classes["all"]["legend"]
         shares = {name: shown["pictures"][0]["share"] for name, shown in classes.items()}
-        assert 0.0 < shares["some"] < 0.7 * shares["all"]
+        assert 0.0 < shares["some"] < 0.8 * shares["all"]
         assert shares["rgb"] == pytest.approx(shares["some"], rel=0.05)
         assert "Hidden: classification 6 building." in classes["rgb"]["legend"]
         assert shares["none"] == 0.0
@@ -277,7 +277,7 @@ class TestInTheBrowser:
         assert voxels == seen["labels"][2]
         assert all_differ(seen["start"][:2], seen["meshes"]["pictures"][:2])
         for points, drawn in zip(seen["start"], seen["meshes"]["pictures"], strict=True):
-            assert drawn["box"] == pytest.approx(points["box"], abs=0.05)
+            assert drawn["box"] == pytest.approx(points["box"], abs=0.06)
         assert digests(seen["meshes"]["pictures"])[2] == digests(seen["start"])[2]
         assert digests(seen["points"]) == digests(seen["start"])
         assert all_differ(seen["meshes"]["pictures"], seen["meshes"]["coloured"])  # as the points are
@@ -294,9 +294,9 @@ class TestInTheBrowser:
         assert "triangles" in fewer["labels"][0]
 
     def test_figures_and_plot_are_there_below_a_verdict(self, seen, scan, kept):
-        report = gppcs.evaluate(scan, kept.cloud)
-        for figure in (report.surface_max, report.surface_p95):
-            assert f"{float(f'{figure:.3g}')}" in seen["verdicts"][0]
+        relative = gppcs.evaluate(scan, kept.cloud).figures(relative=True)
+        for name in ("surface_max", "surface_p95"):
+            assert f"{float(f'{100 * relative[name]:.3g}')} % of the diagonal" in seen["verdicts"][0]
         first, everything = seen["figures"]["first"], seen["figures"]["all"]
         assert "covering radius\n" in first["text"]
         assert first["rows"] == 8 < everything["rows"]

@@ -18,6 +18,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
+from gppcs.drawing.estimates import MAX_MEASURED
 from gppcs.drawing.surfaces import Surface, surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
@@ -37,9 +38,6 @@ FIRST_FIGURES = (  # that the page shows before somebody asks for all
     "covering_radius", "covering_p999", "surface_mean", "surface_p95", "surface_max", "feature_error", "feature_recall",
     "normal_deviation",
 )  # fmt: skip
-
-
-MAX_MEASURED = 100_000  # original points by which the first points of a result are measured, for the plot
 
 
 @dataclass(frozen=True)
