@@ -272,3 +272,8 @@ def test_text_after_the_first_block_is_refused(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("x,y,z,kind\n" + "".join(f"{i},0,0,{'a' if i == 6 else i}\n" for i in range(9)))
     with pytest.raises(FileFormatError, match="point 7: expected a number, found 'a'"):
         gppcs.read(tmp_path / "a.csv")
+
+
+def test_numbers_of_half_precision_have_no_exponents(tmp_path):
+    gppcs.write(tmp_path / "a.csv", gppcs.PointCloud([[0, 0, 0]], {"weight": np.float16([1000])}))
+    assert "e" not in (tmp_path / "a.csv").read_text().splitlines()[1]

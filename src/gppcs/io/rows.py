@@ -313,7 +313,7 @@ def texts_of(values: Column) -> list[str]:
     else:
         texts = list(map(repr, values.tolist()))
     for i, text in enumerate(texts):
-        if "e" in text and 1e-20 < abs(values[i]) < 1e20:  # some programs read no exponents
+        if "e" in text and 1e-20 < abs(float(values[i])) < 1e20:  # some programs read no exponents
             texts[i] = np.format_float_positional(values[i], trim="0")
     return texts
 
