@@ -147,7 +147,7 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("x,y,z,label\n1,2,three,a\n", "line 2: expected numbers such as 1.5, as x, y and z"),
         ('1,2,3,a\n4,5,6,"b\n', "pandas reports: .*EOF inside string"),
         ("1,2,3,a\n4,5,6,\0\n", "expected text in UTF-8"),
-        ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text of at most 1,000 characters"),
+        ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text in UTF-8 of at most 1,000 characters"),
         ("1,5;2,5;3,5\n", "line 1: expected numbers such as 1.5, or names of columns, each once"),
     ],
 )
