@@ -59,11 +59,8 @@ def open_las(
         selected = select(file, las)
         if span:
             selected = selected[slice(*np.searchsorted(np.cumsum(selected["count"]), span, side="right"))]
-        clouds = (
-            PointCloud(coordinates_of(block, las), attributes_of(block, las), header=header)
-            for block in chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
-        )
-        return at_most(n, clouds)
+        blocks = chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
+        return at_most(n, (cloud_of(block, las, header) for block in blocks))
 
     def spans(n: int) -> list[Span]:
         """Divide the points at borders of chunks."""
@@ -82,6 +79,11 @@ def open_las(
     return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds, memory=memory)
 
 
+def cloud_of(block: NDArray[Any], las: laspy.LasHeader, header: LasHeader) -> PointCloud:
+    """Return points as they are stored as a cloud."""
+    return PointCloud(coordinates_of(block, las), _attributes_of(block, las), header=header)
+
+
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
     """Return the coordinates (n, 3) of points as they are stored."""
     with np.errstate(all="ignore"):
@@ -89,7 +91,7 @@ def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.floa
         return np.stack([block[axis] * scale + offset for axis, scale, offset in axes], axis=1)
 
 
-def attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:
+def _attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:
     """Return the attributes of points as they are stored."""
     import laspy
 

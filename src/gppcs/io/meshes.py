@@ -7,6 +7,7 @@ file along the seams of its texture.
 from __future__ import annotations
 
 import json
+import logging
 import re
 import warnings
 from collections import Counter
@@ -28,6 +29,8 @@ from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
+
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it prints tracebacks for damaged files
 
 GENERATOR = "gppcs"  # of glTF files whose node turns y up
 METRES = "metresPerUnit"  # of the axes of the file from which it was made

@@ -51,8 +51,9 @@ def open_remote(address: str) -> Any:
         copy = stack.enter_context(tempfile.TemporaryFile())
         with system.open(path, "rb", **({"block_size": 0} if is_web else {})) as stream:
             shutil.copyfileobj(stream, copy, 1 << 20)
-        if file.size not in (None, copy.tell()):
-            raise FileFormatError(f"expected {file.size:,} bytes, found {copy.tell():,}; get the file again")
+        size = getattr(file, "size", None)
+        if size not in (None, copy.tell()):
+            raise FileFormatError(f"expected {size:,} bytes, found {copy.tell():,}; get the file again")
         copy.seek(0)
         stack.pop_all()
         file.close()

@@ -30,7 +30,8 @@ def is_standard(path: str | os.PathLike[str]) -> bool:
 
 
 def inner_name(path: Path) -> Path:
-    """Return the name of a file without the suffix of its compression."""
+    """Return the name of a file without the suffix of its compression, and without the query of an address."""
+    path = Path(path.as_posix().partition("?")[0]) if address_of(path) else path
     return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 
