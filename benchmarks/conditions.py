@@ -413,7 +413,8 @@ def timed(
     """Return the simplified cloud and the wall time in seconds, without the compilation of kernels."""
     _prepare(method)
     start = perf_counter()
-    result = gppcs.simplify(cloud, n_points=n_points, method=method, normals=normals, seed=seed)
+    method = dataclasses.replace(method, seed=seed) if hasattr(method, "seed") else method
+    result = gppcs.simplify(cloud, n_points=n_points, method=method, normals=normals)
     return result, perf_counter() - start
 
 

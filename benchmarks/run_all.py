@@ -89,6 +89,7 @@ SCRIPTS = (
     Script("gp_prefixes.py", "gp_prefixes", ("pymeshlab",)),
     Script("levels.py", "levels"),
     Script("larger_than_memory.py", "larger_than_memory"),
+    Script("tiles.py", "tiles"),
     Script("normals.py", "normals", ("pymeshlab",)),
     Script("meshes.py", "meshes", ("pymeshlab",)),
     Script("tolerance.py", "tolerance", ("pymeshlab",)),

@@ -1,7 +1,7 @@
 """Why not thin by voxels: the sample scan `medallion`, thinned to the same number of points by `voxel` and by `gp`.
 
 Run as `python benchmarks/why_not_voxels.py`; needs the extras `evaluate` and `picture`, no data. It writes the table
-results/why_not_voxels.md and the picture docs/why-not-voxels.png, which the README shows.
+results/why_not_voxels.md and the picture docs/why-not-voxels.png, which docs/results.md shows.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gppcs.drawing.camera import SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
-from gppcs.evaluation.comparison import Entry, rebuilt_mesh
+from gppcs.evaluation.comparison import Entry
 
 PICTURE = Path(__file__).parents[1] / "docs" / "why-not-voxels.png"
 POINTS, RATIO = 400_000, 0.03  # the scan of `make demo`
@@ -61,9 +61,10 @@ def rounded(value: float) -> str:
 
 
 def draw(original: gppcs.PointCloud, entries: Sequence[Entry]) -> None:
-    """Draw close-ups of the original and of what some methods kept: points above, the surfaces rebuilt below.
+    """Draw close-ups of the original and of what some methods kept: points above, below the meshes through them.
 
-    Points have the colour of the original's surface variation at their places.
+    Points have the colour of the original's surface variation at their places. The meshes are those of
+    `gppcs mesh --keep-points`; that of the original has a quarter of its points.
     """
     everything = ColouredCloud.by_surface_variation(original.points)
     whole = Camera.towards(original.points, PANEL[0], (PANEL[1], PANEL[1]), VIEW)
@@ -78,8 +79,8 @@ def draw(original: gppcs.PointCloud, entries: Sequence[Entry]) -> None:
         kept = ColouredCloud(entry.result.cloud.points, values)
         titles.append(f"{entry.method.name}: {len(values):,} points")
         above.append(view.points(kept, shades.colours_of(values), MAX_POINT_RADIUS))
-    clouds = [original, *(entry.result.cloud for entry in entries)]
-    compose(titles, [above, [mesh_images(rebuilt_mesh(cloud, original), [camera])[0] for cloud in clouds]])
+    meshes = [gppcs.mesh(original, ratio=0.25), *(gppcs.mesh(original, keep=entry.result.indices) for entry in entries)]
+    compose(titles, [above, [mesh_images(result.mesh, [camera])[0] for result in meshes]])
 
 
 def compose(titles: Sequence[str], images: Sequence[Sequence[NDArray[np.float64]]]) -> None:

@@ -27,7 +27,7 @@ WHOLE = {"10^6": 10**6, "2^63-1": 2**63 - 1, "2^63": 2**63, "10^400": 10**400}
 def fields_of_type(kind):
     return [
         pytest.param(method, name, id=f"{method.name} {name}")
-        for method in gppcs.METHODS.values()
+        for method in gppcs.METHODS.built_in.values()
         for name, hint in typing.get_type_hints(method).items()
         if name in parameters_of(method) and kind in (typing.get_args(hint) or (hint,))
     ]

@@ -8,6 +8,7 @@ import re
 import pytest
 
 import gppcs
+from gppcs.amounts.options import Options
 
 # Names without a docstring of their own are explained by that of the package.
 DOCUMENTED = {name: getattr(gppcs, name) for name in gppcs.__all__ if hasattr(getattr(gppcs, name), "__module__")}
@@ -45,3 +46,13 @@ def test_docstrings_explain_all_parameters_and_fields(name):
         for parameter in line.split(" : ")[0].split(", ")
     }
     assert parameters_of(DOCUMENTED[name]) <= explained
+
+
+def test_the_docstring_of_simplify_has_the_help_of_its_options():
+    """The command shows the help of the fields, editors and the site the docstring."""
+    text = " ".join(inspect.getdoc(gppcs.simplify).split())
+    names = inspect.signature(gppcs.simplify).parameters
+    options = [option for option in dataclasses.fields(Options) if option.name in names]
+    assert len(options) > 10
+    for option in options:
+        assert re.search(rf" {option.name} : [^.]*? {re.escape(option.metadata['help'])} ", text), option.name

@@ -1,4 +1,4 @@
-"""The notebooks in `examples` run, and hold no outputs."""
+"""The notebooks in `examples` run, and show what their cells print and draw."""
 
 import json
 import re
@@ -14,7 +14,9 @@ TOUR = ROOT / "examples" / "tour.ipynb"
 def code_of(path):
     """Return the code of the cells of a notebook."""
     cells = [cell for cell in json.loads(path.read_text("utf-8"))["cells"] if cell["cell_type"] == "code"]
-    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+    shown = [cell for cell in cells if "gppcs.show(" not in "".join(cell["source"])]  # a page would be megabytes
+    assert all(cell["outputs"] for cell in shown)
+    assert all(output["output_type"] != "error" for cell in cells for output in cell["outputs"])
     return ["".join(cell["source"]) for cell in cells]
 
 

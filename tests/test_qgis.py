@@ -57,7 +57,7 @@ def test_the_plugin_has_the_version_and_the_methods_of_the_package():
     about = configparser.ConfigParser()
     about.read(PLUGIN / "metadata.txt", encoding="utf-8")
     assert about["general"]["version"] == gppcs.__version__
-    assert constant("METHODS") == list(gppcs.METHODS)
+    assert constant("METHODS") == list(gppcs.METHODS.built_in)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-README = (ROOT / "README.md").read_text()
+README, RESULTS = ((ROOT / page).read_text() for page in ("README.md", "docs/results.md"))
 
 
 @cache
@@ -37,40 +37,35 @@ def assert_stated_together(*figures, page=README):
     assert any(set(figures) <= {float(text.replace(",", "")) for text in block} for block in blocks), figures
 
 
-FOUND_ON, HELD_OUT = "Summary: the rules were found on these clouds", "Summary: held-out clouds"
+HELD_OUT = "Summary: held-out clouds"
+HELPED = {"lion", "turbine", "tum", "fan", "moth", "case", "plate"}  # these decided a rule later
 H_MEAN = "H mean, times the best rival's"
-MEAN_ERROR = "mean distance to the local surface"
-BY_CONDITION = "gp divided by the best rival under each condition"
 
 
-def ratios(heading, name=H_MEAN):
-    """Return a column of a summary by cloud, where it has a figure."""
-    rows = [row for row in tables("quality")[heading] if "geometric mean" not in row["cloud"]]
-    return {row["cloud"]: number(row[name]) for row in rows if row[name]}
+def ratios():
+    """Return H mean of `gp`, times the best rival's, by held-out cloud."""
+    rows = [row for row in tables("quality")[HELD_OUT] if "geometric mean" not in row["cloud"]]
+    return {row["cloud"]: number(row[H_MEAN]) for row in rows if row[H_MEAN]}
 
 
-def test_the_margins_in_h_mean_are_those_of_the_table():
-    for heading in (FOUND_ON, HELD_OUT):
-        values = ratios(heading)
-        (mean,) = (number(row[H_MEAN]) for row in tables("quality")[heading] if "geometric mean" in row["cloud"])
-        assert mean < 1
-        assert abs(mean - np.exp(np.mean(np.log(list(values.values()))))) < 0.002  # of rounded figures
-        assert_stated_together(sum(value < 1 for value in values.values()), len(values), round(100 * (1 - mean), 1))
-    others = ratios(HELD_OUT)
-    behind = {cloud.split("_")[0].split(":")[0] for cloud, ratio in others.items() if ratio > 1}
-    assert behind == {"turbine", "blade", "tum", "bracket", "fan", "plant"}
-    assert_stated_together(round(100 * (max(others.values()) - 1), 1))
+def test_the_headline_is_of_clouds_that_decided_nothing():
+    values = [ratio for cloud, ratio in ratios().items() if re.split("[_:]", cloud)[0] not in HELPED]
+    assert len(values) == 10
+    assert_stated_together(sum(value < 1 for value in values), len(values))
+    mean = np.exp(np.mean(np.log(values)))
+    assert_stated_together(sum(value < 1 for value in values), len(values), round(100 * (1 - mean), 1), page=RESULTS)
 
 
-def test_the_errors_and_gaps_on_scenes_are_those_of_the_table():
-    rows = {
-        row["measure"]: number(row["all"]) for row in tables("scenes")["Summary: geometric means of gp divided by fps"]
-    }
-    scenes = {row["condition"].split(":")[0] for row in tables("scenes")[BY_CONDITION]}
-    (gaps,) = (row for measure, row in rows.items() if measure.startswith("99.9th percentile"))
-    errors = [rows[f"{MEAN_ERROR}{kind}, 1e-4 diagonals"] for kind in ("", ", by area")]
-    assert_stated_together(len(scenes), *(round(100 * (1 - error), 1) for error in errors))
-    assert_stated_together(round(100 * (gaps - 1), 1))
+def test_the_worst_cloud_is_named():
+    worst = max(ratios(), key=ratios().get)
+    assert worst.startswith("blade")
+    assert_stated_together(round(100 * (ratios()[worst] - 1), 1))
+
+
+def test_the_errors_on_scenes_are_those_of_the_table():
+    rows = tables("scenes")["Summary: geometric means of gp divided by fps"]
+    (error,) = (row for row in rows if row["measure"] == "mean distance to the local surface, 1e-4 diagonals")
+    assert_stated_together(round(100 * (1 - number(error["held out"])), 1))
     for row in tables("scenes")["Geometric means, gp divided by each rival"]:
         errors = [number(cell) for measure, cell in row.items() if measure != "rival" and "99.9th" not in measure]
         assert len(errors) == 5

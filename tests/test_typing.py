@@ -26,6 +26,11 @@ part: gppcs.PointCloud = cloud[::2]
 gppcs.evaluate(pathlib.Path("scan.ply"), "kept.ply")
 gppcs.simplify(cloud, ratio="10%")
 gppcs.simplify(cloud, ratio=[0.1])  # type: ignore[arg-type]
+gppcs.simplify(object(), ratio=0.1)  # type: ignore[arg-type]
+gppcs.simplify(["a.las", "b.las"], ratio=0.1)
+gppcs.simplify([pathlib.Path("a.las")], ratio=0.1)
+for taken in (gppcs.open("scan.ply", only="z > 2"), result, cloud, cloud.points, [[0.0, 0.0, 0.0]]):
+    gppcs.info(taken)
 """
 
 

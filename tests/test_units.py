@@ -85,7 +85,7 @@ def test_moved_points_are_scaled_back(two):
     noise = np.random.default_rng(1).normal(0, 0.2, two.metres.shape)
     cloud = two.cloud.moved(two.cloud.points + noise / factors_of(two.cloud))
     corner, factors = cloud.points.min(axis=0), factors_of(cloud)
-    for options in ({"denoise": True}, {"method": "wlop"}):
+    for options in ({"method": gppcs.LocalGP(denoise=True)}, {"method": "wlop"}):
         moved = gppcs.simplify(in_metres(cloud), n_points=300, **options).cloud.points
         actual = gppcs.simplify(cloud, n_points=300, **options).cloud.points
         np.testing.assert_allclose((actual - corner) * factors, moved, atol=1e-6)

@@ -9,6 +9,7 @@ by the original mesh and so judges the points alone.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from statistics import median
 from time import process_time
 
@@ -115,7 +116,8 @@ def errors(condition: Condition, entry: Entry) -> list[tuple[float, float]]:
     clouds, method = [entry.result.cloud], entry.method
     if begins_at_random(method):
         others = (
-            gppcs.simplify(condition.cloud, ratio=condition.ratio, method=method, seed=seed) for seed in SEEDS[1:]
+            gppcs.simplify(condition.cloud, ratio=condition.ratio, method=replace(method, seed=seed))
+            for seed in SEEDS[1:]
         )
         clouds += [result.cloud for result in others]
     return [errors_by_meshlab(cloud, condition.mesh) for cloud in clouds]

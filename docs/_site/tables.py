@@ -1,6 +1,5 @@
-"""What `make docs` writes anew: tables of options and of names, and all figures on speed, from benchmarks/results."""
+"""What `make docs` writes anew: the table of options, and tables and figures from benchmarks/results."""
 
-import inspect
 import re
 from functools import partial
 from pathlib import Path
@@ -8,7 +7,6 @@ from statistics import geometric_mean
 
 import typer.main
 
-import gppcs
 from gppcs.app.program import program
 
 ROOT = Path(__file__).parents[2]
@@ -21,28 +19,14 @@ def options_table():
         if option.param_type_name == "option":
             names = ", ".join(f"`{name}`" for name in sorted(option.opts, key=len, reverse=True))
             value = "" if option.is_flag else f" `{(option.metavar or 'N').replace('|', ' or ')}`"
-            meaning = option.help.replace("|", "\\|").replace("{", "`{").replace("}", "}`")
+            meaning = first_sentence(option.help).replace("|", "\\|").replace("{", "`{").replace("}", "}`")
             rows.append(f"| {names}{value} | {meaning} |")
     return "\n".join(rows) + "\n"
 
 
-def names_table():
-    """Return a row for each public function and class: its parameters and the first sentence of its docstring."""
-    rows = ["| name | parameters | what it is |", "|---|---|---|"]
-    for name in gppcs.__all__:
-        thing = getattr(gppcs, name)
-        if callable(thing):
-            parameters = [f"{parameter}" for parameter in _parameters(thing) if not parameter.startswith("_")]
-            sentence = re.split(r"(?<=[.])\s", " ".join(inspect.getdoc(thing).split()))[0]
-            rows.append(f"| `{name}` | {', '.join(parameters)} | {sentence} |")
-    return "\n".join(rows) + "\n"
-
-
-def _parameters(thing):
-    try:
-        return inspect.signature(thing).parameters
-    except ValueError:  # of a class that Python itself makes
-        return ()
+def first_sentence(text):
+    """Return the first sentence of a help text."""
+    return re.split(r"(?<=[.])\s", " ".join(text.split()))[0]
 
 
 def measured(page, heading):
@@ -94,7 +78,8 @@ def percent(ratio):
 
 
 TUNED, HELD_OUT = "## Summary: the rules were found on these clouds", "## Summary: held-out clouds"
-THIN = ("turbine", "tum_desk", "fan", "moth", "case", "plate")  # they helped to decide how much normals count there
+# Held-out clouds that later helped to tell noise from detail, or to decide how much normals count in thin parts.
+HELPED = ("lion", "turbine", "tum_desk", "fan", "moth", "case", "plate")
 H_MEAN, GAP = "H mean, times the best rival's", "covering radius, times that of fps"
 SCENES = "## Summary: geometric means of gp divided by fps"
 
@@ -113,9 +98,9 @@ def margins(heading):
     return str(sum(value < 1.0 for value in values)), str(len(values)), percent(number(mean))
 
 
-def margins_without_thin():
-    """Return the same for the held-out clouds without those that helped to decide the rule for thin parts."""
-    values = by_cloud(HELD_OUT, H_MEAN, THIN)
+def margins_of_others():
+    """Return the same for the held-out clouds without those that helped to decide a rule later."""
+    values = by_cloud(HELD_OUT, H_MEAN, HELPED)
     return str(sum(value < 1.0 for value in values)), str(len(values)), percent(geometric_mean(values))
 
 
@@ -124,37 +109,19 @@ def largest_margin():
     return (percent(max(by_cloud(HELD_OUT, H_MEAN))),)
 
 
-def beside_each_rival():
-    """Return by how many percent H mean is smaller than that of each other method, on average: the least and most."""
-    header, *rows = measured("quality", EACH_RIVAL)
-    ratios = [number(cells[header.index("H mean; held-out clouds")].strip("*").split(";")[0]) for cells in rows]
-    return percent(max(ratios)), percent(min(ratios))
+def largest_gap():
+    """Return by how many percent the largest gap is larger than that of `fps`, where it is worst."""
+    return (percent(max(by_cloud(TUNED, GAP) + by_cloud(HELD_OUT, GAP))),)
 
 
-def gaps():
-    """Return by how many percent the largest gap is larger than that of `fps`, and gaps in scenes."""
-    values = by_cloud(TUNED, GAP) + by_cloud(HELD_OUT, GAP)
-    return (
-        percent(min(values)),
-        percent(max(values)),
-        scene_percent("99.9th percentile of the distance to a kept point, 1e-3"),
-    )
-
-
-def scene_percent(measure):
-    """Return by how many percent a mean over all scenes differs from that of `fps`."""
-    return percent(number(row("scenes", SCENES, f"{measure} diagonals")["all"].strip("*")))
-
-
-def scene_errors():
-    """Return by how many percent the mean errors of scenes are smaller than those of `fps`: over points, by area."""
-    error = "mean distance to the local surface"
-    return scene_percent(f"{error}, 1e-4"), scene_percent(f"{error}, by area, 1e-4")
+def scene_error():
+    """Return by how many percent the mean error of held-out scenes is smaller than that of `fps`."""
+    return (percent(number(row("scenes", SCENES, "mean distance to the local surface, 1e-4 diagonals")["held out"])),)
 
 
 def dragon_seconds():
     """Return the seconds of `gp` on the Dragon."""
-    return (short(number(row("alternatives", "## Dragon, 437,645 points", "gppcs")["seconds"])),)
+    return (short(number(row("speed", METHODS, *DRAGON, "13,129")["gp"])),)
 
 
 def large_cloud():
@@ -207,37 +174,17 @@ def small_clouds():
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
-def a_small_cloud():
-    """Return the milliseconds of `gp` and of `fps` for a cloud of 2,000 points to 256."""
-    heading = next(
-        size[0]
-        for size in SMALL_CLOUDS.finditer((ROOT / "benchmarks" / "results" / "small_clouds.md").read_text())
-        if size[1] == "2,000"
-    )
-    return tuple(short(number(row("small_clouds", heading, method)["one after another"])) for method in ("gp", "fps"))
-
-
 BESIDE_BEST_RIVAL = {
     0: "cloud",
     1: "H mean",
     2: "best rival",
-    5: "H mean with estimated normals",
     7: "mean error",
     8: "best rival",
-    9: "mean error from the true surface",
     12: "largest gap, times that of `fps`",
 }
-BESIDE_EACH_RIVAL = {
-    0: "rival",
-    2: "held-out: H mean",
-    4: "H mean with estimated normals",
-    6: "mean error",
-    1: "tuning: H mean",
-    3: "H mean with estimated normals",
-    5: "mean error",
-}
-SCENES_BESIDE_EACH_RIVAL = {0: "rival", 1: "mean error", 3: "mean error by area", 5: "feature error", 6: "largest gap"}
-NORMALS = "# Surfaces rebuilt with normals of the points kept and of the whole cloud, lengths in diagonals"
+BESIDE_EACH_RIVAL = {0: "rival", 2: "H mean", 6: "mean error"}
+SCENES_COLUMNS = {0: "measure", 1: "all", 5: "held out", 7: "largest", 8: "conditions"}
+SPEED_COLUMNS = {0: "cloud", 1: "points", 2: "kept", 3: "`gp`", 5: "`fps`", 6: "`hc`", 7: "`wlop`"}
 GALLERY = "# Sample scans of 200,000 points, of which 5 % are kept; lengths in 1e-4 diagonals"
 EACH_RIVAL = "## Geometric means, gp divided by each rival"
 
@@ -245,6 +192,11 @@ EACH_RIVAL = "## Geometric means, gp divided by each rival"
 def best_rivals(heading):
     """Return `gp` beside the best rival on each cloud."""
     return quoted("quality", heading, columns=BESIDE_BEST_RIVAL)
+
+
+def each_rival():
+    """Return `gp` beside each rival on the held-out clouds."""
+    return quoted("quality", EACH_RIVAL, columns=BESIDE_EACH_RIVAL).replace("; ahead on", ",")
 
 
 def denoised():
@@ -258,7 +210,6 @@ DETAIL = "# Attributes that count beside the shape"
 DETAIL_COLUMNS = {
     0: "cloud",
     1: "attribute",
-    2: "choice",
     5: "error of the attribute",
     7: "by the nearest kept point",
     8: "mean error of the shape",
@@ -268,7 +219,7 @@ DETAIL_COLUMNS = {
 
 def detailed():
     """Return what an attribute beside the shape changes, divided by the figures of `gp` alone."""
-    return quoted("detail", DETAIL, lambda cells: cells[2].startswith("gp, detail"), DETAIL_COLUMNS)
+    return quoted("detail", DETAIL, lambda cells: cells[2] == "gp, detail", DETAIL_COLUMNS)
 
 
 def best_values():
@@ -335,49 +286,46 @@ def placed(heading):
 # Tables by page: name of the marks around them, and what makes them.
 TABLES = {
     "docs/usage.md": [("options", options_table)],
-    "docs/api.md": [("names", names_table)],
     "docs/ask.md": [("detail", detailed)],
     "docs/results.md": [
         ("held-out clouds", partial(best_rivals, HELD_OUT)),
-        ("tuning clouds", partial(best_rivals, TUNED)),
-        ("each rival", lambda: quoted("quality", EACH_RIVAL, columns=BESIDE_EACH_RIVAL)),
-        ("scenes", lambda: quoted("scenes", SCENES)),
-        ("scenes beside each rival", lambda: quoted("scenes", EACH_RIVAL, columns=SCENES_BESIDE_EACH_RIVAL)),
+        ("each rival", each_rival),
+        ("scenes", lambda: quoted("scenes", SCENES, columns=SCENES_COLUMNS)),
         ("denoising", denoised),
-        ("speed", lambda: quoted("speed", METHODS)),
+        ("speed", lambda: quoted("speed", METHODS, lambda cells: cells[1] not in LEFT_OUT, SPEED_COLUMNS)),
         ("small clouds", small_clouds),
-        ("normals", lambda: quoted("normals", NORMALS)),
         ("registration", registrations),
-        ("placement", partial(placed, "## the rules were found on these clouds")),
         ("placement, held-out clouds", partial(placed, "## held-out clouds")),
         ("gallery", lambda: quoted("gallery", GALLERY)),
     ],
     "research/cost.md": [("stages", lambda: quoted("speed", STAGES, lambda cells: cells[1] not in LEFT_OUT))],
     "README.md": [
         ("alternatives", lambda: quoted("alternatives", "## The sample scan medallion, 400,000 points")),
-        ("voxels", lambda: quoted("why_not_voxels", "## Voxels and gp")),
     ],
 }
 # Figures by page: a sentence, and what gives its figures.
 SENTENCES = {
     "README.md": [
-        ("it is {} to {} % smaller than that of each other method on average", beside_each_rival),
-        ("`gp` beats the best one on {} of these {} clouds, by {} %", partial(margins, HELD_OUT)),
-        ("at worst by {} % (blade)", largest_margin),
-        ("`gp` beats the best one on {} of the {} clouds by which we tuned it, by {} %", partial(margins, TUNED)),
-        ("the mean error of `gp` is {} % smaller than that of `fps`. It is {} % smaller if each point", scene_errors),
-        ("gap is {} to {} % larger than that of `fps` on the clouds, and gaps in scenes are {} % larger", gaps),
-        ("motion in [{} of {} runs](docs/results.md#registration), with all points in {}", all_successes),
-        ("`gp` thins 437,645 points to 13,129 in {} s on two cores", dragon_seconds),
-        ("2,000 points to 256 take {} ms in one thread, and {} ms by `fps`", a_small_cloud),
+        ("On {} of {} clouds that had no part in its design", lambda: margins_of_others()[:2]),
+        ("its mean error is {} % smaller than that of farthest points", scene_error),
+        ("gap is up to {} % larger than that of farthest points", largest_gap),
+        ("its mesh is {} % farther from the original than the best one", largest_margin),
+        ("It thins 437,645 points to 13,129 in {} seconds on two cores", dragon_seconds),
     ],
-    "docs/usage.md": [("[{} s on two cores](../benchmarks/results/alternatives.md)", dragon_seconds)],
+    "docs/usage.md": [
+        ("That takes about 20 seconds for `gppcs simplify`, {} as", lambda: starts()[:1]),
+        ("[{} s on two cores](../benchmarks/results/speed.md)", dragon_seconds),
+    ],
     "docs/ask.md": [
         ("would leave {} to {} of the error of `gp`", best_values),
         ("takes {} to {} times as long with `--detail`", detail_times),
     ],
+    "docs/methods.md": [
+        ("motion in [{} of {} runs](results.md#registration), with all points in {}", all_successes),
+    ],
     "docs/results.md": [
-        ("Without these six, `gp` beats the best rival on {} of {} clouds, by {} %", margins_without_thin),
+        ("Without these seven, `gp` beats the best rival on {} of {} clouds, by {} %", margins_of_others),
+        ("There `gp` beats the best rival on {} of {} clouds, by {} %", partial(margins, TUNED)),
         ("to 28,000 in {} s and needs {} bytes of memory a point", large_cloud),
         ("ICP take {} s, and thinning by `gp` {} s. With all points they take {} s, or {} s if", registration_seconds),
     ],

@@ -15,9 +15,11 @@ PointCloud(1,000 points, each with nx, ny, nz, curvature, red, green, blue)
 
 Clouds and meshes
     read, write              point cloud files: PLY, LAS, LAZ, XYZ, CSV, PCD, E57, Parquet and others
+    open, CloudFiles         one or several files as a cloud, or a part of it: by a box, polygons or a condition
     read_mesh, write_mesh    mesh files: PLY, OBJ, STL, OFF or glTF
     sample                   make a synthetic scan of a surface that is known exactly
-    PointCloud               N points, each with the same attributes
+    PointCloud, Header       N points, each with the same attributes, and what files say of the whole cloud
+    CloudLike                the type of all that functions take for a cloud
     Mesh                     triangles between vertices
     show                     show a cloud or a result in the browser or in a notebook
 
@@ -25,15 +27,16 @@ Simplify, make a mesh
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
     simplify_tiles           the same of several files, with a file of kept points for each
     mesh, MeshResult         make a light mesh straight from a dense cloud
+    bake_texture, Texture    the colours of all points as a picture on a mesh
 
 Measure
-    info                     bounding box, spacing, attributes, repeats and invalid points
-    estimate_features        surface variation and normal of each point
+    info, Summary            bounding box, spacing, attributes, repeats and invalid points
+    estimate_features        surface variation and normal of each point, as Features
     estimate_normals         normals with consistent signs, at the points or elsewhere on the surface
     find_outliers            which points neither their neighbours nor the surface explain
     evaluate, Report         compare a simplified cloud with the original: distances, errors and angles
-    evaluate_mesh            compare a simplified mesh with the original
-    compare                  run several methods on one cloud and evaluate each result
+    evaluate_mesh            compare a simplified mesh with the original, as a MeshReport
+    compare, Entry           run several methods on one cloud and evaluate each result
 
 Methods of simplification, by name in METHODS
     LocalGP                  "gp", the default: a local Gaussian process of the surface variation
@@ -51,6 +54,7 @@ Methods of simplification, by name in METHODS
     QEM                      "qem": quadric error metrics
     Method, parameter        the base class of methods, and how a parameter of one is declared
     Task, Selection          what a method gets, and what it returns
+    Feature                  what else a method may be able to do
 
 Runs and errors
     Timer                    the stages of a run and the time that each took
@@ -74,27 +78,32 @@ __version__ = "0.1.0"
 
 # The public names by their modules; type checkers read those of `__init__.pyi`.
 _NAMES = {
-    "clouds.cloud": "PointCloud",
+    "clouds.cloud": "CloudLike PointCloud",
+    "clouds.header": "Header",
     "clouds.mesh": "Mesh",
-    "clouds.summary": "info",
+    "clouds.summary": "Summary info",
+    "clouds.texture": "Texture",
     "drawing.show": "show",
+    "drawing.textures": "bake_texture",
     "engine.threads": "set_threads",
     "engine.timer": "Timer",
     "errors": "GppcsError InputError ParameterError",
-    "evaluation.comparison": "compare",
+    "evaluation.comparison": "Entry compare",
     "evaluation.judge": "evaluate evaluate_mesh",
-    "evaluation.report": "Report",
-    "io": "read write",
+    "evaluation.report": "MeshReport Report",
+    "io": "CloudFiles read write",
+    "io.cloud_files": "open",
     "io.mesh_files": "read_mesh write_mesh",
     "meshing.pipeline": "mesh",
     "meshing.result": "MeshResult",
     "methods": "AIVS METHODS QEM WLOP FarthestPoint FarthestPointVariation HierarchicalClustering LocalGP Method "
-    "PCSimp Random SampleElimination Selection SpectralGP Task TopVariation Voxel parameter",
+    "Feature PCSimp Random SampleElimination Selection SpectralGP Task TopVariation Voxel parameter",
+    "result": "Result",
     "scans": "sample",
-    "simplification": "Result simplify simplify_tiles",
+    "simplification": "simplify simplify_tiles",
     "surface.normals": "estimate_normals",
     "surface.outliers": "find_outliers",
-    "surface.surface_variation": "estimate_features",
+    "surface.surface_variation": "Features estimate_features",
 }
 _MODULE_OF = {name: f"gppcs.{module}" for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted([*_MODULE_OF, "__version__", "errors"])

@@ -1,19 +1,28 @@
 from gppcs import errors as errors
+from gppcs.clouds.cloud import CloudLike as CloudLike
 from gppcs.clouds.cloud import PointCloud as PointCloud
+from gppcs.clouds.header import Header as Header
 from gppcs.clouds.mesh import Mesh as Mesh
+from gppcs.clouds.summary import Summary as Summary
 from gppcs.clouds.summary import info as info
+from gppcs.clouds.texture import Texture as Texture
 from gppcs.drawing.show import show as show
+from gppcs.drawing.textures import bake_texture as bake_texture
 from gppcs.engine.threads import set_threads as set_threads
 from gppcs.engine.timer import Timer as Timer
 from gppcs.errors import GppcsError as GppcsError
 from gppcs.errors import InputError as InputError
 from gppcs.errors import ParameterError as ParameterError
+from gppcs.evaluation.comparison import Entry as Entry
 from gppcs.evaluation.comparison import compare as compare
 from gppcs.evaluation.judge import evaluate as evaluate
 from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
+from gppcs.evaluation.report import MeshReport as MeshReport
 from gppcs.evaluation.report import Report as Report
+from gppcs.io import CloudFiles as CloudFiles
 from gppcs.io import read as read
 from gppcs.io import write as write
+from gppcs.io.cloud_files import open as open
 from gppcs.io.mesh_files import read_mesh as read_mesh
 from gppcs.io.mesh_files import write_mesh as write_mesh
 from gppcs.meshing.pipeline import mesh as mesh
@@ -24,6 +33,7 @@ from gppcs.methods import QEM as QEM
 from gppcs.methods import WLOP as WLOP
 from gppcs.methods import FarthestPoint as FarthestPoint
 from gppcs.methods import FarthestPointVariation as FarthestPointVariation
+from gppcs.methods import Feature as Feature
 from gppcs.methods import HierarchicalClustering as HierarchicalClustering
 from gppcs.methods import LocalGP as LocalGP
 from gppcs.methods import Method as Method
@@ -36,12 +46,13 @@ from gppcs.methods import Task as Task
 from gppcs.methods import TopVariation as TopVariation
 from gppcs.methods import Voxel as Voxel
 from gppcs.methods import parameter as parameter
+from gppcs.result import Result as Result
 from gppcs.scans import sample as sample
-from gppcs.simplification import Result as Result
 from gppcs.simplification import simplify as simplify
 from gppcs.simplification import simplify_tiles as simplify_tiles
 from gppcs.surface.normals import estimate_normals as estimate_normals
 from gppcs.surface.outliers import find_outliers as find_outliers
+from gppcs.surface.surface_variation import Features as Features
 from gppcs.surface.surface_variation import estimate_features as estimate_features
 
 __version__: str

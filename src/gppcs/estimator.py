@@ -30,7 +30,9 @@ class Simplifier(_Transformer):
     """A transformer of scikit-learn (extra `sklearn`) that keeps the rows of a table that simplify a cloud.
 
     Rows are points. The first three columns are coordinates; missing ones count as 0. Other columns go along.
-    `transform` returns fewer rows than it gets, in the order chosen: it suits a pipeline without targets.
+    `transform` returns fewer rows than it gets, in the order chosen: it suits a pipeline without targets. So it cannot
+    pass those of scikit-learn's checks that ask for each row again: `check_transformer_general`,
+    `check_transformer_data_not_an_array`, `check_methods_sample_order_invariance`, `check_methods_subset_invariance`.
 
     Parameters
     ----------

@@ -33,13 +33,6 @@ def test_fps_keeps_points_that_are_as_far_apart_as_asked_and_leaves_no_larger_ga
     assert covering(kept) < 4.0
 
 
-def test_voxel_keeps_one_point_for_each_cell_of_the_size_asked_for():
-    result = gppcs.simplify(CLOUD, spacing=4.0, method="voxel")
-    cells = np.floor((CLOUD.points - CLOUD.points.min(axis=0)) / 4.0)
-    assert len(result.indices) == len(np.unique(cells, axis=0))
-    assert len(np.unique(cells[result.indices], axis=0)) == len(result.indices)
-
-
 @pytest.mark.parametrize("method", ["gp", "voxel", "random"])
 def test_points_are_added_until_no_gap_is_too_large(method):
     result = gppcs.simplify(CLOUD, n_points=200, max_gap=6.0, method=method)
@@ -98,7 +91,7 @@ def test_a_weight_of_four_on_half_of_a_sphere_gives_four_times_the_points_there(
 
 
 def test_weights_may_be_a_formula():
-    x, y, _ = BALL.points.T if isinstance(BALL, gppcs.PointCloud) else np.asarray(BALL).T
+    x, y, _ = BALL.points.T
     by_array = gppcs.simplify(BALL, n_points=200, weight=1 / (1 + x * x + y * y))
     assert (gppcs.simplify(BALL, n_points=200, weight="1 / (1 + x*x + y*y)").indices == by_array.indices).all()
 

@@ -11,22 +11,14 @@ CLOUD = gppcs.sample("bracket", n_points=4000)
 AMOUNTS = {"n_points", "ratio", "tolerance", "spacing", "max_gap"}
 QUOTA = {"nz > 0": 3}
 PARAMETERS = [  # with a number of points, unless they are an amount themselves
-    (
-        {"n_points": None},
-        "`tolerance`, `spacing` and `max_gap`, found none",
-    ),
+    ({"n_points": None}, "`tolerance`, `spacing` and `max_gap`, found none"),
     ({"ratio": 0.5, "n_points": 5}, "found `ratio` and `n_points`"),
     ({"ratio": 0}, "a ratio above 0 and at most 1, found 0"),
     ({"ratio": 3}, "found 3; for 3 percent, write 0.03$"),
-    ({"ratio": "3"}, "at most 1, found '3'; for 3 percent"),
     ({"n_points": 0}, "number of points to be a whole number from 1 on, found 0"),
     ({"ratio": "300%"}, "at most 100%, found '300%'$"),
-    ({"n_points": "20.000"}, "a whole number, such as 5000, .* found '20.000'"),
-    ({"n_points": "1.000.000"}, "found '1.000.000'$"),
     ({"tolerance": "0,5mm"}, "found ',5mm' in '0,5mm'; did you mean 'mm'"),
     ({"spacing": "1,500.5 m"}, "a length, such as 0.5"),
-    ({"n_points": "1.500"}, "found '1.500'$"),
-    ({"n_points": "5.5"}, "a whole number of at most 1e18, found '5.5'"),
     ({"tolerance": 0}, "above 0, found 0"),
     ({"tolerance": -1}, "found -1"),
     ({"tolerance": math.nan}, "a length, such as 0.5, 0.5mm or 0.02%, found nan"),
@@ -42,7 +34,6 @@ PARAMETERS = [  # with a number of points, unless they are an amount themselves
     ({"method": "fpss"}, "did you mean 'fps'"),
     ({"method": "FPS"}, "did you mean 'fps'"),
     ({"invalid": "ignore"}, "`invalid` to be 'error' or 'drop', found 'ignore'"),
-    ({"seed": -1, "method": "random"}, "expected seed to be at least 0, found -1"),
     ({"spacing": 4.0, "method": "hc"}, "expected a method that supports spacing, found 'hc'; use 'gp' or 'fps'"),
     ({"scores": True, "method": "fps"}, "expected a method that supports scores, found 'fps'; use 'gp'"),
     ({"detail": "nx", "method": "fps"}, "expected a method that supports detail, found 'fps'; use 'gp'"),

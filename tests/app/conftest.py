@@ -17,7 +17,7 @@ from gppcs.engine import timer
 def kernels():
     """Compile the kernels, so that the command does not print the notice of a first run."""
     cloud = gppcs.sample("bracket", 5000)  # more than there are landmarks
-    for method in gppcs.METHODS:
+    for method in gppcs.METHODS.built_in:
         gppcs.evaluate(cloud, gppcs.simplify(cloud, ratio=0.1, method=method).cloud)
     gppcs.info(cloud)
 
@@ -63,7 +63,8 @@ def printed(gppcs_command):
 
     def run(*arguments):
         code, out, err = gppcs_command(*arguments)
-        assert (code, err) == (0, ""), arguments
+        notes = [line for line in err.splitlines() if not line.startswith("progress: ")]  # on a slow machine
+        assert (code, notes) == (0, []), arguments
         return out
 
     return run

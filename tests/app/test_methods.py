@@ -8,7 +8,7 @@ import gppcs
 from gppcs.methods.parameters import parameters_of
 
 
-@pytest.mark.parametrize("name", gppcs.METHODS)
+@pytest.mark.parametrize("name", gppcs.METHODS.built_in)
 def test_methods_explains_one_and_each_of_its_parameters(gppcs_command, printed, name):
     out = printed("methods", name)
     text = " ".join(out.split())

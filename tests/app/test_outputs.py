@@ -20,14 +20,15 @@ def tiles(folder):
 
 
 def targets(inputs, output, levels=0):
-    found = outputs_of(list(map(Path, inputs)), output, None, levels)
+    found = outputs_of(list(map(Path, inputs)), output, {}, levels)
     return [str(target) for each in found for target in each.targets]
 
 
 def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
     expected = [Path("scan.ply"), tiles / "A.XYZ", tiles / "b.ply"]
     assert sources_of([Path("scan.ply"), tiles]) == expected
-    assert [each.sources for each in outputs_of([Path("scan.ply"), tiles], "out")] == [[path] for path in expected]
+    each = outputs_of([Path("scan.ply"), tiles], "out", {}, separately=True)
+    assert [output.source.paths for output in each] == [[path] for path in expected]
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
 )
 def test_where_the_result_of_one_input_goes(folder, output, expected, makes):
     Path("there").mkdir()
-    [found] = outputs_of([Path("scans/scan.v1.ply")], output)
+    [found] = outputs_of([Path("scans/scan.v1.ply")], output, {})
     assert (found.targets, found.makes_folders) == ([Path(expected)], makes)
 
 
@@ -62,8 +63,8 @@ def test_names_that_mean_no_file_for_each_result_are_refused(folder, output, rea
     [("out.ply", 0, ["out.ply"]), ("-", 0, ["-"]), ("all/{level}.ply", 2, ["all/0.ply", "all/1.ply"])],
 )
 def test_several_inputs_are_one_cloud_in_one_file(tiles, output, levels, expected):
-    [found] = outputs_of([Path("a.ply"), tiles], output, None, levels)
-    assert found.sources == [Path("a.ply"), tiles / "A.XYZ", tiles / "b.ply"]
+    [found] = outputs_of([Path("a.ply"), tiles], output, {}, levels)
+    assert found.source.paths == [Path("a.ply"), tiles / "A.XYZ", tiles / "b.ply"]
     assert list(map(str, found.targets)) == expected
 
 
@@ -72,6 +73,6 @@ def test_a_file_is_no_folder(folder):
         Path(name).touch()
     with pytest.raises(OutputError, match=r"a.ply/: expected a folder, found a file"):
         targets(["b.ply"], "a.ply/")
-    [made] = outputs_of([Path("b.ply")], "a.ply/deeper/")
+    [made] = outputs_of([Path("b.ply")], "a.ply/deeper/", {})
     with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
-        made.check(force=False)
+        made.check()

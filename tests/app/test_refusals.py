@@ -31,29 +31,23 @@ simplify cut.ply -o out.ply --ratio 0.1 | cut.ply
 simplify broken.ply -o out.ply --ratio 0.1 | index 7
 simplify other -o out.ply --ratio 0.1 | other
 SIMPLIFY | expected one of --ratio, --points, --tolerance, --spacing and --max-gap, found none
-SIMPLIFY --ratio 3 | ratio
 compare scan.ply -o both | expected one of --ratio and --points, found none
-compare scan.ply -o both --ratio 0.1 --points 5 | found both
 SIMPLIFY --tolerance 1% --points 5 | found --points and --tolerance
-SIMPLIFY --tolerance 0 | tolerance
 SIMPLIFY --tolerance 1% --dry-run | --dry-run
 SIMPLIFY --tolerance 1% --memory 1MB | memory
 SIMPLIFY --levels 5,10% | levels
 SIMPLIFY --levels 5,10 --mark kept | mark
-SIMPLIFY --levels 5,1000 --method fps | level
+SIMPLIFY --levels 5,1000 --method fps | ask for fewer
 POINTS --rato 1 | --rato
-POINTS --set neighbours=0 | neighbours
 POINTS --set neighbours | --set
 POINTS --invalid odd | '--invalid': 'odd'
 POINTS --mark kept --index | index
 POINTS --mark kept --order input | --mark without --order
 POINTS --order gps_time | 'gps_time'
-POINTS --rank --method voxel | ranking
 POINTS --workers 2 | --threads
 simplify - -o out.ply --points 5 --workers tcp://localhost:1 | standard input
 POINTS --keep 'z > 5' | --quota, or read no others with --only
 POINTS --threads x | '--threads': Input should be a valid integer
-POINTS --memory lots | memory
 POINTS --weight red --memory 1MB | memory
 POINTS --denoise --mark kept | mark
 POINTS --method wlop --set snap=false --mark kept | mark
@@ -61,7 +55,6 @@ POINTS -o none/out.ply | none
 POINTS -o scan.ply | scan.ply
 POINTS -o out.foo | '.foo'
 POINTS in/scan.ply -o . | scan.ply
-POINTS --only 'z > 999' | z > 999
 POINTS --inside scan.ply | GeoJSON
 POINTS --inside 900,900,901,901 --memory 300MB | box
 BEFORE scan.ply -o out.ply --mark= | mark
@@ -75,7 +68,6 @@ convert scan.ply scan.ply --force | scan.ply
 convert scan.ply there.html --to ply | force
 convert scan.ply a.laz --memory 1GB | .copc.laz
 convert table.txt out.ply --columns x,y,z | table.txt
-convert table.txt out.ply --columns x,y,z,x | columns
 
 render scan.ply -o a.jpg | .png
 render scan.ply -o there.png | force

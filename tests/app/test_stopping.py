@@ -27,13 +27,13 @@ def send(number=signal.SIGINT):
     os.kill(os.getpid(), number)
 
 def sends_while_writing(number=signal.SIGINT):
-    import gppcs.io.ply as ply
-    original = ply.write_records
+    import gppcs.io.rows as rows
+    original = rows.write_records
     def patched(*arguments):
         (part,) = [name for name in os.listdir() if name.endswith(".part")]
         send(number)
         return original(*arguments)
-    ply.write_records = patched
+    rows.write_records = patched
 
 sys.argv = ["gppcs", "sample", "bracket", "-o", "out.ply", "--points", "100"]
 """

@@ -11,6 +11,7 @@ import gppcs
 from gppcs import InputError, PointCloud
 from gppcs.errors import MissingExtraError
 from gppcs.io import to_laspy
+from optional import import_or_skip
 
 N = 7
 
@@ -60,7 +61,7 @@ def assert_same(cloud, expected):
 @pytest.mark.parametrize("library", METHODS)
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_a_cloud_comes_back_from_each_library(library, dtype):
-    pytest.importorskip(library)
+    import_or_skip(library)
     attributes = {**VALUES, **NAMED, "alpha": COLOURS[:, 3]}
     if library == "pandas":
         attributes.pop("offset")
@@ -75,7 +76,7 @@ def test_a_cloud_comes_back_from_each_library(library, dtype):
 
 @pytest.mark.parametrize("library", METHODS)
 def test_a_cloud_without_points_and_another_byte_order_come_back(library):
-    pytest.importorskip(library)
+    import_or_skip(library)
     for count in (0, N):
         cloud = PointCloud(POINTS[:count], {"label": np.arange(count, dtype=">i4")})
         again = PointCloud.from_object(getattr(cloud, METHODS[library])())
@@ -243,7 +244,7 @@ def classes(request):
     if request.param == "stand-in":
         names = {"__module__": "open3d.geometry"}, {"__module__": "open3d.t.geometry"}
         return type("PointCloud", (Legacy,), names[0]), type("PointCloud", (Tensors,), names[1])
-    o3d = pytest.importorskip("open3d")
+    o3d = import_or_skip("open3d")
 
     def legacy(points, **arrays):
         cloud = o3d.geometry.PointCloud()
@@ -297,7 +298,7 @@ def test_tensors_of_open3d_come_in_with_their_types(classes):
     ],
 )
 def test_attributes_that_a_library_cannot_hold_are_named(library, name, values, message):
-    pytest.importorskip(library)
+    import_or_skip(library)
     with pytest.raises(InputError, match=message):
         getattr(PointCloud(POINTS, {name: values}), f"to_{library}")()
 

@@ -119,3 +119,15 @@ def test_flat_things_lie_and_tall_ones_stand(extents, up):
 def test_a_viewpoint_that_is_none_is_refused(viewpoint, message):
     with pytest.raises(ParameterError, match=message):
         Viewpoint(*viewpoint)
+
+
+def test_the_camera_rises_until_half_of_the_ground_of_a_scene_is_seen():
+    """Walls as high as the ground is wide hide it, but from steeply above; low ones do not, nor is it seen in a box."""
+    rng = np.random.default_rng(0)
+    ground = rng.random((4000, 3)) * [12, 6, 0]
+    wall = rng.random((4000, 3)) * [12, 0, 1]
+    for height, roof, elevation in ((1.0, 0, 22.0), (6.0, 0, 55.0), (6.0, 4000, 22.0)):
+        tower = rng.random((1000, 3)) * [1, 1, 4] + [0, 5, 0]
+        cover = rng.random((roof, 3)) * [12, 6, 0] + [0, 0, 6]
+        points = np.vstack([ground, wall * [1, 1, height], tower, cover])
+        assert Viewpoint("z").guessed(points)[1][1] == elevation, (height, roof)

@@ -38,7 +38,7 @@ OPTIONS = {
     "cells of some points": (("statue", 150_000, {}), {"ratio": 0.002}),  # and a survey of a sample
     "few outliers": (("bracket", 12_000, {"outliers": 0.0005}), {"ratio": 0.02}),
     "thick noise": (("sphere", 12_000, {"noise": 0.02}), {"ratio": 0.05}),
-    "denoised": (("medallion", 12_000, {"noise": 0.002}), {"ratio": 0.05, "denoise": True}),
+    "denoised": (("medallion", 12_000, {"noise": 0.002}), {"ratio": 0.05, "method": gppcs.LocalGP(denoise=True)}),
     "detail": (PAINTED, {"ratio": 0.05, "detail": {"rgb": 0.5, "nx": 1.0}}),
     "weight": (PAINTED, {"ratio": 0.05, "weight": "red"}),
     "keep": (PAINTED, {"ratio": 0.05, "keep": range(0, 12_000, 60)}),

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from formats import losses
-from gppcs.errors import FileFormatError
+from gppcs import simplify
+from gppcs.errors import FileFormatError, InputError
 from gppcs.io import CloudFiles, read, write
 
 pa = pytest.importorskip("pyarrow")
@@ -56,6 +57,25 @@ def test_a_long_text_that_many_points_share_is_refused(folder, suffix):
     path = stored(folder / f"long{suffix}", pa.table({"x": zeros, "y": zeros, "z": zeros, "label": label}))
     with pytest.raises(FileFormatError, match="'label', found one of 60,000 characters"):
         read(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_points_that_are_unpacked_from_nearly_nothing_need_memory(folder, suffix):
+    path, table = folder / f"repeats{suffix}", pa.table({axis: np.zeros(10_000_000) for axis in "xyz"})
+    if suffix == ".parquet":
+        pq.write_table(table, path, compression="zstd")
+    else:
+        feather.write_feather(table, path, compression="zstd")
+    with pytest.raises(InputError, match="420 MB of memory, as the files are unpacked"):
+        simplify(path, n_points=10, memory="400MB")
+
+
+def test_lists_of_many_numbers_need_memory_before_they_are_unpacked(folder):
+    zeros, count = np.zeros(1000), 20_000
+    lists = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(1000 * count, np.int8)), count)
+    path = stored(folder / "lists.parquet", pa.table({"x": zeros, "y": zeros, "z": zeros, "lists": lists}))
+    with pytest.raises(InputError, match="MB of memory, as the files are unpacked"):
+        simplify(path, n_points=10, memory="300MB")
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -7,6 +7,7 @@ import pytest
 
 import gppcs
 from formats import losses
+from gppcs.io import CloudFiles
 
 IDS, PLACES = [63390, 7], [[1.67241, 0.292931, 0.609726], [-0.5, 1e-9, 4.0]]
 COLOURS, ERRORS = [[115, 121, 122], [0, 255, 3]], [1.33927, -1.0]
@@ -38,6 +39,17 @@ def test_points_have_numbers_colours_and_errors(tmp_path, name, content):
     assert cloud.attributes["error"].tolist() == ERRORS
 
 
+def test_points_under_another_name_are_recognised_or_the_format_is_named(tmp_path):
+    path, rows = tmp_path / "seeds.txt", TEXT.splitlines(keepends=True)[3:]
+    path.write_text("".join(rows))
+    with pytest.raises(gppcs.errors.FileFormatError, match=r"point 2: .*COLMAP.*format='points3d.txt'"):
+        gppcs.read(path)
+    assert gppcs.read(path, format="points3d.txt").points.tolist() == PLACES
+    path.write_text(rows[0])
+    with CloudFiles([path]) as files:
+        assert any("format='points3d.txt'" in text for text in files.skipped())
+
+
 def test_points_without_colours_are_black_and_numbered(tmp_path):
     gppcs.write(tmp_path / "points3D.bin", gppcs.PointCloud(np.eye(3)))
     expected = b"".join(struct.pack("<Q3d3BdQ", 1 + i, *np.eye(3)[i], 0, 0, 0, -1.0, 0) for i in range(3))
@@ -54,7 +66,7 @@ def test_what_colmap_cannot_hold_is_told(tmp_path):
 @pytest.mark.parametrize(("name", "content"), [("points3D.txt", TEXT.encode()), ("points3D.bin", binary())])
 def test_the_length_of_tracks_is_an_attribute_and_the_tracks_are_left_out_with_a_word(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
-    cloud = gppcs.read(tmp_path / name, only="track_length >= 2")
+    cloud = gppcs.open(tmp_path / name, only="track_length >= 2").read()
     assert cloud.attributes["track_length"].tolist() == [2]
     assert losses(f"other.{name}", cloud) == ["the tracks of the points, so that COLMAP's images no longer fit"]
     gppcs.write(tmp_path / f"other.{name}", cloud)

@@ -44,7 +44,7 @@ def inside(cloud, box):
 @pytest.mark.parametrize("resolution", [None, 100, 8, 7.9, 3, 1e-9])
 @pytest.mark.parametrize("box", BOXES)
 def test_the_points_are_those_that_laspy_finds(copc, las, box, resolution):
-    found, cloud = gppcs.read(copc, inside=box, resolution=resolution), gppcs.read(copc)
+    found, cloud = gppcs.open(copc, inside=box, resolution=resolution).read(), gppcs.read(copc)
     assert sorted(cloud.attributes["gps_time"]) == las.gps_time.tolist()
     bounds = None if box is None else laspy.Bounds(*np.reshape(box, (2, -1)))
     with laspy.CopcReader.open(copc) as reader:
@@ -60,20 +60,22 @@ def test_every_file_can_be_read_with_a_box_but_without_a_resolution(copc, tmp_pa
     gppcs.write(path, gppcs.read(copc), lossy=True)
     cloud = gppcs.read(path)
     for box in BOXES[1:]:
-        assert gppcs.read(path, inside=box) == inside(cloud, box)
+        assert gppcs.open(path, inside=box).read() == inside(cloud, box)
     with pytest.raises(FileFormatError, match=r"b\.\S+: expected a COPC file, .* leave out `resolution`"):
-        gppcs.read(path, resolution=1)
+        gppcs.open(path, resolution=1).read()
 
 
 def test_the_border_belongs_to_the_box_and_nan_to_no_box(tmp_path):
     points = [[0, 0, 0], [1, 1, 1], [2, 2, np.nan], [np.nan, 1, 1], [3, 1, 1]]
     gppcs.write(tmp_path / "a.csv", points)
-    assert gppcs.read(tmp_path / "a.csv", inside=[0, 0, 2, 2]).points[:, 0].tolist() == [0, 1, 2]
-    assert gppcs.read(tmp_path / "a.csv", inside=[0, 0, 0, 2, 2, 2]).points[:, 0].tolist() == [0, 1]
+    assert gppcs.open(tmp_path / "a.csv", inside=[0, 0, 2, 2]).read().points[:, 0].tolist() == [0, 1, 2]
+    assert gppcs.open(tmp_path / "a.csv", inside=[0, 0, 0, 2, 2, 2]).read().points[:, 0].tolist() == [0, 1]
     open_sides = [-np.inf, -np.inf, -np.inf, 1, np.inf, np.inf]
-    assert gppcs.read(tmp_path / "a.csv", inside=open_sides).points[:, 0].tolist() == [0, 1]
+    assert gppcs.open(tmp_path / "a.csv", inside=open_sides).read().points[:, 0].tolist() == [0, 1]
     (tmp_path / "b.txt").write_text("".join(f"{a} {b} {c}\n" for a, b, c in points))
-    assert gppcs.read(tmp_path / "b.txt", columns=["y", "x", "z"], inside=[1, 3, 1, 3]).points.tolist() == [[1, 3, 1]]
+    assert gppcs.open(tmp_path / "b.txt", columns=["y", "x", "z"], inside=[1, 3, 1, 3]).read().points.tolist() == [
+        [1, 3, 1]
+    ]
 
 
 @pytest.mark.parametrize("suffix", [".laz", ".ply", ".npz"])
@@ -107,7 +109,7 @@ NO_BOXES = (
 )
 def test_what_is_no_box_or_no_resolution_is_refused(query, message):
     with pytest.raises(ParameterError, match=message):
-        gppcs.read("a.laz", **query)
+        gppcs.open("a.laz", **query)
 
 
 def damaged(path, place, values):
@@ -131,7 +133,7 @@ def test_a_damaged_index_is_refused(copc, tmp_path, place, values, message):
     path.write_bytes(copc.read_bytes())
     damaged(path, place, values)
     with pytest.raises(FileFormatError, match=message):
-        gppcs.read(path, inside=BOX)
+        gppcs.open(path, inside=BOX).read()
     assert len(gppcs.read(path)) == N  # which needs no index
 
 
@@ -161,7 +163,7 @@ def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(la
         if entries is many or entries is more:
             damaged(path, 247, np.uint64(entries["count"].sum()).tobytes())  # the number of points in the header
         with pytest.raises(FileFormatError, match=message):
-            gppcs.read(path, resolution=1e-9)
+            gppcs.open(path, resolution=1e-9).read()
 
 
 def test_a_page_that_leads_to_itself_is_visited_once(las, tmp_path):
@@ -174,7 +176,7 @@ def test_a_page_that_leads_to_itself_is_visited_once(las, tmp_path):
         file.write(np.array([(0, (0, 0, 0), place, ENTRY.itemsize, -1)], ENTRY).tobytes())
         file.truncate(10**10)  # which takes no place on the disk, but hours where the page is read for ever
     with pytest.raises(FileFormatError, match="a COPC index within the file"):
-        gppcs.read(path, inside=BOX)
+        gppcs.open(path, inside=BOX).read()
 
 
 def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
@@ -186,4 +188,4 @@ def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
     damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
     for query in ({"inside": [0, 0, 9e5, 9e5]}, {}):
         with pytest.raises(FileFormatError, match=r"copc\.laz: expected whole compressed points, found damaged ones"):
-            gppcs.read(path, **query)
+            gppcs.open(path, **query).read()

@@ -160,6 +160,13 @@ def test_spherical_coordinates_are_converted(by_libe57, single):
     assert np.allclose(np.arcsin(points[:, 2] / distance), elevation, rtol=1e-15)
 
 
+def test_points_that_are_unpacked_from_nothing_are_refused(by_libe57):
+    repeats = np.full(100_000, 5.0)
+    path = by_libe57({f"cartesian{axis}": ("IntegerNode", (5, 5, 5), repeats) for axis in "XYZ"})
+    with pytest.raises(FileFormatError, match="found 1 of 100,000 points"):
+        read(path)
+
+
 def test_scaled_integers_and_fields_of_extensions(by_libe57):
     metres = np.array([-5, 7], np.int16) * 0.001 + 500_000
     scaled = {f"cartesian{axis}": ("ScaledIntegerNode", (0, -9, 9, 0.001, 500_000.0), metres) for axis in "XYZ"}

@@ -15,7 +15,7 @@ from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryS
 import gppcs
 from formats import losses
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, OutputError
+from gppcs.errors import FileFormatError, InputError, OutputError
 from gppcs.io import CloudFiles, las_header, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
@@ -123,7 +123,7 @@ def test_scaled_extra_bytes_are_their_physical_values(tmp_path, stored):
     assert found.point_format.dimension_by_name("height").is_scaled
     assert to_laspy(cloud).points.array["height"].tobytes() == original.points.array["height"].tobytes()
     if width == 1:
-        assert len(read(tmp_path / "a.las", only="height > 25")) == np.count_nonzero(heights > 25) == 1_000
+        assert len(gppcs.open(tmp_path / "a.las", only="height > 25").read()) == np.count_nonzero(heights > 25) == 1_000
     moved = replace(cloud, attributes={"height": cloud.attributes["height"] + 1e-3})
     write(tmp_path / "d.las", moved)  # no multiples of the scale: stored as they are
     np.testing.assert_array_equal(np.asarray(laspy.read(tmp_path / "d.las")["height"]), moved.attributes["height"])
@@ -407,6 +407,21 @@ def test_headers_that_lie(tmp_path, place, value, message):
     path.write_bytes(content)
     with pytest.raises(FileFormatError, match=message):
         read(path)
+
+
+def test_a_header_that_is_cut_off_does_not_count_records(tmp_path):
+    path = save(random_las("1.4", 10), tmp_path / "a.las")
+    content = bytearray(path.read_bytes()[:374])
+    content[243:247] = (2**24).to_bytes(4, "little")  # each of which would take 0.1 ms
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"at least 375 bytes before the points, found .* in 374 bytes"):
+        read(path)
+
+
+def test_points_that_are_unpacked_from_nearly_nothing_need_memory(tmp_path):
+    write(tmp_path / "a.laz", PointCloud(np.zeros((1_000_000, 3))))
+    with pytest.raises(InputError, match="204 MB of memory, as the files are unpacked"):
+        gppcs.simplify(tmp_path / "a.laz", n_points=10, memory="200MB")
 
 
 def test_an_unknown_compressor_is_named(tmp_path):

@@ -2,6 +2,8 @@
 
 import json
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -233,3 +235,10 @@ def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(mesh):
     assert np.array_equal(np.transpose(colours), ball.visual.vertex_colors)
     with pytest.raises(FileFormatError, match="found points, lines or fans alone"):
         read(mesh(".glb", trimesh.Scene(trimesh.PointCloud(ball.vertices)).export(file_type="glb")))
+
+
+def test_normals_of_stl_that_are_no_numbers_print_nothing(tmp_path):
+    path = tmp_path / "a.stl"
+    path.write_text(text_stl().replace("normal 0", "normal q"))
+    code = f"import gppcs; gppcs.read({str(path)!r})"
+    assert not subprocess.run([sys.executable, "-c", code], check=True, capture_output=True).stderr

@@ -155,8 +155,8 @@ def test_what_is_no_whole_header_is_refused(tmp_path, content, message):
 @pytest.mark.parametrize(
     ("row", "message"),
     [
-        ("1 2 3 256", "uchar as red of vertex 2, found '256'"),
-        ("1 2 3 nan", "uchar as red of vertex 2, found 'nan'"),
+        ("1 2 3 256", "uint8 as red of vertex 2, found '256'"),
+        ("1 2 3 nan", "uint8 as red of vertex 2, found 'nan'"),
         ("1 2 3", "vertex 2: expected 4 columns, found '1 2 3'"),
     ],
 )

@@ -48,11 +48,11 @@ def files(tmp_path):
 )
 def test_points_inside_a_polygon_with_a_hole(files, wrapped):
     scan, area = files(wrapped({"type": "Polygon", "coordinates": [SQUARE, HOLE]}))
-    read = gppcs.read(scan, inside=area)
+    read = gppcs.open(scan, inside=area).read()
     assert read.points.tolist() == CLOUD.points[inside(CLOUD.points)].tolist()
-    both = gppcs.read(scan, inside=[str(area), "0,0,5,5"])
+    both = gppcs.open(scan, inside=[str(area), "0,0,5,5"]).read()
     assert both.points.tolist() == read.points[(read.points[:, :2] <= 5).all(axis=1)].tolist()
-    square = gppcs.read(scan, inside=np.array(SQUARE[:4]))
+    square = gppcs.open(scan, inside=np.array(SQUARE[:4])).read()
     assert len(square) == ((CLOUD.points[:, :2] > 0) & (CLOUD.points[:, :2] < 10)).all(axis=1).sum()
 
 
@@ -64,7 +64,7 @@ def test_points_in_two_overlapping_polygons_are_inside(files, kind):
     multi = {"type": "MultiPolygon", "coordinates": polygons}
     scan, area = files(multi if kind == "MultiPolygon" else {"type": kind, "features": features})
     expected = inside(CLOUD.points) | inside(CLOUD.points + 3)
-    assert gppcs.read(scan, inside=area).points.tolist() == CLOUD.points[expected].tolist()
+    assert gppcs.open(scan, inside=area).read().points.tolist() == CLOUD.points[expected].tolist()
 
 
 def test_a_polygon_with_many_corners():
@@ -96,7 +96,7 @@ def test_conditions_choose_points_of_any_format(tmp_path, suffix):
     path = tmp_path / f"scan{suffix}"
     gppcs.write(path, CLOUD, lossy=True)
     whole = gppcs.read(path)
-    read = gppcs.read(path, only="classification in [2, 6] and z > 3 and not x > 7", inside=[-5, -5, 15, 12])
+    read = gppcs.open(path, only="classification in [2, 6] and z > 3 and not x > 7", inside=[-5, -5, 15, 12]).read()
     kinds, (x, y, z) = whole.attributes["classification"], whole.points.T
     rows = np.flatnonzero(np.isin(kinds, [2, 6]) & (z > 3) & ~(x > 7) & (y <= 12))
     assert read == whole.take(rows)
@@ -106,11 +106,10 @@ def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 2 * 10**9)
     cloud = gppcs.sample("village", n_points=8_000)
     gppcs.write(tmp_path / "scan.las", cloud, lossy=True)
-    options = {"only": "classification == 2 or z > 0"}
-    read = gppcs.read(tmp_path / "scan.las", **options)
-    result = gppcs.simplify(tmp_path / "scan.las", memory="1GB", n_points=60, **options)
+    source = gppcs.open(tmp_path / "scan.las", only="classification == 2 or z > 0")
+    result = gppcs.simplify(source, memory="1GB", n_points=60)
     assert len(result.indices) == 60
-    assert result.cloud == read.take(result.indices)
+    assert result.cloud == source.read().take(result.indices)
 
 
 def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
@@ -118,9 +117,9 @@ def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
     with pytest.raises(
         gppcs.errors.FileFormatError, match=r"scan.ply: .*at character 1 .*no attribute 'klassification'; did you mean"
     ):
-        gppcs.read(scan, only="klassification == 2")
+        gppcs.open(scan, only="klassification == 2").read()
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
-        gppcs.simplify(scan, n_points=5, only="z > 99")
+        gppcs.simplify(gppcs.open(scan, only="z > 99"), n_points=5)
 
 
 @given(st.integers(0, 10**6))

@@ -147,7 +147,7 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("x,y,z,label\n1,2,three,a\n", "line 2: expected numbers such as 1.5, as x, y and z"),
         ('1,2,3,a\n4,5,6,"b\n', "pandas reports: .*EOF inside string"),
         ("1,2,3,a\n4,5,6,\0\n", "expected text in UTF-8"),
-        ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text of at most 1,000 characters"),
+        ("1,2,3,a\n4,5,6," + "b" * 1001 + "\n", "expected text in UTF-8 of at most 1,000 characters"),
         ("1,5;2,5;3,5\n", "line 1: expected numbers such as 1.5, or names of columns, each once"),
     ],
 )
@@ -272,3 +272,8 @@ def test_text_after_the_first_block_is_refused(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("x,y,z,kind\n" + "".join(f"{i},0,0,{'a' if i == 6 else i}\n" for i in range(9)))
     with pytest.raises(FileFormatError, match="point 7: expected a number, found 'a'"):
         gppcs.read(tmp_path / "a.csv")
+
+
+def test_numbers_of_half_precision_have_no_exponents(tmp_path):
+    gppcs.write(tmp_path / "a.csv", gppcs.PointCloud([[0, 0, 0]], {"weight": np.float16([1000])}))
+    assert "e" not in (tmp_path / "a.csv").read_text().splitlines()[1]

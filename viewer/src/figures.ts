@@ -3,22 +3,30 @@ import { KINDS } from "./colours";
 import { shown, type Cloud, type Description, type Figure, type Prefix } from "./data";
 import { byId, element } from "./dom";
 
+const BESIDE = 2; // results at most whose figures stand beside the views of a wide page
 const SVG = "http://www.w3.org/2000/svg";
 
-/** Return the value of a figure with its unit: lengths also in thousandths of the diagonal. */
-export function worded(figure: Figure, prefix: Prefix): string {
+/** Return the value of a figure with its unit; lengths in that of the file. */
+function worded(figure: Figure, prefix: Prefix, unit: string): string {
   const value = prefix.figures[figure.name];
   if (value === undefined || value === null) return "–";
   if (figure.unit === "share") return `${shown(100 * value, 3)} %`;
   if (figure.unit === "degrees") return `${shown(value, 3)}°`;
-  return shown(value);
+  return figure.unit === "length" ? `${shown(value)} ${unit}`.trim() : shown(value);
 }
 
+/** Return a length in percent of the diagonal. */
 function relatively(figure: Figure, prefix: Prefix): string {
   const value = prefix.relative[figure.name];
   if (figure.name === "diagonal" || value === undefined || value === null) return "";
-  if (figure.unit === "length") return `${shown(1e4 * value, 3)} e-4 d`;
-  return figure.unit === "squared length" ? `${shown(1e6 * value, 3)} e-6 d²` : "";
+  if (figure.unit === "length") return `${shown(100 * value, 3)} % of the diagonal`;
+  return figure.unit === "squared length" ? `${shown(value, 3)} of the squared diagonal` : "";
+}
+
+/** Return a length in the unit of the file, or in percent of the diagonal if the file does not tell its unit. */
+export function length(name: string, prefix: Prefix, unit: string): string {
+  const { [name]: value } = unit ? prefix.figures : prefix.relative;
+  return unit ? `${shown(value ?? NaN, 3)} ${unit}` : `${shown(100 * (value ?? NaN), 3)} % of the diagonal`;
 }
 
 function measured(clouds: Cloud[]): Cloud[] {
@@ -31,9 +39,11 @@ export function fillFigures(described: Description): void {
   byId("verdicts").append(...measured(described.clouds).map((cloud) => verdictOn(cloud, described.unit)));
   fillTable(described);
   byId("figures").hidden = byId("plots").hidden = false;
+  const results = measured(described.clouds).length;
+  byId("page").classList.toggle("beside", results <= BESIDE);
   byId("figurestext").textContent =
-    `Lengths are in ${described.unit || "the unit of the coordinates"}; d is the diagonal of the original's bounding box, ` +
-    `${shown(described.diagonal)}. The best value of each row is marked.`;
+    `Lengths are in ${described.unit || "the unit of the coordinates"}. The diagonal of the original's bounding box is ` +
+    `${shown(described.diagonal)}.${results > 1 ? " The best value of each row is marked." : ""}`;
   byId("plottext").textContent =
     "Each line is one result, cut after fewer and fewer of its points. Shorter results are real ones only where the " +
     "order of the points is a ranking, as for gp, fps, random, sample-elimination, qem and top-variation.";
@@ -41,11 +51,11 @@ export function fillFigures(described: Description): void {
 
 /** Say in a sentence how far the original is from a result. */
 function verdictOn({ name, prefixes, counted }: Cloud, unit: string): HTMLElement {
-  const length = (figure: string) => `${shown(prefixes.at(-1)!.figures[figure] ?? NaN, 3)} ${unit}`.trim();
+  const lengthOf = (figure: string) => length(figure, prefixes.at(-1)!, unit);
   const said = element("li");
   said.append(
-    element("b", name), ": no original point is farther than ", element("b", length("surface_max")),
-    ` from ${counted === "vertices" ? "its surface" : "the surface through the kept points"} (surface max); 95 % are within ${length("surface_p95")} (surface p95).`,
+    element("b", name), ": no original point is farther than ", element("b", lengthOf("surface_max")),
+    ` from ${counted === "vertices" ? "its surface" : "the surface through the kept points"} (surface max); 95 % are within ${lengthOf("surface_p95")} (surface p95).`,
   );
   return said;
 }
@@ -55,7 +65,7 @@ export function showPlot({ figures, clouds }: Description, name: string): void {
   if (!byId("plots").hidden) plot(figures.find((each) => each.name === name)!, clouds, Math.min(900, byId("plot").clientWidth));
 }
 
-function fillTable({ clouds, figures }: Description): void {
+function fillTable({ clouds, figures, unit }: Description): void {
   const results = measured(clouds);
   const last = (cloud: Cloud) => cloud.prefixes.at(-1)!;
   const head = element("tr");
@@ -65,12 +75,12 @@ function fillTable({ clouds, figures }: Description): void {
   for (const figure of figures) {
     const row = element("tr", "", { className: figure.first ? "" : "more" });
     const name = element("th", "", { scope: "row" });
-    name.append(element("b", figure.title), element("span", figure.definition));
+    name.append(element("b", figure.title, { title: figure.definition }), element("span", figure.definition));
     row.append(name);
     const known = results.map((cloud) => last(cloud).figures[figure.name]).filter((v) => typeof v === "number");
     const best = figure.better === "more" ? Math.max(...known) : Math.min(...known);
     for (const cloud of results) {
-      const cell = element("td", worded(figure, last(cloud)));
+      const cell = element("td", worded(figure, last(cloud), unit));
       const part = relatively(figure, last(cloud));
       if (part) cell.append(element("span", part));
       const distinct = new Set(known).size > 1;

@@ -1,7 +1,7 @@
 // Where the views stand, and their labels.
 import { DISTANCE } from "./colouring";
 import { byId, element } from "./dom";
-import { worded } from "./figures";
+import { length } from "./figures";
 import type { Layer } from "./scene";
 import type { CloudView, State } from "./state";
 
@@ -93,11 +93,10 @@ function linesOf(state: State, { cloud, layer }: CloudView): string[] {
   if (isCopy) lines.push(`coloured by the distance to ${name}`);
   // Distances are those to all points of a result.
   const prefix = prefixes.filter((each) => isCopy || each.points <= visible).at(-1);
-  const { figures } = state.described;
-  const [largest, mean] = ["surface_max", "surface_mean"].map((each) => figures.find((figure) => figure.name === each));
-  if (largest && mean && prefix) {
+  if (prefix) {
+    const [mean, largest] = ["surface_mean", "surface_max"].map((figure) => length(figure, prefix, state.described.unit));
     const cut = !isCopy && prefix.points < visible ? `first ${prefix.points.toLocaleString("en")}: ` : "";
-    lines.push(`${cut}largest error ${worded(largest, prefix)}, mean ${worded(mean, prefix)}`);
+    lines.push(`${cut}mean error ${mean!.replace(" of the diagonal", "")}, largest ${largest}`);
   }
   return lines;
 }

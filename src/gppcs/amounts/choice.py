@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from gppcs.clouds.ranges import Details
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.methods import Feature, Selection, Task
+from gppcs.methods import Feature, Method, Selection, Task
 from gppcs.methods.method import selected
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.farthest_points import fill_gaps
@@ -42,27 +43,10 @@ def choose_by_options(
     with timer("repeats"):
         details = Details.from_cloud(PointCloud(points, constraints.columns), options.details)
         task, indices, repeats = task_of(points, options, constraints, details, timer)
-
-    def rank(n: int, spacing: float | None = None) -> Selection:
-        """Choose n distinct positions, or at most n with a spacing; all of them in their order."""
-        if n >= len(task.points) and spacing is None:
-            return Selection(np.arange(len(task.points)), ranked=False)
-        return selected(method, replace(task, n_points=n, spacing=spacing))
-
-    def in_cloud(selection: Selection) -> Selection:
-        return replace(selection, indices=indices[selection.indices])
-
+    rank = partial(_ranked, method, task)
     if count is not None:
-        if not options.quotas:
-            check_count(count, len(constraints.keep), constraints.n_usable(len(points)))
-        selection = choose_number(
-            count,
-            options,
-            constraints,
-            repeats,
-            lambda n: in_cloud(rank(n)),
-            lambda chosen, n: np.setdiff1d(constraints.usable(len(points)), chosen)[:n],
-        )
+        ranked = partial(_ranked, method, task, indices=indices)
+        selection = _number(count, len(points), options, constraints, repeats, ranked)
     else:
         if options.max_error is not None:
             is_ranking = Feature.RANKING in method.supports
@@ -76,33 +60,40 @@ def choose_by_options(
             assert max_gap is not None
             n = number_of_discs(area_of(task.points), scale.inside(max_gap))
             selection = rank(min(max(n, task.fixed, 1), len(task.points)))
-        selection = _with_repeats(in_cloud(selection), repeats, task.fixed)
+        selection = _with_repeats(replace(selection, indices=indices[selection.indices]), repeats, task.fixed)
     if max_gap is None:
         return selection
     return _without_gaps(points, constraints.usable(len(points)), selection, max_gap, scale, timer)
 
 
-def choose_number(
-    count: int,
-    options: Options,
-    constraints: Constraints,
-    repeats: Ints,
-    rank: Callable[[int], Selection],
-    unchosen: Callable[[Ints, int], Ints],
+def _ranked(method: Method, task: Task, n: int, spacing: float | None = None, indices: Ints | None = None) -> Selection:
+    """Choose n of the points of a task, which have some indices, or at most n with a spacing; all in their order."""
+    if n >= len(task.points) and spacing is None:
+        selection = Selection(np.arange(len(task.points)), ranked=False)
+    else:
+        selection = selected(method, replace(task, n_points=n, spacing=spacing))
+    return selection if indices is None else replace(selection, indices=indices[selection.indices])
+
+
+def _number(
+    count: int, n: int, options: Options, constraints: Constraints, repeats: Ints, rank: Callable[[int], Selection]
 ) -> Selection:
-    """Choose a number of points: by quotas, or the first of a ranking.
+    """Choose a number of n points: by quotas or the first of a ranking, and repeats where there are too few positions.
 
     `rank` chooses a number of distinct positions, those to keep first; `repeats` are indices to keep at the positions
-    of others. `unchosen` returns a number of indices besides those that are chosen, where there are too few positions.
+    of others.
     """
     fixed = len(constraints.keep) - len(repeats)
     if options.quotas:
         assert constraints.labels is not None
         selection, fill = choose_quotas(options.quotas, constraints.labels, count, constraints.keep, repeats, rank)
         return _extended(_with_repeats(selection, repeats, fixed), fill)
+    check_count(count, len(constraints.keep), constraints.n_usable(n))
     selection = _with_repeats(rank(count - len(repeats)), repeats, fixed)
     missing = count - len(selection.indices)
-    return _extended(selection, unchosen(selection.indices, missing)) if missing > 0 else selection
+    if missing <= 0:
+        return selection
+    return _extended(selection, np.setdiff1d(constraints.usable(n), selection.indices)[:missing])
 
 
 def check_count(count: int, n_keep: int, n_usable: int) -> None:

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import os
-import textwrap
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown, whole_number
+from gppcs.errors import ParameterError, file_path, flag, nearest_name, one_of, shown
 from gppcs.methods import DEFAULT, METHODS, Feature, Method
-from gppcs.methods.parameters import parameters_of, with_settings
+from gppcs.methods.parameters import with_settings
 
 if TYPE_CHECKING:  # the help of the command needs the texts below, but no NumPy
     from numpy.typing import ArrayLike
 
     from gppcs.amounts.quotas import Quota
     from gppcs.clouds.quantities import Length, Tolerance
-    from gppcs.io.cloud_files import CloudFiles
+
+Order: TypeAlias = Literal["importance", "input", "gps_time"]
 
 
 def _option(default: Any, text: str, for_files: bool = False) -> Any:
@@ -31,100 +31,49 @@ def _option(default: Any, text: str, for_files: bool = False) -> Any:
 class Options:
     """Options of a simplification, validated as far as possible without the cloud."""
 
-    ratio: float | str | None = _option(
-        None, "Fraction of the points to keep, above 0 and at most 1, such as 0.03 or 3%."
-    )
-    n_points: int | str | None = _option(
-        None, "Number of points to keep, such as 5000, 5,000, 5k or 1.5M. If there are fewer, all are kept."
-    )
+    ratio: float | str | None = _option(None, "Fraction of the points to keep: 0.03 or 3%.")
+    n_points: int | str | None = _option(None, "Number of points to keep, such as 5000 or 1.5M.")
     tolerance: float | str | None = _option(
         None,
-        "Keep the fewest points such that no original point is farther than this from the surface through them, "
-        "outliers aside: 0.5, 0.5mm, or 0.02% of the diagonal. With :p95, :mean or :rms behind it, it bounds that "
-        "error; with :max, outliers count.",
+        "Keep the fewest points whose surface is that near to all points but outliers: 0.5, 0.5mm, 0.02% of the "
+        "diagonal, or 2mm:p95 (:mean, :rms, :max).",
     )
     spacing: float | str | None = _option(
-        None,
-        "Keep as many points as have this spacing: 0.05, 5cm or 1% (methods gp, fps, sample-elimination and voxel, "
-        "whose descriptions say what it means).",
+        None, "Keep as many points as have this spacing, such as 5cm (gp, fps, sample-elimination, voxel)."
     )
-    max_gap: float | str | None = _option(
-        None,
-        "Add points until each original point has a kept one within this distance. Alone, or beside another amount.",
-    )
-    unit: str | None = _option(None, "Unit of the coordinates, such as m or mm, if the file does not tell it.")
+    max_gap: float | str | None = _option(None, "Add points until each original one has a kept one within this length.")
+    unit: str | None = _option(None, "Unit of the coordinates, such as m, if the file tells none.")
     keep: str | ArrayLike | None = _option(
-        None,
-        "Keep all points that meet a condition, such as 'classification == 6 and z > 2'; in Python also a mask or "
-        "indices. They count, and come first (methods gp, fps and random).",
+        None, "Keep all points that meet a condition, such as 'classification == 6' (gp, fps, random)."
     )
     weight: str | ArrayLike | None = _option(
-        None,
-        "Multiply the density of the kept points by this attribute or formula, such as 1/(x*x + y*y), from 0 on; in "
-        "Python also by an array. No point of weight 0 is kept, but those to keep (method gp).",
+        None, "Multiply the density by an attribute or a formula, such as 1/(x*x + y*y) (gp)."
     )
     detail: str | Mapping[str, float] | None = _option(
-        None,
-        "Let an attribute count beside the shape: rgb, a number such as intensity, or classes. Its weight, from 0 to "
-        "1000, is 1 by default; in Python, a mapping has several (method gp).",
+        None, "Let an attribute count beside the shape: rgb, a number or classes (gp)."
     )
     quota: Mapping[str, float | str] | None = _option(
-        None,
-        "Keep exactly this number of points that meet a condition, or this fraction of the kept ones: 'classification "
-        "== 6: 10%', in Python {'classification == 6': '10%'} (methods that rank their points).",
+        None, "Keep exactly this number or fraction of points that meet a condition, such as 'z > 6: 10%'."
     )
     method: str | Method = _option(DEFAULT, "The method: its name, or in Python an instance with other parameters.")
-    seed: int | None = _option(None, "Seed of random numbers. Methods without random numbers ignore it.")
-    invalid: Literal["error", "drop"] = _option(
-        "error", "What to do with NaN or infinite coordinates: stop with an error, or drop these points."
-    )
-    drop_outliers: bool = _option(
-        False,
-        "First drop the points that neither their neighbours nor the surface explain. They do not count in ratios.",
-    )
-    normals: bool = _option(
-        False,
-        "Add normals, estimated from all points of the input. On closed pieces they point outward, on flat ones along "
-        "+z.",
-    )
-    scores: bool = _option(
-        False, "Add the score and the standard deviation of each point when it was chosen (method gp)."
-    )
-    denoise: bool = _option(
-        False, "Move the kept points onto the surface that all points observe with noise (method gp)."
-    )
-    order: Literal["importance", "input", "gps_time"] = _option(
-        "importance",
-        "Order of the result: importance, whose first points are a good smaller result, input, or gps_time.",
-    )
-    format: str | None = _option(None, "Format of the files, by its suffix. By default, the content tells.", True)
-    columns: Sequence[str] | None = _option(None, "Names of the columns of a text table, with x, y and z.", True)
-    inside: Sequence[Any] | str | os.PathLike[str] | None = _option(
+    invalid: Literal["error", "drop"] = _option("error", "Whether invalid coordinates are an error, or dropped.")
+    drop_outliers: bool = _option(False, "First drop points that neither their neighbours nor the surface explain.")
+    normals: bool = _option(False, "Add normals, estimated from all points of the input.")
+    scores: bool = _option(False, "Add the score and deviation of each point (gp).")
+    order: Order = _option("importance", "Order of the result: importance, input or gps_time.")
+    levels: str | Sequence[float | int | str] | None = _option(
         None,
-        "Read only the points in a box, xmin,ymin,xmax,ymax or xmin,ymin,zmin,xmax,ymax,zmax, or inside the polygons "
-        "of a GeoJSON file, in the coordinate system of the input.",
-        True,
+        "Several sizes, such as 10%,3%,1%, each the start of the next: files, with {level} in the name, or an "
+        "attribute level.",
     )
-    resolution: float | None = _option(
-        None, "Read a COPC file only down to the level on which neighbours are about that far from each other.", True
-    )
-    only: str | None = _option(
-        None,
-        "Read only the points that meet a condition on attributes and x, y, z, such as 'classification == 6 and z > "
-        "2.5'.",
-        True,
-    )
-    assume_same_crs: bool = _option(False, "Give all files the coordinate system of the first one.", True)
+    index: bool = _option(False, "Add the index of each kept point among those read.")
+    rank: bool = _option(False, "Add the place of each point in the order chosen.")
+    mark: str | None = _option(None, "Write all points, with an attribute of this name that is 1 for kept ones.")
     memory: int | str | None = _option(
-        None,
-        "How much memory to use, such as 2GB; half of what is free by default. Larger clouds go tile by tile.",
-        True,
+        None, "How much memory to use, such as 2GB; by default half of what is free.", True
     )
     workers: str | Executor | None = _option(
-        None,
-        "Share the work among the workers of a Dask scheduler, such as tcp://10.0.0.5:8786; in Python also of an "
-        "executor of concurrent.futures.",
-        True,
+        None, "Share the work among workers of Dask, such as tcp://10.0.0.5:8786.", True
     )
     scratch: str | os.PathLike[str] | None = _option(
         None, "An existing folder for temporary files, by default the system's.", True
@@ -135,8 +84,8 @@ class Options:
         from gppcs.clouds.quantities import units_of
 
         one_of("invalid", self.invalid, ("error", "drop"))
-        one_of("order", self.order, ("importance", "input", "gps_time"))
-        for name in ("drop_outliers", "normals", "scores", "denoise", "assume_same_crs"):
+        one_of("order", self.order, get_args(Order))
+        for name in ("drop_outliers", "normals", "scores", "index", "rank"):
             object.__setattr__(self, name, flag(name, getattr(self, name)))
         self._check_size()
         self._check_features()
@@ -147,10 +96,6 @@ class Options:
         _ = self.memory_limit
         if self.scratch is not None:
             file_path(self.scratch)
-        if self.inside is not None or self.only is not None or self.resolution is not None:
-            from gppcs.io.query import Query
-
-            Query.from_options(self.inside, self.only, self.resolution)
         _check_workers(self.workers)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -162,9 +107,18 @@ class Options:
         """The fraction of the points to keep (float) or their number (int), if one of them is asked for."""
         from gppcs.clouds.quantities import count_of, ratio_of
 
+        if self.sizes:
+            return self.sizes[-1] if self.sizes[-1] < 1 else int(self.sizes[-1])
         if self.ratio is not None:
             return ratio_of("ratio", self.ratio)
         return None if self.n_points is None else count_of("n_points", self.n_points)
+
+    @cached_property
+    def sizes(self) -> tuple[float, ...]:
+        """The sizes of the levels, from coarse to fine; none without levels."""
+        from gppcs.amounts.order import level_sizes
+
+        return () if self.levels is None else level_sizes(self.levels)
 
     def count(self, n: int) -> int | None:
         """Return M for a cloud of N = n points, if that tells it."""
@@ -189,12 +143,8 @@ class Options:
 
     @cached_property
     def algorithm(self) -> Method:
-        """The method, with the seed and the denoising that the options set."""
-        method = method_of(self.method, self.seed)
-        if self.denoise:
-            require(method, Feature.DENOISE)
-            method = with_settings(method, {"denoise": True})
-        return method
+        """The method."""
+        return method_of(self.method)
 
     @cached_property
     def denoises(self) -> bool:
@@ -214,13 +164,6 @@ class Options:
         from gppcs.amounts.quotas import quotas_of
 
         return () if self.quota is None else quotas_of(self.quota)
-
-    def open(self, paths: Sequence[str | os.PathLike[str]]) -> CloudFiles:
-        """Return files as one cloud, of which is read what the options ask for."""
-        from gppcs.io.cloud_files import CloudFiles
-
-        query = (self.inside, self.only, self.resolution)
-        return CloudFiles(paths, self.format, self.columns, *query, self.assume_same_crs)
 
     @cached_property
     def memory_limit(self) -> int | None:
@@ -243,7 +186,7 @@ class Options:
 
     def _check_size(self) -> None:
         """Check that one option decides how many points are kept, beside `max_gap`, and that lengths are some."""
-        sizes = ("ratio", "n_points", "tolerance", "spacing")
+        sizes = ("ratio", "n_points", "tolerance", "spacing", "levels")
         names = [f"`{name}`" for name in sizes if getattr(self, name) is not None]
         if len(names) > 1 or not (names or self.max_gap is not None):
             actual = " and ".join(names) or "none"
@@ -260,7 +203,7 @@ class Options:
             Feature.KEEP: self.keep is not None,
             Feature.WEIGHT: self.weight is not None,
             Feature.DETAIL: bool(self.details),
-            Feature.RANKING: bool(self.quotas),
+            Feature.RANKING: bool(self.quotas or self.sizes or self.rank),
             Feature.SCORES: self.scores,
         }
         for feature, is_needed in features.items():
@@ -268,24 +211,27 @@ class Options:
                 require(self.algorithm, feature)
         if self.spacing is not None and (self.keep is not None or self.weight is not None):
             raise ParameterError("expected `spacing` without `keep` and `weight`, found both")
-        if features[Feature.RANKING] and (self.size is None or self.max_gap is not None):
+        if self.quotas and (self.size is None or self.max_gap is not None):
             raise ParameterError(
                 "expected `ratio` or `n_points` with `quota`, without `spacing`, `tolerance` and `max_gap`"
+            )
+        alone = {"levels": ("max_gap", "quota"), "mark": ("levels", "index", "rank", "normals", "scores")}
+        for name, others in alone.items():
+            for other in others if getattr(self, name) is not None else ():
+                if getattr(self, other):
+                    raise ParameterError(f"expected `{name}` without `{other}`, found both")
+        if self.mark is not None and self.order != "importance":
+            raise ParameterError("expected `mark` without `order`, found both")
+        if self.mark == "":
+            raise ParameterError("expected `mark` with the name of an attribute, found nothing")
+        if self.mark is not None and self.algorithm.moves_points:
+            raise ParameterError(
+                "expected `mark` with a method that moves no points, as all are written where they were"
             )
         refused = ("tolerance", "max_gap", "keep", "quota")  # of denoised points, all are off the surface
         for name in refused if self.denoises else ():
             if getattr(self, name) is not None:
                 raise ParameterError(f"expected `denoise` without `{name}`, found both")
-
-
-def described_options() -> str:
-    """Return the options as a docstring of a function lists them."""
-    texts = []
-    for option in fields(Options):
-        kind = str(option.type).replace(" | None", ", optional").replace(" | ", " or ")
-        texts.append(f"    {option.name} : {kind}\n")
-        texts.append(textwrap.indent(textwrap.fill(option.metadata["help"], 112), " " * 8) + "\n")
-    return "".join(texts)
 
 
 def require(method: Method, feature: Feature) -> None:
@@ -296,21 +242,15 @@ def require(method: Method, feature: Feature) -> None:
     raise ParameterError(f"expected a method that supports {feature}, found {method.name!r}; use {alternatives}")
 
 
-def method_of(method: Any, seed: int | None = None, settings: Mapping[str, Any] | None = None) -> Method:
-    """Return the method of that name, or the method itself, with a seed and other parameters."""
+def method_of(method: Any, settings: Mapping[str, Any] | None = None) -> Method:
+    """Return the method of that name, or the method itself, with other parameters."""
     if isinstance(method, str):
         if method not in METHODS:
             raise ParameterError(f"there is no method {method!r}{nearest_name(method, METHODS.names())}")
         method = METHODS[method]()
     if not isinstance(method, Method):
         raise ParameterError(f"expected the name of a method or a method such as SpectralGP(), found {shown(method)}")
-    if settings:
-        method = with_settings(method, settings)
-    if seed is not None and "seed" in parameters_of(method):
-        return replace(method, seed=seed)
-    if seed is not None:
-        whole_number("the seed", seed, 0)
-    return method
+    return with_settings(method, settings) if settings else method
 
 
 def _check_workers(workers: Any) -> None:

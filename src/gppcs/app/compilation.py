@@ -85,7 +85,8 @@ def _options() -> None:
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(scan, tolerance="2%", keep="curvature > 0", weight=abs(scan.attributes["curvature"]))
-    simplify(sample("sphere", 30_000, noise=0.003), ratio=0.02, denoise=True)  # whose noise is found
+    noisy = sample("sphere", 30_000, noise=0.003)  # whose noise is found
+    simplify(noisy, ratio=0.02, method=gppcs.LocalGP(denoise=True))
     simplify(scan, ratio=0.1, detail="rgb")
     hierarchical_clusters(scan.points, size=10, variation=0.1)
 

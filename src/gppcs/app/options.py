@@ -23,7 +23,6 @@ METHOD = "Method"
 INPUT = "Reading the input"
 ATTRIBUTES = "Attributes of the result"
 LOOK = "Figures and pictures"
-LARGE = "Files larger than memory"
 
 HELP = {field.name: field.metadata["help"] for field in dataclasses.fields(Options)}
 
@@ -33,9 +32,9 @@ def option(text: str, panel: str | None = None, *names: str, **more: Any) -> Any
     return typer.Option(*names, help=text, rich_help_panel=panel, **more)
 
 
-def from_field(name: str, panel: str, metavar: str | None = None, *names: str) -> Any:
+def from_field(name: str, panel: str | None = None, metavar: str | None = None, *names: str) -> Any:
     """Declare an option with the help text of a field of `Options`."""
-    repeats = " Can be repeated." if name in ("detail", "quota", "inside") else ""
+    repeats = " Can be repeated." if name in ("detail", "quota") else ""
     return option(HELP[name] + repeats, panel, *names, metavar=metavar)
 
 
@@ -49,24 +48,36 @@ def files(metavar: str, text: str) -> Any:
     return typer.Argument(metavar=metavar, help=text, parser=file_path, show_default=False)
 
 
-FILES = "Point cloud files. A folder stands for all files in it that gppcs reads, a .vpc file for those that it lists."
+FILES = "Point cloud files, folders or .vpc lists."
 
 Cloud = Annotated[Path, files("IN", "A point cloud file.")]
 Ratio = Annotated[str | None, from_field("ratio", SIZE, "FRACTION")]
 Points = Annotated[str | None, from_field("n_points", SIZE, "M", "--points")]
 Unit = Annotated[str | None, from_field("unit", SIZE, "NAME")]
-Seed = Annotated[int | None, from_field("seed", METHOD)]
+Seed = Annotated[int | None, option("Seed of the methods that have one.", METHOD)]
 Measured = Annotated[list[str] | None, option("Measure errors of an attribute, too.", None, "--detail", metavar="NAME")]
 From = Annotated[str | None, option("Format of the input; default: by content.", INPUT, "--from", metavar="SUFFIX")]
 To = Annotated[str | None, option("Format of the output; default: by name.", None, "--to", metavar="SUFFIX")]
 Ascii = Annotated[bool | None, option("Write PLY or PCD as text.", None, "--ascii/--binary", show_default=False)]
 Columns = Annotated[str | None, option("Columns of a text table, such as x,y,z,red.", INPUT, metavar="NAME,...")]
-Inside = Annotated[list[str] | None, from_field("inside", INPUT, "BOX|FILE")]
-Only = Annotated[str | None, from_field("only", INPUT, "CONDITION")]
-Resolution = Annotated[float | None, from_field("resolution", INPUT, "LENGTH")]
+Inside = Annotated[
+    list[str] | None,
+    option(
+        "Read only points in a box xmin,ymin,xmax,ymax, or with zmin and zmax, or in the polygons of a GeoJSON file. "
+        "Can be repeated.",
+        INPUT,
+        metavar="BOX|FILE",
+    ),
+]
+Only = Annotated[
+    str | None, option("Read only points that meet a condition, such as 'z > 2.5'.", INPUT, metavar="CONDITION")
+]
+Resolution = Annotated[
+    float | None, option("Read a COPC file only down to about this spacing.", INPUT, metavar="LENGTH")
+]
 Invalid = Annotated[Literal["error", "drop"], from_field("invalid", INPUT, "error|drop")]
-Memory = Annotated[str | None, from_field("memory", LARGE, "SIZE")]
-Workers = Annotated[str | None, from_field("workers", LARGE, "ADDRESS")]
+Memory = Annotated[str | None, from_field("memory", metavar="SIZE")]
+Workers = Annotated[str | None, from_field("workers", metavar="ADDRESS")]
 Colour = Annotated[str | None, option("Colour by rgb, variation or an attribute.", LOOK, metavar="NAME")]
 View = Annotated[
     str | None,
@@ -78,11 +89,11 @@ View = Annotated[
     ),
 ]
 Up = Annotated[Literal["x", "y", "z", "-x", "-y", "-z"] | None, option("Axis that points up, else guessed.", LOOK)]
-Threads = Annotated[int | None, option("Number of threads. By default, that of the usable cores.", metavar="N")]
-Force = Annotated[bool, option("Overwrite existing files, but never an input.", None, "--force")]
-Lossy = Annotated[bool, option("Leave out values that the output format cannot hold.", None, "--lossy")]
-Quiet = Annotated[bool, option("Show no progress and no table, but errors and notes.", None, "--quiet", "-q")]
-Json = Annotated[bool, option("Print JSON, one object per line.", None, "--json")]
+Threads = Annotated[int | None, option("Number of threads; by default all cores.", metavar="N")]
+Force = Annotated[bool, option("Overwrite files, but never an input.", None, "--force")]
+Lossy = Annotated[bool, option("Leave out what the format cannot hold.", None, "--lossy")]
+Quiet = Annotated[bool, option("Print errors and notes only.", None, "--quiet", "-q")]
+Json = Annotated[bool, option("Print JSON, one object a line.", None, "--json")]
 
 
 def files_of_inside(inside: Sequence[str] | None) -> list[Path]:

@@ -3,52 +3,107 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from gppcs import io
+from gppcs.amounts.options import Options, Order
 from gppcs.app.printing import print_error
+from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.errors import FileFormatError, OutputError, file_path
 from gppcs.io import text
+from gppcs.methods.method import SCORES
+from gppcs.result import Result
+from gppcs.steps import check_addable
 
-LEVEL = "level"  # the name of the attribute
 LEVEL_FIELD = "{level}"  # stands for the number of a level in the name of its file
 
 
 @dataclass(frozen=True)
 class Output:
-    """The files of one cloud, and where its result goes: to one file, or to one for each level, coarse to fine."""
+    """A cloud in files, and where its result goes: to one file, or to one for each level or input."""
 
-    sources: list[Path]
-    targets: list[Path]
+    source: io.CloudFiles
+    targets: list[Path]  # of levels from coarse to fine
     makes_folders: bool = False
-    format: str | None = None  # otherwise, the names tell it
+    by_input: bool = False  # whether there is a target for the points of each input
+    suffix: str | None = None  # of the format; otherwise, the names tell it
+    asked_order: Order | None = None  # of the points; otherwise, the formats tell it
+    force: bool = False
+    lossy: bool = False
 
     @property
     def input(self) -> str | list[str]:
         """The name of the file, or those of several."""
-        names = list(map(str, self.sources))
+        names = list(map(str, self.source.paths))
         return names if len(names) > 1 else names[0]
 
     @property
     def input_title(self) -> str:
         """The name of the first file, and how many others there are."""
-        return f"{self.sources[0]}{f' and {len(self.sources) - 1} more' if len(self.sources) > 1 else ''}"
+        first, *more = self.source.paths
+        return f"{first} and {len(more)} more" if more else str(first)
 
     @property
     def title(self) -> str:
         """The names of the files."""
+        if self.by_input:
+            return f"{len(self.targets)} files → {self.targets[0].parent}"
         return f"{self.input_title} → {', '.join(map(str, self.targets))}"
 
-    def check(self, force: bool) -> None:
+    @cached_property
+    def formats(self) -> list[io.Format]:
+        """The format of each target."""
+        return [io.format_to_write(target, self.suffix) for target in self.targets]
+
+    @property
+    def orders(self) -> list[Order]:
+        """The order of the points in each target."""
+        return [self.asked_order or ("input" if kind.name in ("LAS", "LAZ") else "importance") for kind in self.formats]
+
+    def check(self) -> None:
         """Check before long work that the sources exist and that gppcs can write the targets."""
-        for source in self.sources:
+        for source in self.source.paths:
             if not io.is_standard(source):
                 source.stat()  # a missing input is reported before its name is taken for that of the output
-        for target in self.targets:
-            io.format_to_write(target, self.format)
-            io.check_writable(target, force, self.makes_folders)
+        for target, _ in zip(self.targets, self.formats, strict=True):
+            io.check_writable(target, self.force, self.makes_folders)
+
+    def check_storable(self, options: Options) -> None:
+        """Check that the targets can hold the first points with the attributes that the options add."""
+        cloud = self.source.preview
+        check_addable(cloud, options)
+        if options.mark is None:
+            cloud = cloud[cloud.is_finite()]  # only these are kept
+        rows = np.arange(len(cloud))
+        added = (NORMALS if options.normals else ()) + (SCORES if options.scores else ())
+        zeros = dict.fromkeys(added, np.zeros(len(rows), np.float32))
+        cloud = replace(cloud, attributes={**cloud.attributes, **zeros})
+        all_kept = Result(rows, cloud, options.algorithm, {}, {}, ranks=rows, is_ranking=True, points_in=len(rows))
+        if options.mark is None:
+            levels = options.levels if len(self.targets) == 1 else None
+            cloud = all_kept.with_attributes(index=options.index, rank=options.rank, levels=levels).cloud
+        else:
+            cloud = all_kept.marked(cloud, options.mark)
+        for kind, target in dict(zip(self.formats, self.targets, strict=True)).items():
+            io.check_storable(target, cloud, kind, self.lossy)
+
+    def write(self, clouds: Sequence[PointCloud], is_ranked: bool) -> list[str]:
+        """Write all targets, which replace others only when all are complete; return what they do not hold."""
+        dropped: list[str] = []
+        with ExitStack() as stack:
+            for target, kind, cloud in zip(self.targets, self.formats, clouds, strict=True):
+                if self.makes_folders:
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                file = stack.enter_context(io.whole_output(target, self.force))
+                dropped = io.store_in(file, target, cloud, kind.ranked() if is_ranked else kind, self.lossy)
+        return dropped
 
 
 def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Sequence[str] = ()) -> None:
@@ -59,16 +114,21 @@ def check_output(output: Path, inputs: Sequence[Path], force: bool, suffixes: Se
     io.check_writable(output, force)
 
 
-def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, levels: int = 0) -> list[Output]:  # noqa: A002
-    """Return where results go: that of each input to a folder, else that of all as one cloud to a file."""
+def outputs_of(
+    inputs: Sequence[Path], output: str, reading: Mapping[str, Any], levels: int = 0, separately: bool = False
+) -> list[Output]:
+    """Return where results go: of all inputs as one cloud, or `separately` of each that has a target of its own.
+
+    `reading` has the options of `gppcs.open`.
+    """
     sources = sources_of(inputs)
     if LEVEL_FIELD in output:
         if not levels:
             raise OutputError(f"{output}: expected {LEVEL_FIELD} with `levels`; choose another name")
         targets = [file_path(output.replace(LEVEL_FIELD, str(number))) for number in range(levels)]
-        return [Output(sources, targets, makes_folders=True, format=format)]
+        return [Output(io.CloudFiles(sources, **reading), targets, makes_folders=True)]
     if not _means_folder(output, sources != list(inputs) or len(sources) > 1):
-        return [Output(sources, [file_path(output)], format=format)]
+        return [Output(io.CloudFiles(sources, **reading), [file_path(output)])]
     by_name: dict[str, Path] = {}
     for source in sources:
         if (other := by_name.setdefault(source.name, source)) is not source:
@@ -76,7 +136,11 @@ def outputs_of(inputs: Sequence[Path], output: str, format: str | None = None, l
                 f"{output}: expected inputs with different names, found {other} and {source}; rename one, or choose "
                 "a folder for each"
             )
-    return [Output([source], [Path(output, source.name)], makes_folders=True, format=format) for source in sources]
+    targets = [Path(output, source.name) for source in sources]
+    if len(sources) > 1 and not separately:
+        return [Output(io.CloudFiles(sources, **reading), targets, makes_folders=True, by_input=True)]
+    each = zip(sources, targets, strict=True)
+    return [Output(io.CloudFiles(source, **reading), [target], makes_folders=True) for source, target in each]
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:

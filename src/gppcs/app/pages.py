@@ -13,10 +13,8 @@ from gppcs.app.printing import print_error
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint, spread_over
-from gppcs.drawing.cloud_images import ColouredCloud, painted
-from gppcs.drawing.colours import RGB, Colourable
-from gppcs.drawing.side_by_side import Column, draw_comparison
-from gppcs.drawing.surfaces import surface_through
+from gppcs.drawing.cloud_images import painted
+from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
@@ -64,51 +62,24 @@ def draw_beside(
     results: Sequence[tuple[Named, str]],
     viewpoint: Viewpoint,
     colour: str | None,
-) -> None:
-    """Write a PNG of a finite cloud and of results with captions, in the colours of the nearest original points."""
-    captions = [caption for _, caption in results]
-    original, *shown = in_one_unit([original, *(named for named, _ in results)])
-    everything, legend = painted(original.cloud, colour)
-    columns = [Column(original.name, everything, "", original.mesh)]
-    for named, caption in zip(shown, captions, strict=True):
-        columns.append(Column(named.name, everything.at(named.cloud.points), caption, named.mesh))
-    draw_comparison(file, columns, viewpoint, legend)
-
-
-def draw_pair(
-    file: BinaryIO,
-    original: Named,
-    simplified: Named,
-    caption: str,
-    viewpoint: Viewpoint,
-    colour: str | None,
     timer: Timer | None = None,
+    close_ups: int = CLOSE_UPS,
 ) -> None:
-    """Write a PNG of a finite cloud or mesh and of another beside it; of points, also the surface through them."""
-    for named in (original, simplified):
+    """Write a PNG of a finite cloud or mesh and of results, in the colours of the nearest original points."""
+    timer, captions = timer_of(timer), ["", *(caption for _, caption in results)]
+    shown = in_one_unit([original, *(named for named, _ in results)])
+    for named in shown:
         if not len(named.cloud):
             raise InputError(f"{named.name}: expected points with finite coordinates to draw, found none")
-    original, simplified = in_one_unit([original, simplified])
-    has_rgb = Colourable.from_cloud(original.cloud).rgb is not None
-    timer = timer_of(timer)
     with timer("colours"):
-        everything, legend = painted(original.cloud, colour or (RGB if has_rgb else None))
-
-    def column(named: Named, cloud: ColouredCloud, caption: str) -> Column:
-        if named.mesh is None:
-            return Column(named.name, cloud, caption, None)
-        return Column(named.name, everything.at(spread_over(named.mesh)), caption, named.mesh, is_mesh=True)
-
-    columns = [column(original, everything, "")]
-    columns.append(column(simplified, everything.at(simplified.cloud.points), caption))
-    if original.mesh is None and simplified.mesh is None:
-        with timer("surface"):
-            surface = surface_through(simplified.cloud, original.cloud)
-        if surface:
-            colours = everything.at(spread_over(surface))
-            columns.append(Column("surface", colours, "the surface through them", surface, is_mesh=True))
+        everything, legend = painted(shown[0].cloud, colour)
+        columns = []
+        for named, caption in zip(shown, captions, strict=True):
+            points = spread_over(named.mesh) if named.mesh and named.is_mesh else named.cloud.points
+            cloud = everything if points is shown[0].cloud.points else everything.at(points)
+            columns.append(Column(named.name, cloud, caption, named.mesh, named.is_mesh))
     with timer("drawing"):
-        draw_comparison(file, columns, viewpoint, legend, close_ups=0)
+        draw_comparison(file, columns, viewpoint, legend, close_ups)
 
 
 def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, str]]:

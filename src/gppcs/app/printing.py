@@ -6,9 +6,11 @@ import dataclasses
 import logging
 import os
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -21,6 +23,8 @@ from gppcs.errors import GppcsError, InputError
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
+
+Item = TypeVar("Item")
 
 BAD_INPUT = 2
 OPTIONS = {"n_points": "points", "n_faces": "faces", "format": "from"}  # by other names than arguments of the library
@@ -82,12 +86,12 @@ def print_failure(error: BaseException, source: Path | None = None) -> None:
         print_error(str(error) or "not enough memory")
 
 
-def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
-    """Work on each file. If that fails for one, the others are still worked on, and the program ends with an error."""
+def for_each(items: Iterable[tuple[Path, Item]], work: Callable[[Item], None]) -> None:
+    """Work on items of files. If that fails for one, others are still worked on, and the program ends with an error."""
     failed = False
-    for file in files:
+    for file, item in items:
         try:
-            work(file)
+            work(item)
         except BrokenPipeError:  # nobody reads the results any more
             raise
         except FAILURES as error:
@@ -97,15 +101,23 @@ def for_each(files: Iterable[Path], work: Callable[[Path], None]) -> None:
         raise typer.Exit(BAD_INPUT)
 
 
-def started(quiet: bool, threads: int | None = None) -> Timer:
-    """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet."""
+def started(quiet: bool, threads: int | None = None, in_pipes: bool = False) -> Timer:
+    """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet.
+
+    With `in_pipes`, lines show the later stages of a long run where no terminal would show a bar.
+    """
     set_threads(threads)
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)
         return Timer()
-    from gppcs.engine.progress import ProgressBar, ProgressLines
+    from gppcs.engine.progress import PATIENCE, ProgressBar, ProgressLines
 
-    return Timer(ProgressLines() if os.environ.get("GPPCS_PROGRESS") == "lines" else ProgressBar())
+    lines, start = ProgressLines(), perf_counter()
+    if os.environ.get("GPPCS_PROGRESS") == "lines":
+        return Timer(lines)
+    if not in_pipes or sys.stderr.isatty():
+        return Timer(ProgressBar())
+    return Timer(lambda *stage: lines(*stage) if perf_counter() - start > PATIENCE else None)
 
 
 def emit(

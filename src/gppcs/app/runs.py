@@ -3,50 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from gppcs import io
 from gppcs.amounts.options import Options
-from gppcs.amounts.order import check_order, in_order
 from gppcs.app.inputs import note_unused
-from gppcs.app.outputs import LEVEL, Output
+from gppcs.app.outputs import Output
 from gppcs.app.printing import note_left_out, note_units, print_error, record_of_run, text_of, time_in_words
-from gppcs.clouds.cloud import NORMALS, PointCloud
+from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
-from gppcs.errors import InputError
-from gppcs.io.cloud_files import CloudFiles
-from gppcs.methods.method import SCORES
-from gppcs.simplification import Result, simplify_cloud, simplify_each, simplify_files
+from gppcs.result import Result
+from gppcs.simplification import simplify_each, simplify_files
+from gppcs.steps import simplify_cloud
 from gppcs.streaming.folder import Target
 from gppcs.streaming.plan import Plan, make_plan
 
 
-@dataclass(frozen=True)
-class Job:
-    """What to do with each cloud."""
-
-    options: Options
-    sizes: tuple[float, ...]  # of the levels, from coarse to fine; none without --levels
-    index: bool  # whether to add the index of each kept point
-    rank: bool  # and its place in the order of importance
-    order: str | None  # of the points; None if the format of the output tells it
-    mark: str | None  # the attribute that marks the kept points among all
-    force: bool
-    lossy: bool
-
-
-def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
+def plan_job(options: Options, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     """Plan the work on one cloud; return a record and the rows of a table that describe it."""
-    output.check(job.force)
-    with job.options.open(output.sources) as files:
-        plan = make_plan(files, job.options, job.mark and "`mark`")
+    output.check()
+    with output.source as files:
+        plan = make_plan(files, options, options.mark and "`mark`")
     record = {"input": output.input, "output": str(output.targets[-1]), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
@@ -60,156 +40,79 @@ def plan_job(job: Job, output: Output) -> tuple[dict[str, Any], dict[str, str]]:
     return record, rows
 
 
-def run_job(job: Job, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
+def run_job(options: Options, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
     """Simplify one cloud and write it; return its record, as `--json` prints it, and the rows of a table."""
-    output.check(job.force)
-    with job.options.open(output.sources) as files:
-        plan = make_plan(files, job.options, job.mark and "`mark`")
-        preview = files.preview
-        _check_storable(job, output, preview)
-        result, clouds = _simplified(job, output, files, plan, timer)
+    output.check()
+    if options.mark is None:
+        options = replace(options, order=output.orders[-1])
+    with output.source as files:
+        plan = make_plan(files, options, options.mark and "`mark`")
+        output.check_storable(options)
+        result, clouds = _simplified(options, output, plan, timer)
         note_unused(output.input_title, files)
     with timer("writing"):
-        is_ranked = result.ranked and job.mark is None and _order(job, output) == "importance"
-        dropped = _store(job, output, clouds, is_ranked)
+        dropped = output.write(clouds, result.ranked and options.mark is None)
     note_left_out(output.targets[-1], dropped)
-    note_units(output.input_title, preview, job.options.unit)
-    for note in _notes(result, job.options):
+    note_units(output.input_title, files.preview, options.unit)
+    for note in _notes(len(result), result.points_in, result.diagnostics, options):
         print_error(f"note: {output.input_title}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
-    levels = [{"output": str(target), "points_out": len(cloud)} for target, cloud in named]
     record = {
         "input": output.input,
         "output": str(output.targets[-1]),
-        "levels": levels,
+        "levels": [{"output": str(target), "points_out": len(cloud)} for target, cloud in named],
         "points_in": result.points_in,
-        "points_out": len(result.indices),
+        "points_out": len(result),
         "method": result.method.name,
         "parameters": dataclasses.asdict(result.method),
         "readings": plan.readings,
         **record_of_run(result.diagnostics, timer.seconds),
     }
-    return record, _rows(record, result, job.options, unit_of(preview.header, job.options.unit))
+    return record, _rows(record, result, options, unit_of(files.preview.header, options.unit))
 
 
-def run_folder(job: Job, outputs: Sequence[Output], timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
+def run_folder(options: Options, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
     """Simplify several files as one cloud, and write the kept points of each; return record and rows, as `run_job`."""
-    sources = [output.sources[0] for output in outputs]
-    targets = [Target(output.targets[0], output.format, _order(job, output), job.lossy) for output in outputs]
-    with job.options.open(sources) as files:
-        plan = make_plan(files, job.options, to_files=True)
-        _check_storable(job, outputs[0], files.preview)
-        written, diagnostics = simplify_each(files, targets, job.options, plan, timer, job.force)
+    ordered = zip(output.targets, output.orders, strict=True)
+    targets = [Target(target, output.suffix, order, output.lossy) for target, order in ordered]
+    with output.source as files:
+        plan = make_plan(files, options, to_files=True)
+        output.check_storable(options)
+        written, diagnostics = simplify_each(files, targets, options, plan, timer, output.force)
         points_in = files.n_points
     points_out = sum(file.n_points for file in written)
+    for note in _notes(points_out, points_in, diagnostics, options):
+        print_error(f"note: {len(written)} files: {note}")
     record = {
-        "input": list(map(str, sources)),
+        "input": output.input,
         "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
         "points_in": points_in,
         "points_out": points_out,
-        "method": job.options.algorithm.name,
-        "parameters": dataclasses.asdict(job.options.algorithm),
+        "method": options.algorithm.name,
+        "parameters": dataclasses.asdict(options.algorithm),
         **record_of_run(diagnostics, timer.seconds),
     }
     rows = {
         "points": f"{points_in:,} in, {points_out:,} out ({100 * points_out / points_in:.3g} %)",
         "files": f"{len(written):,}, and index.vpc, which lists them",
-        "method": str(job.options.algorithm),
+        "method": str(options.algorithm),
         "time": time_in_words(timer.seconds),
     }
     return record, rows
 
 
-def _simplified(
-    job: Job, output: Output, files: CloudFiles, plan: Plan, timer: Timer
-) -> tuple[Result, list[PointCloud]]:
-    """Return the result, and what goes to each file of an output."""
-    if job.mark is not None:
+def _simplified(options: Options, output: Output, plan: Plan, timer: Timer) -> tuple[Result, list[PointCloud]]:
+    """Return the result, and what goes to each target."""
+    if options.mark is not None:
         with timer("reading"):
-            cloud = files.read()
-        result = simplify_cloud(cloud, job.options, timer)
-        is_kept = np.zeros(len(cloud), np.uint8)
-        is_kept[result.indices] = 1
-        return result, [_with_attributes(cloud, {job.mark: is_kept})]
-    result = simplify_files(files, job.options, plan, timer)
-    counts = _level_counts(result, job.sizes) if job.sizes else [len(result.indices)]
-    attributes: dict[str, Any] = {"index": result.indices} if job.index else {}
-    if job.rank:
-        attributes["rank"] = np.arange(len(result.indices), dtype=np.uint32)
-    if job.sizes and len(output.targets) == 1:
-        attributes[LEVEL] = np.repeat(np.arange(len(counts), dtype=np.uint8), np.diff([0, *counts]))
-    cloud = _with_attributes(result.cloud, attributes)
-    if len(output.targets) == 1:
-        counts = [len(cloud)]
-    order = _order(job, output)
-    if order == "importance":
-        return result, [cloud.take(np.arange(count)) if count < len(cloud) else cloud for count in counts]
-    positions = in_order(cloud, result.indices, order)
-    return result, [cloud.take(positions[positions < count]) for count in counts]
-
-
-def _order(job: Job, output: Output) -> str:
-    """Return the order of the points in the files of an output."""
-    is_las = io.format_to_write(output.targets[-1], output.format).name in ("LAS", "LAZ")
-    return job.order or ("input" if is_las else "importance")
-
-
-def _check_storable(job: Job, output: Output, cloud: PointCloud) -> None:
-    """Check that the output can hold the first points with the attributes that the options add."""
-    if job.mark is None:
-        cloud = cloud[cloud.is_finite()]  # only these are kept
-    names = (NORMALS if job.options.normals else ()) + (SCORES if job.options.scores else ())
-    cloud = replace(cloud, attributes={**cloud.attributes, **dict.fromkeys(names, np.zeros(len(cloud), np.float32))})
-    added: dict[str, Any] = {} if job.mark is None else {job.mark: np.uint8}
-    check_order(cloud, _order(job, output))
-    if job.index:
-        added["index"] = np.int64
-    if job.rank:
-        added["rank"] = np.uint32
-    if job.sizes and len(output.targets) == 1:
-        added[LEVEL] = np.uint8
-    cloud = _with_attributes(cloud, {name: np.zeros(len(cloud), dtype) for name, dtype in added.items()})
-    target = output.targets[-1]
-    io.check_storable(target, cloud, io.format_to_write(target, output.format), job.lossy)
-
-
-def _with_attributes(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointCloud:
-    """Return a cloud with further attributes."""
-    for name in attributes:
-        if name in cloud.attributes:
-            raise InputError(f"expected a new attribute, found {name!r}, which the cloud has; choose another name")
-    return replace(cloud, attributes={**cloud.attributes, **attributes})
-
-
-def _level_counts(result: Result, sizes: tuple[float, ...]) -> list[int]:
-    """Return the number of points of each level, after checking that the result has a ranking to cut."""
-    if not result.ranked:
-        raise InputError(
-            "expected levels to have a largest size below the number of different points, at most "
-            f"{result.points_in:,}, found all; ask for fewer"
-        )
-    kept = len(result.indices)
-    scale = kept / sizes[-1] if sizes[-1] < 1 else 1.0
-    counts = [min(max(1, round(size * scale)), kept) for size in sizes]
-    n_keep = result.diagnostics.get("points_to_keep", 0)
-    if counts[0] < n_keep:
-        raise InputError(
-            f"expected a coarsest level of at least {n_keep:,.0f} points, those to keep, found {counts[0]:,}"
-        )
-    return counts
-
-
-def _store(job: Job, output: Output, clouds: list[PointCloud], is_ranked: bool) -> list[str]:
-    """Write all files of an output, which replace others only when all are complete; return what they do not hold."""
-    dropped: list[str] = []
-    with ExitStack() as stack:
-        for target, cloud in zip(output.targets, clouds, strict=True):
-            if output.makes_folders:
-                target.parent.mkdir(parents=True, exist_ok=True)
-            file = stack.enter_context(io.whole_output(target, job.force))
-            chosen = io.format_to_write(target, output.format, is_ranked=is_ranked)
-            dropped = io.store_in(file, target, cloud, chosen, job.lossy)
-    return dropped
+            cloud = output.source.read()
+        result = simplify_cloud(cloud, options, timer)
+        return result, [result.marked(cloud, options.mark)]
+    result = simplify_files(output.source, options, plan, timer)
+    by_level = len(output.targets) > 1
+    levels = None if by_level else options.levels
+    result = result.with_attributes(index=options.index, rank=options.rank, levels=levels)
+    return result, [level.cloud for level in (result.levels(options.sizes) if by_level else [result])]
 
 
 def _rows(record: Mapping[str, Any], result: Result, options: Options, unit: str | None) -> dict[str, str]:
@@ -252,13 +155,13 @@ def _effect(noise: float, options: Options) -> str:
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 
-def _notes(result: Result, options: Options) -> Iterator[str]:
+def _notes(kept: int, points_in: int, diagnostics: Mapping[str, float], options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
-    kept, fraction = len(result.indices), len(result.indices) / result.points_in
+    fraction = kept / points_in
     if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:
         yield f"this tolerance takes {fraction:.0%} of the points; it is below what their spacing and noise resolve"
-    if result.diagnostics.get("moved_largest") == 0.0:
+    if diagnostics.get("moved_largest") == 0.0:
         yield "--denoise moved no point: no noise was found, or none that differs from detail"

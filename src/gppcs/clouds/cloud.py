@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias, overload
+from typing import Any, Protocol, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -112,7 +112,7 @@ class PointCloud(ComparedByValue):
         cloud : PointCloud, (N, 3) array-like or object of another library
             An object is one of these:
 
-            - a `Result`, whose cloud is taken
+            - a `Result`, whose cloud is taken, or what `gppcs.open` returns, which is read
             - a masked array, in which masked numbers are NaN, so that their points are invalid
             - a structured array with fields x, y and z; the other fields become attributes
             - `open3d.geometry.PointCloud` or `open3d.t.geometry.PointCloud`, with colours, normals, covariances or all
@@ -232,8 +232,31 @@ class PointCloud(ComparedByValue):
         return np.stack([self.attributes[name] for name in NORMALS], axis=1).astype(np.float64)
 
 
-# What `from_object` takes, or a path; Any stands for objects of other libraries.
-CloudLike: TypeAlias = PointCloud | ArrayLike | os.PathLike[str] | Any
+class HasCloud(Protocol):
+    """A result, or files that `gppcs.open` has opened."""
+
+    @property
+    def cloud(self) -> PointCloud: ...  # noqa: D102
+
+
+class HasPoints(Protocol):
+    """An object of Open3D, PyVista or laspy."""
+
+    @property
+    def points(self) -> Any: ...  # noqa: D102
+
+
+class HasVertices(Protocol):
+    """An object of trimesh."""
+
+    @property
+    def vertices(self) -> Any: ...  # noqa: D102
+
+
+# What functions take for a cloud, most of them also as the names of files; tables of pandas are like arrays.
+CloudLike: TypeAlias = (
+    ArrayLike | HasCloud | HasPoints | HasVertices | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+)
 
 
 def with_normals(cloud: PointCloud, normals: NDArray[np.float64]) -> PointCloud:

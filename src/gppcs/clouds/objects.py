@@ -181,7 +181,7 @@ def to_trimesh(cloud: PointCloud) -> Any:
     if all(part in arrays and arrays[part].dtype == np.uint8 and arrays[part].ndim == 1 for part in parts):
         colours = np.column_stack([arrays.pop(part) for part in parts])
     metadata = {VERTEX_ATTRIBUTES: arrays} if arrays else None
-    return trimesh.PointCloud(cloud.points.copy(), colours, metadata)  # type: ignore[no-untyped-call]
+    return trimesh.PointCloud(cloud.points.copy(), colours, metadata)
 
 
 def to_pandas(cloud: PointCloud) -> Any:

@@ -6,11 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.mesh import Mesh
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import ParameterError, number, shown
 
+ELEVATIONS = (22.0, 35.0, STEEP := 55.0)  # degrees from which scenes are seen: the first that shows their ground
+GROUND = 0.15  # fraction of the points that the lowest 4 % of the height hold at least, if they are a ground
 SUPERSAMPLING = 2  # pictures are drawn larger by this factor and averaged down, so that edges are smooth
 
 
@@ -36,7 +39,7 @@ class Viewpoint:
         lower, upper = np.percentile(points, (1, 99), axis=0)
         extent = upper - lower
         framed = _is_depth_image(points, extent)
-        up = self.up or ("-y" if framed else _up(points, lower, extent))
+        up = self.up or ("-y" if framed else _up(points, extent))
         if self.direction or framed:
             return up, self.direction or (20.0, 20.0)  # beside the camera
         along = "xyz".index(up[-1])
@@ -45,8 +48,9 @@ class Viewpoint:
         # face -y if z is up, and +z if y is up: both are azimuth 0.
         is_deep = broad < 0.9 * deep
         if _lies(extent, along):
-            return up, (90.0 if is_deep else 0.0, 55.0)
-        return up, (50.0 if is_deep else 30.0, 22.0)  # turned a little
+            return up, (90.0 if is_deep else 0.0, STEEP)
+        azimuth = 50.0 if is_deep else 30.0  # turned a little
+        return up, (azimuth, _elevation(points, up, azimuth))
 
 
 GUESSED = Viewpoint()  # up and direction are guessed
@@ -72,7 +76,7 @@ class Camera:
         cls, points: Floats, width: int, heights: tuple[int, int], viewpoint: Viewpoint = GUESSED, margin: float = 0.0
     ) -> Camera:
         """Return a camera that sees the whole of a cloud (N, 3), without distant outliers."""
-        axes = _axes(points, viewpoint)
+        axes = _axes(*viewpoint.guessed(points))
         lower, upper = _frame(points @ axes[:2].T)
         extent = upper - lower
         # For a line, one extent is zero; for a single point, both are.
@@ -128,9 +132,8 @@ def spread_over(mesh: Mesh) -> Floats:
     return np.einsum("nc,ncx->nx", weights, mesh.vertices[mesh.faces[faces]])
 
 
-def _axes(points: Floats, viewpoint: Viewpoint) -> Floats:
-    """Return the axes (3, 3) of a camera at a viewpoint, as `Camera` has them."""
-    up, direction = viewpoint.guessed(points)
+def _axes(up: str, direction: tuple[float, float]) -> Floats:
+    """Return the axes (3, 3) of a camera that looks from a direction, as `Camera` has them."""
     along = "xyz".index(up[-1])
     upwards, right = np.eye(3)[along] * (-1.0 if up[0] == "-" else 1.0), np.eye(3)[1 if along == 0 else 0]
     forward = np.cross(right, upwards)
@@ -173,11 +176,38 @@ def _lies(extent: Floats, along: int) -> bool:
     return bool(extent[along] < 0.5 * np.delete(extent, along).min())
 
 
-def _up(points: Floats, lower: Floats, extent: Floats) -> str:
-    """Return the axis that probably points up, given the lower corner and the extent (3,) of nearly all points."""
+def _up(points: Floats, extent: Floats) -> str:
+    """Return the axis that probably points up, given the extent (3,) of nearly all points."""
     if _lies(extent, 2):
         return "z"
-    for axis in (2, 1):  # the lowest 4 % of the height are a ground if they hold 15 % of the points
-        if np.mean(points[:, axis] <= lower[axis] + 0.04 * extent[axis]) >= 0.15:
+    for axis in (2, 1):
+        if np.mean(_are_low(points[:, axis])) >= GROUND:
             return "xyz"[axis]
     return "y" if extent[1] > 1.2 * extent[2] else "z"
+
+
+def _are_low(heights: Floats) -> NDArray[np.bool_]:
+    """Return which heights (N,) are among the lowest 4 % of the range of nearly all."""
+    lower, upper = np.percentile(heights, (1, 99))
+    return heights <= lower + 0.04 * (upper - lower)
+
+
+def _elevation(points: Floats, up: str, azimuth: float) -> float:
+    """Return the lowest elevation from which half of the ground of a scene is seen; that of objects if there is none.
+
+    Points (N, 3) hide others behind them in the same cell of a grid across the view.
+    """
+    seen = points[:: -(-len(points) // 20_000)]
+    is_ground = _are_low(seen[:, "xyz".index(up[-1])] * (-1.0 if up[0] == "-" else 1.0))
+    if is_ground.mean() < GROUND:
+        return ELEVATIONS[0]
+    for elevation in ELEVATIONS:
+        across, upwards, nearness = _axes(up, (azimuth, elevation)) @ seen.T
+        cell = max(np.ptp(across), np.ptp(upwards)) / 96.0 or 1.0
+        columns, rows = (np.floor((values - values.min()) / cell).astype(np.int64) for values in (across, upwards))
+        nearest = np.full((98, 98), -np.inf)
+        np.maximum.at(nearest, (rows, columns), nearness)
+        is_seen = nearness > nearest[rows, columns] - 4.0 * cell  # a ground slants away from the viewer
+        if np.mean(is_seen[is_ground]) >= 0.5:
+            return elevation
+    return ELEVATIONS[0]

@@ -18,6 +18,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.surface_variation import features_of_nearest
 
+NOISY = math.cos(math.radians(20.0))  # median cosine of normals of nearer and farther neighbours, at most
 MAX_SURFACE_RADIUS = 28  # of discs in supersampled pixels; more in close-ups
 
 
@@ -67,10 +68,23 @@ class Original:
     """The original cloud with a search tree. Other clouds take their normals from it."""
 
     def __init__(self, cloud: ColouredCloud) -> None:
-        self.cloud = cloud
+        self.cloud, self.is_noisy = cloud, False
         points, self.frame = normalised(cloud.points)
         self.tree = KdTree.build(points[first_occurrences(points)])
         self.spacing = self.frame.lengths(disc_radii(self.tree, points))
+
+    @classmethod
+    def with_relief(cls, cloud: ColouredCloud) -> Original:
+        """Return a cloud whose normals are of nearer points than its own, which show less relief, but of noise."""
+        original = cls(replace(cloud, normals=None))
+        sampled = np.arange(0, len(cloud.points), -(-len(cloud.points) // 4096))
+        if cloud.normals is not None:
+            near = original.normals(original.cloud, sampled)
+            cosines = np.abs(np.einsum("nx,nx->n", near, cloud.normals[sampled]))
+            original.is_noisy = bool(np.median(cosines) < NOISY)
+        if original.is_noisy:
+            original.cloud = cloud
+        return original
 
     def normals(self, cloud: ColouredCloud, indices: Ints) -> Floats:
         """Return normals of some points of a cloud: its own, or those of the original around them."""
@@ -109,7 +123,8 @@ class View:
         self.normals = self._facing(original.cloud, self.shown)
         self.nearest, self.depth = _splat(pixels, depth, radii, self.normals, camera.shape)
         covered = self.nearest >= 0
-        self.depth[covered] += 1.0 + 0.8 * radii[self.nearest[covered]]
+        # How far behind the surface points are seen: at least half of noisy ones lie behind those in front.
+        self.depth[covered] += 1.0 + (4.0 if original.is_noisy else 0.8) * radii[self.nearest[covered]]
 
     def surface(self, colours: Floats) -> Floats:
         """Return the picture (height, width, 3) of the original as a closed surface, by its colours (N, 3)."""

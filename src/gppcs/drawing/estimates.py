@@ -16,6 +16,8 @@ AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
 ON_LINE = ((32, 0.42), (8, 0.08))
+MAX_MEASURED = 100_000  # points that pages measure of more
+WIRE = 0.3  # radius of points of wires and poles, in that of most points: larger discs would be beads
 
 
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
@@ -35,13 +37,22 @@ def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
 
 
 def disc_radii(tree: KdTree, points: Floats) -> Floats:
-    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines."""
-    _, across, squared = _around(tree, points, AROUND)
-    second, sixth = (np.sqrt(squared[:, min(k, squared.shape[1] - 1)]) for k in (2, 6))
+    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines.
+
+    Of many points, every few are measured, and the others have the radius of the nearest of these.
+    """
+    if len(points) > MAX_MEASURED:
+        measured = points[:: -(-len(points) // MAX_MEASURED)]
+        measured = measured[first_occurrences(measured)]
+        return disc_radii(tree, measured)[KdTree.build(measured).nearest_of(points, 1)[0][:, 0]]
+    total, across, thinnest, squared = _around(tree, points, AROUND)
+    sixth = np.sqrt(squared[:, min(6, squared.shape[1] - 1)])
     radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
-    sparse = np.flatnonzero(radii > 1.5 * np.median(radii))
-    wires = sparse[are_on_lines(tree, points[sparse])]
-    radii[wires] = np.minimum(radii[wires], second[wires] / 2.0)
+    usual = np.median(radii)
+    sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
+    radii[sparse[are_on_lines(tree, points[sparse])]] = WIRE * usual
+    in_space = (thinnest > 0.35 * across) | (across < 0.35 * total)  # on no surface, such as where wires meet
+    radii[in_space & (radii > 2.5 * usual)] = usual
     return radii
 
 
@@ -51,14 +62,14 @@ def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
     return np.logical_or.reduce([across < ratio * total for total, across, ratio in spreads])
 
 
-def _around(tree: KdTree, points: Floats, count: int) -> tuple[Floats, Floats, Floats]:
-    """Return of the neighbours of points (N, 3) the deviations (N,) in all directions and, about, in the second one.
+def _around(tree: KdTree, points: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return of the neighbours of points (N, 3) the deviations (N,) in all directions, and about the second and third.
 
     The last are their squared distances (N, 1 + count), in ascending order.
     """
     distinct = np.ascontiguousarray(tree.points.T)
     neighbours, squared = tree.in_own_order().nearest_of(points, min(count + 1, len(distinct)))
-    totals, across, at_once = np.empty(len(points)), np.empty(len(points)), 1 << 16  # points, to bound the memory
+    (totals, across, thinnest), at_once = np.empty((3, len(points))), 1 << 16  # points, to bound the memory
     for first in range(0, len(points), at_once):
         part = slice(first, first + at_once)
         patches = distinct[neighbours[part]]
@@ -66,7 +77,9 @@ def _around(tree: KdTree, points: Floats, count: int) -> tuple[Floats, Floats, F
         spread = np.einsum("nki,nkj->nij", patches, patches) / patches.shape[1]
         total = np.einsum("nii->n", spread)
         # About the second eigenvalue: the products of two eigenvalues each, divided by the sum of all.
-        products = (total * total - np.einsum("nij,nij->n", spread, spread)) / 2.0
-        across[part] = np.sqrt(np.maximum(products, 0.0) / np.where(total > 0.0, total, 1.0))
+        products = np.maximum(total * total - np.einsum("nij,nij->n", spread, spread), 0.0) / 2.0
+        across[part] = np.sqrt(products / np.where(total > 0.0, total, 1.0))
+        # And the third: the product of all, divided by those of two each.
+        thinnest[part] = np.sqrt(np.maximum(np.linalg.det(spread), 0.0) / np.where(products > 0.0, products, 1.0))
         totals[part] = np.sqrt(total)
-    return totals, across, squared
+    return totals, across, thinnest, squared

@@ -47,8 +47,7 @@ def _image(mesh: Mesh, colours: Floats, ambient: float, camera: Camera) -> Float
     """Return the picture of a mesh with the colours (V, 3) and as much ambient light."""
     positions, depth = camera.positions(mesh.vertices)
     shape = camera.shape[::-1]
-    nearest, weights = np.full(shape, -1), np.zeros((*shape, 3))
-    _rasterise(positions, depth, mesh.faces, np.full(shape, np.inf), nearest, weights)
+    nearest, weights = rasterised(positions, depth, mesh.faces, shape)
     covered = nearest >= 0
     corners, weight = mesh.faces[nearest[covered]], weights[covered]
     seen = np.einsum("kc,kcx->kx", weight, (mesh.vertex_normals() @ camera.axes.T)[corners])
@@ -60,6 +59,13 @@ def _image(mesh: Mesh, colours: Floats, ambient: float, camera: Camera) -> Float
     image = np.ones((*shape, 3))
     image[covered] = np.clip(np.einsum("kc,kcx->kx", weight, colours[corners]) * light[:, None], 0.0, 1.0)
     return averaged(image)
+
+
+def rasterised(positions: Floats, depth: Floats, faces: Ints, shape: tuple[int, int]) -> tuple[Ints, Floats]:
+    """Return the nearest face in each pixel, -1 if there is none, and the barycentric weights of its corners."""
+    nearest, weights = np.full(shape, -1), np.zeros((*shape, 3))
+    _rasterise(positions, depth, faces, np.full(shape, np.inf), nearest, weights)
+    return nearest, weights
 
 
 @kernel(allocates=False)

@@ -15,7 +15,7 @@ from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.engine.timer import in_words
 from gppcs.io.reading import as_cloud
-from gppcs.simplification import Result
+from gppcs.result import Result
 
 
 def show(

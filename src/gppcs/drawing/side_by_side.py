@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -58,8 +58,7 @@ def draw_comparison(
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / 6))  # at most six
     width = min(560 if close_ups else 776, (2400 - GAP) // per_row - GAP)  # pixels
-    # Without its normals: those of the surface variation would show less of the relief.
-    views, squares = _views(Original(replace(columns[0].cloud, normals=None)), width, viewpoint, close_ups)
+    views, squares = _views(Original.with_relief(columns[0].cloud), width, viewpoint, close_ups)
     cameras = [view.camera for view in views]
     sheet = _Sheet(columns, per_row, [camera.size for camera in cameras], squares, with_meshes, bool(legend.scale))
     for number, column in enumerate(columns):

@@ -39,7 +39,7 @@ def draw_single(
 ) -> tuple[str, int, int]:
     """Write a PNG of a mesh, or of a cloud, drawn as a surface without gaps between its points.
 
-    Of few points, that is the mesh through them; where they lie on no surface, single discs.
+    Of few points, that is the mesh through them; where they are noisy or lie on no surface, single discs.
 
     Returns what the colours show, empty for a white mesh, the number of points that are not finite, and that of points
     so far from all others that they are outside the picture.
@@ -60,7 +60,8 @@ def draw_single(
     seen, legend = _coloured(finite.moved(frame.local(finite.points)), colour, mesh is not None)
     is_sparse = mesh is None and PIXELS_PER_POINT * len(finite) < width * height
     if is_sparse:
-        local = surface_through(PointCloud(seen_points))
+        surface = surface_through(PointCloud(seen_points))
+        local = None if surface is None or surface.is_noisy else surface.mesh
     below = 74 if bar and legend.scale and height - 74 >= SMALLEST else 0  # pixels for the colour bar
     radius = MAX_SURFACE_RADIUS / SUPERSAMPLING
     looked = Viewpoint(*viewpoint.guessed(finite.points if mesh is None else spread_over(mesh)))

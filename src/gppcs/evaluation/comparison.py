@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Literal
 
-from gppcs.amounts.options import Options
+from gppcs.amounts.options import Options, method_of
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import weights_of_detail
@@ -19,7 +19,9 @@ from gppcs.evaluation.reconstruction import estimated_normals, reconstruct, with
 from gppcs.evaluation.report import Report
 from gppcs.io.reading import as_cloud
 from gppcs.methods import METHODS, Feature, Method
-from gppcs.simplification import Result, simplify
+from gppcs.methods.parameters import parameters_of
+from gppcs.result import Result
+from gppcs.simplification import simplify
 from gppcs.spatial.scaling import normalised
 
 PREPARATION_POINTS = 30_000  # points of the run that compiles kernels: enough for several parts that choose at once
@@ -27,12 +29,22 @@ PREPARATION_POINTS = 30_000  # points of the run that compiles kernels: enough f
 
 @dataclass(frozen=True)
 class Entry:
-    """The result of one method in a comparison."""
+    """The result of one method in a comparison.
+
+    Attributes
+    ----------
+    result : Result
+    report : Report
+    seconds : float
+        Wall time of the simplification, without the compilation of kernels.
+    failure : str or None
+        Why no surface could be rebuilt.
+    """
 
     result: Result
     report: Report
-    seconds: float  # wall time of the simplification, without the compilation of kernels
-    failure: str | None = None  # why no surface could be rebuilt
+    seconds: float
+    failure: str | None = None
 
     @property
     def method(self) -> Method:
@@ -125,7 +137,9 @@ def checked_methods(
     """Return methods with all their parameters, after checking that these are in their ranges."""
     if isinstance(methods, str) or not isinstance(methods, Iterable) or getattr(methods, "ndim", 1) == 0:
         raise ParameterError(f"expected a list of methods or names, such as ['fps', 'random'], found {shown(methods)}")
-    chosen = [Options(ratio=ratio, n_points=n_points, method=method, seed=seed).algorithm for method in methods]
+    chosen = [Options(ratio=ratio, n_points=n_points, method=method).algorithm for method in methods]
+    if seed is not None:
+        chosen = [method_of(m, {"seed": seed}) if "seed" in parameters_of(m) else m for m in chosen]
     if not chosen:
         raise ParameterError("expected at least one method to compare, found none")
     return chosen

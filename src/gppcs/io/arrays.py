@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from functools import partial
 from io import BufferedReader
 from typing import BinaryIO
@@ -21,6 +20,8 @@ from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
 from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
 from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
+
+_reported = partial(reported, "numpy", "a whole array of numbers")
 
 
 def open_npy(file: BufferedReader) -> Reader:
@@ -74,25 +75,20 @@ def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         file.seek(0)
-        for cloud in read_records(file, record, n_points, n, span=span):
-            _check_places(cloud)
-            yield cloud
+        return map(_plausible, read_records(file, record, n_points, n, span=span))
 
     return Reader(chunks, n_points, spans=partial(equal_spans, n_points))
 
 
-def _check_places(cloud: PointCloud) -> None:
-    """Check that coordinates may be metres around a sensor: nothing else tells bare records from other bytes."""
+def _plausible(cloud: PointCloud) -> PointCloud:
+    """Return a cloud whose coordinates may be metres around a sensor: nothing else tells bare records from others."""
     sizes = np.abs(cloud.points[cloud.points != 0.0])
     if len(sizes) and not (sizes.max() < 1e6 and np.median(sizes) > 1e-6):
         raise FileFormatError(
             f"expected coordinates of metres around a sensor, found {np.median(sizes):g} as the median of their sizes, "
             f"and {sizes.max():g} as the largest; the file is in another format: leave out `format`, or name that"
         )
-
-
-def _reported() -> AbstractContextManager[None]:
-    return reported("numpy", "a whole array of numbers")
+    return cloud
 
 
 def _columns(array: Column) -> dict[str, Column]:

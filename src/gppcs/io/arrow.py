@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
@@ -16,7 +15,7 @@ from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import at_most, ends_early, reported
+from gppcs.io.rows import at_most, bytes_left, ends_early, reported, size_of_repeats
 
 _reported = partial(reported, "pyarrow", "a whole table")
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
@@ -27,14 +26,15 @@ def open_parquet(file: BufferedReader) -> Reader:
     require_pyarrow()
     import pyarrow.parquet
 
+    size = bytes_left(file)
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
         _check_names(table.schema_arrow.names)
         groups = map(table.metadata.row_group, range(table.metadata.num_row_groups))
         sizes = [group.column(i).total_uncompressed_size for group in groups for i in range(group.num_columns)]
-        count, row = table.metadata.num_rows, sum(map(_width, table.schema_arrow.types))
-        reader = _reader(table.schema_arrow, lambda n: table.iter_batches(min(n, _ROWS)), count)
-        return replace(reader, memory=max([row * min(count, _ROWS), *sizes]))
+        count, schema = table.metadata.num_rows, table.schema_arrow
+        memory = max([min(count, _ROWS) * sum(map(_width, schema.types)), *sizes])
+        return _reader(schema, lambda n: table.iter_batches(min(n, _ROWS)), count, size, memory)
 
 
 def open_feather(file: BufferedReader) -> Reader:
@@ -42,19 +42,20 @@ def open_feather(file: BufferedReader) -> Reader:
     require_pyarrow()
     import pyarrow.dataset
 
+    size = bytes_left(file)
     with _reported():
         table = pyarrow.ipc.open_file(file)
         _check_names(table.schema.names)
         count = pyarrow.dataset.IpcFileFormat().make_fragment(file).count_rows()
         batches = range(table.num_record_batches)
-        reader = _reader(table.schema, lambda n: map(table.get_batch, batches), count)
-        return replace(reader, memory=count * sum(map(_width, table.schema.types)) // max(1, len(batches)))
+        memory = count * sum(map(_width, table.schema.types)) // max(1, len(batches))
+        return _reader(table.schema, lambda n: map(table.get_batch, batches), count, size, memory)
 
 
 def _width(kind: Any) -> int:
-    """Return the bytes of a value in a column; 0 if they differ."""
+    """Return the bytes of a value in a column, with those that Parquet takes for each of a list; 0 if they differ."""
     if hasattr(kind, "list_size"):
-        return int(kind.list_size) * _width(kind.value_type)
+        return int(kind.list_size) * (_width(kind.value_type) + 8)
     try:
         return -(-kind.bit_width // 8)
     except ValueError:
@@ -66,8 +67,8 @@ def _check_names(names: list[str]) -> None:
         raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
 
 
-def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int) -> Reader:
-    """Return a reader of a table, whose batches have at most n rows."""
+def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int, size: int, memory: int) -> Reader:
+    """Return a reader of a table of `size` bytes, whose batches have at most n rows and take some memory."""
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:
@@ -82,7 +83,7 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int) ->
             if not done:
                 yield empty
 
-    return Reader(chunks, count)
+    return Reader(chunks, count, memory=max(memory, size_of_repeats(count, size)))
 
 
 def _cloud(batch: Any) -> PointCloud:

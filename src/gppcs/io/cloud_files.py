@@ -10,7 +10,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,39 +80,99 @@ class _Opened:
 
 
 class CloudFiles:
-    """One or several files that together are one cloud: its points are theirs, in the order of the files.
+    """Open one or several files as one cloud: its points are theirs, in the order of the files.
 
-    Each file is opened, and its header read, when it is first needed. Compressed files and standard input are copied to
-    temporary files. The `with` statement closes and removes these. Another process can read a pickled object.
+    All functions that take a cloud take it: `gppcs.simplify`, also beyond memory, `gppcs.write`, which converts,
+    `gppcs.info`, `gppcs.evaluate` and others. Each file is opened, and its header read, when it is first needed.
+    Compressed files and standard input are copied to temporary files. The `with` statement closes and removes these.
 
-    The arguments are those of `gppcs.read`. With `if_needed`, `format` and `columns` are for the files that need them;
-    otherwise a file of another format is an error.
+    Parameters
+    ----------
+    paths : str, path or binary file, or a sequence of these
+        The files, their addresses on a server such as https:// or s3:// (with the extra `remote`; of COPC files, only
+        what `inside` and `resolution` ask for is fetched), or open files. A gzip file is decompressed; `-` is standard
+        input. A virtual point cloud (.vpc) stands for the files that it lists. Several files must have the same
+        attributes.
+    format : str, optional
+        Suffix of the format, such as "ply" or "kitti", if neither content nor name tell it.
+    columns : sequence of str, optional
+        The name of each column of a text table, with x, y and z. They replace any names in the file.
+    inside : sequence of 4 or 6 float, path, (n, 2) array, or list of these, optional
+        Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included;
+        a side is open if its limit is infinite. Or those inside the polygons of a GeoJSON file, in the coordinate
+        system of the cloud, or inside a polygon with these corners. Of a list of texts or paths: those inside of all.
+    only : str, optional
+        Read only the points that meet a condition on attributes and x, y and z, such as "classification == 6"
+        (docs/ask.md#conditions).
+    resolution : float, optional
+        Read a COPC file down to the level on which neighbours are about that far from each other.
+    assume_same_crs : bool
+        Whether all files get the coordinate system of the first one. Otherwise, files with different coordinate systems
+        are an error.
+    if_needed : bool
+        Whether `format` and `columns` are for the files that need them. Otherwise, a file of another format is an
+        error.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is not as above. Errors of the files are raised where these are read, as by `gppcs.read`.
+
+    Examples
+    --------
+    >>> gppcs.write("scan.csv", gppcs.PointCloud([[0, 0, 0], [1, 2, 3]], {"intensity": [7, 9]}))
+    >>> source = gppcs.open("scan.csv", only="intensity > 8")
+    >>> source.read()
+    PointCloud(1 points, each with intensity)
+    >>> gppcs.info(source).maximum
+    (1.0, 2.0, 3.0)
     """
 
     def __init__(
         self,
-        paths: Sequence[str | os.PathLike[str]],
-        format: str | None = None,  # noqa: A002
+        paths: str | os.PathLike[str] | BinaryIO | Sequence[str | os.PathLike[str] | BinaryIO],
+        format: str | None = None,  # noqa: A002  # as NumPy and pandas say
         columns: Sequence[str] | None = None,
-        inside: Any = None,
+        inside: Sequence[Any] | str | os.PathLike[str] | None = None,
         only: str | None = None,
         resolution: float | None = None,
         assume_same_crs: bool = False,
         if_needed: bool = False,
     ) -> None:
+        self._opened: dict[Path, _Opened] = {}
+        self._entered = 0  # how many `with` statements are at work
+        # What decides which points are read, in words.
+        self.described = repr((format, columns, inside, only, resolution, assume_same_crs))
         self.query = Query.from_options(inside, only, resolution)
         self._format, self._if_needed = format, if_needed
         self._columns = None if columns is None else _checked_columns(columns)
         self._assume_same_crs = flag("assume_same_crs", assume_same_crs)
-        self._paths = [file for path in paths for file in files_of(file_path(path))]
+        self._streams: dict[Path, BinaryIO] = {}  # open files, by the names that they get
+        listed: Sequence[Any] = paths if isinstance(paths, list | tuple) else [paths]
+        self.paths = [file for path in listed for file in self._files_of(path)]
+        if not self.paths:
+            raise ParameterError("expected one file or several, found none")
         self._span: Span | None = None  # the part of a single file that is read
         self._header: Header | None = None  # of the first file with a coordinate system
-        self._opened: dict[Path, _Opened] = {}
+
+    def _files_of(self, path: str | os.PathLike[str] | BinaryIO) -> list[Path]:
+        """Return the files that a path stands for, or a name for an open file."""
+        if isinstance(path, str | os.PathLike) or not hasattr(path, "read"):
+            return files_of(file_path(path))
+        name = Path(f"open file {len(self._streams) + 1}")
+        self._streams[name] = path
+        return [name]
 
     def __enter__(self) -> CloudFiles:
+        self._entered += 1
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._entered -= 1
+        if not self._entered:
+            self.__del__()
+
+    def __del__(self) -> None:
         for path, opened in list(self._opened.items()):
             if not opened.is_lent:
                 del self._opened[path]
@@ -120,12 +180,15 @@ class CloudFiles:
 
     def __getstate__(self) -> dict[str, Any]:
         state = {name: value for name, value in vars(self).items() if name not in ("preview", "_counts")}
-        return {**state, "_opened": {}}
+        return {**state, "_opened": {}, "_streams": {}, "_entered": 0}
+
+    def __repr__(self) -> str:
+        return f"CloudFiles({', '.join(map(str, self.paths))})"
 
     @cached_property
     def preview(self) -> PointCloud:
         """Up to 65,536 of the first points, with attributes and header."""
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 cloud = opened.first()
             if len(cloud):
@@ -146,7 +209,7 @@ class CloudFiles:
     def _counts(self) -> list[tuple[int, bool]]:
         """The number of points of each file, and whether it is exact."""
         counts = []
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 counts.append(opened.count(self.query is not None))
         return counts
@@ -155,7 +218,7 @@ class CloudFiles:
     def at_once(self) -> tuple[str | None, int]:
         """The name of a format, if any, whose points are all in memory before some are read; and the bytes at once."""
         name, size = None, 0
-        for opened in map(self._open, self._paths):
+        for opened in map(self._open, self.paths):
             n, memory = opened.reader.n_points, opened.reader.memory
             if opened.reader.at_once:
                 name = opened.format.name
@@ -172,59 +235,56 @@ class CloudFiles:
     @property
     def bounds(self) -> NDArray[np.float64] | None:
         """The corners of the bounding box, (2, 3), if the header of the only file tells them."""
-        return self._open(self._paths[0]).reader.bounds if len(self._paths) == 1 else None
+        return self._open(self.paths[0]).reader.bounds if len(self.paths) == 1 else None
 
     @property
     def reads_standard_input(self) -> bool:
-        """Whether one of the files is standard input, which no other process can read."""
-        return any(map(is_standard, self._paths))
+        """Whether one of the files is standard input or an open file, which no other process can read."""
+        return bool(self._streams) or any(map(is_standard, self.paths))
 
     @property
     def has_copies(self) -> bool:
         """Whether one of the files is copied to a temporary file before it is read."""
-        return any(opened.is_copy for opened in map(self._open, self._paths))
+        return any(opened.is_copy for opened in map(self._open, self.paths))
 
     @property
     def n_faces(self) -> int:
         """The number of faces, which are no points."""
-        return sum(opened.reader.n_faces for opened in map(self._open, self._paths))
+        return sum(opened.reader.n_faces for opened in map(self._open, self.paths))
 
     def skipped(self) -> list[str]:
         """Return in words what of the files, besides faces, is not read."""
-        return [text for opened in map(self._open, self._paths) for text in opened.reader.skipped]
+        return [text for opened in map(self._open, self.paths) for text in opened.reader.skipped]
 
     def formats(self) -> list[Format]:
         """Return the format of each file."""
-        return [opened.format for opened in map(self._open, self._paths)]
+        return [opened.format for opened in map(self._open, self.paths)]
 
     def read(self) -> PointCloud:
-        """Read all points with their attributes."""
-        return joined(self.read_each())
+        """Read all points with their attributes; NaN and infinite coordinates are kept."""
+        with self:
+            return joined(self.read_each())
+
+    @property
+    def cloud(self) -> PointCloud:
+        """All points, read anew: functions that take a cloud take this one of an object."""
+        return self.read()
 
     def read_each(self) -> list[PointCloud]:
         """Read the points of each file, after checking that they fit each other."""
-        self._check_memory()
+        n = sum(opened.reader.n_points or 0 for opened in map(self._open, self.paths))
+        if n > 1 << 22 and self.query is None:
+            _check_free(self.point_size * n)
         clouds, columns = list[PointCloud](), JointColumns()
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 clouds.append(self._in_one_system(opened.read()))
                 columns.add(clouds[-1])
         return clouds
 
-    @property
-    def paths(self) -> Sequence[Path]:
-        """The files."""
-        return self._paths
-
-    def _check_memory(self) -> None:
-        """Check, before many points are read, that there is memory for them."""
-        n = sum(opened.reader.n_points or 0 for opened in map(self._open, self._paths))
-        if n > 1 << 22 and self.query is None:
-            _check_free(self.point_size * n)
-
     def chunks(self, n: int = 1 << 20) -> Iterator[PointCloud]:
         """Read all points once, at most n at once unless a file is read at once."""
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 span = {"span": self._span} if self._span else {}
                 for cloud in opened.reader.chunks(n, **span):
@@ -236,12 +296,12 @@ class CloudFiles:
         parts = []
         header = self.preview.header if self._assume_same_crs else None
         header = header if header and header.crs else None
-        for path in self._paths:
+        for path in self.paths:
             with self._reading(path) as opened:
                 spans = [] if opened.is_copy else opened.reader.spans(n)
             for span in spans if len(spans) > 1 else [None]:
                 part = copy(self)
-                part._paths, part._span, part._header = [path], span, header
+                part.paths, part._span, part._header = [path], span, header
                 if opened.is_copy:
                     part._opened[path] = replace(opened, is_lent=True)
                 parts.append(part)
@@ -275,7 +335,7 @@ class CloudFiles:
             if len(plain) >= 64:  # a process may not open many more
                 self._opened.pop(plain[0]).close()
             with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
-                file = stack.enter_context(plain_input(path))
+                file = stack.enter_context(plain_input(path, self._streams.get(path)))
                 file_format = format_of(file, path, self._format, self._if_needed)
                 reader = file_format.open(file, **self._options(file_format))
                 _check_free(reader.memory)
@@ -289,6 +349,9 @@ class CloudFiles:
             raise FileFormatError(f"expected a text table, whose columns can be named, found {file_format.name}")
         options = {"query": self.query, "columns": self._columns}
         return {name: value for name, value in options.items() if name in file_format.options and value is not None}
+
+
+open = CloudFiles  # noqa: A001  # how users call it: `gppcs.open(paths, only="classification == 2")`
 
 
 def _check_free(size: int) -> None:

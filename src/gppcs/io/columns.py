@@ -80,8 +80,13 @@ def column_name(attribute: str) -> str:
 
 
 def exact_type(values: Column, types: Collection[np.dtype[Any]]) -> np.dtype[Any] | None:
-    """Return which of a format's types holds all values exactly: their own, or else a wider one; None if none does."""
+    """Return which of a format's types holds all values exactly: their own, or else a wider one; None if none does.
+
+    There is none either for lists of no numbers.
+    """
     dtype = values.dtype.newbyteorder("=")
+    if 0 in values.shape[1:]:
+        return None
     if dtype in types:
         return dtype
     if dtype.kind == "b" or dtype == np.float16:

@@ -110,10 +110,7 @@ class CopcNodes:
         empty = np.empty(0, self.las.point_format.dtype())
         records = np.concatenate([empty, *points_of(self._file, self.las, self.entries[list(numbers)])])
         multiples = np.stack([records[axis].astype(np.int64) for axis in "XYZ"], axis=1)
-        attributes = las_files.attributes_of(records, self.las)
-        return multiples, PointCloud(
-            las_files.coordinates_of(records, self.las), attributes, header=LasHeader.from_laspy(self.las)
-        )
+        return multiples, las_files.cloud_of(records, self.las, LasHeader.from_laspy(self.las))
 
 
 @contextmanager

@@ -209,9 +209,8 @@ def stored(cloud: PointCloud) -> PointCloud:
         angles = attributes.get("scan_angle_rank")
         if angles is not None and angles.dtype == np.int8 and "scan_angle" not in attributes:  # of older formats
             del attributes["scan_angle_rank"]
-            attributes["scan_angle"] = np.rint(np.asarray(angles, np.float64) / 0.006).astype(
-                np.int16
-            )  # multiples of 0.006 degrees
+            multiples = np.rint(angles.astype(np.float64) / 0.006)  # degrees
+            attributes["scan_angle"] = multiples.astype(np.int16)
     cloud = PointCloud(cloud.points, attributes, header=header)
     # Many readers refuse extra bytes of two or three numbers.
     return las.stored(cloud, las.POINT_FORMATS[-3:], widest=1)
@@ -227,9 +226,9 @@ def _raised(las: laspy.LasHeader) -> laspy.LasHeader:
     point_format.dimensions += las.point_format.extra_dimensions
     if raised != las.point_format.id:
         header.set_version_and_point_format(laspy.header.Version(1, 4), point_format)
-    header.global_encoding.wkt = True
-    header.global_encoding.waveform_data_packets_internal = False
-    header.global_encoding.waveform_data_packets_external = False
+    encoding = header.global_encoding
+    encoding.wkt = True
+    encoding.waveform_data_packets_internal = encoding.waveform_data_packets_external = False
     header.evlrs = [record for record in header.evlrs or [] if kind_of(record) != WAVEFORMS]
     return header
 

@@ -36,16 +36,12 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _COLOURS = ("colorRed", "colorGreen", "colorBlue")
 _ATTRIBUTES = {
-    "colorRed": "red",
-    "colorGreen": "green",
-    "colorBlue": "blue",
+    **dict(zip(_COLOURS, COLOUR, strict=True)),
+    **dict(zip(("nor:normalX", "nor:normalY", "nor:normalZ"), NORMALS, strict=True)),
     "intensity": "intensity",
     "timeStamp": "time",
     "rowIndex": "row",
     "columnIndex": "column",
-    "nor:normalX": "nx",
-    "nor:normalY": "ny",
-    "nor:normalZ": "nz",
 }
 _FINE = 1 / 257  # Scale of colours of 16 bits: other programs read them as numbers from 0 to 255.
 _TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")]
@@ -308,9 +304,8 @@ def _stored(cloud: PointCloud) -> PointCloud:
     """Return a cloud as `write_e57` stores it."""
     require_pye57()  # before long work, not at its end
 
-    def holds(name: str, values: Column) -> bool:
-        is_name = re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", column_name(name))
-        return 0 not in values.shape[1:] and exact_type(values, _TYPES) is not None and is_name is not None
+    def holds(name: str, values: Column) -> object:
+        return exact_type(values, _TYPES) and re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]*", column_name(name))
 
     return keeping(with_byte_colours(cloud), holds, E57Header, plain_names=True)
 

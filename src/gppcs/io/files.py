@@ -17,6 +17,7 @@ from typing import Any
 from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, one_of, shown
 from gppcs.io import arrays, arrow, colmap, copc_writing, e57, las, meshes, pcd, ply, ptx, text
 from gppcs.io.format import Format
+from gppcs.io.remote import address_of
 from gppcs.io.streams import inner_name, is_standard
 
 FORMATS: tuple[Format, ...] = (
@@ -40,7 +41,8 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except (FileFormatError, InputError) as error:
-        raise FileFormatError(f"{'standard input' if is_standard(path) else path}: {error}") from error
+        name = "standard input" if is_standard(path) else address_of(path) or path
+        raise FileFormatError(f"{name}: {error}") from error
 
 
 def format_of(
@@ -53,8 +55,9 @@ def format_of(
 
     Content of another format than that of the suffix is an error, unless the suffix is for files that need it.
     """
-    start, size = file.read(1024), os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
     file.seek(0)
+    start = file.peek(1024)[:1024]
     matches = [file_format for file_format in FORMATS if file_format.recognises(start, size)]
     if matches and (format is None or if_needed):
         return matches[0]
@@ -69,7 +72,6 @@ def format_to_write(
     format: str | None = None,  # noqa: A002
     ascii: bool | None = None,  # noqa: A002
     levels_by: str | None = None,
-    is_ranked: bool = False,
 ) -> Format:
     """Return the format that `write` would use. Call it before long work, to find a bad choice early."""
     target = file_path(path)
@@ -79,8 +81,6 @@ def format_to_write(
         name = inner_name(target).name if format is None else format
         file_format = _named(name, [item for item in FORMATS if item.write])
         options: dict[str, Any] = {}
-        if is_ranked and levels_by is None and "levels_by" in file_format.options:
-            levels_by = "order"
         if levels_by is not None:
             options["levels_by"] = one_of("levels_by", levels_by, copc_writing.ORDERS)
         if ascii is not None:

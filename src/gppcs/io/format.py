@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from io import BufferedReader
 from typing import NamedTuple
 
@@ -115,6 +116,12 @@ class Format:
                 f"{path}: expected a format that holds all of the cloud, but {self.name} cannot hold: "
                 f"{', '.join(values)}; choose another format, or leave this out with `lossy=True`"
             )
+
+    def ranked(self) -> Format:
+        """Return the format for points in the order of importance: the first ones go to its coarse levels, if any."""
+        if "levels_by" not in self.options or self.write is None:
+            return self
+        return replace(self, write=partial(self.write, levels_by="order"))
 
     def has_suffix(self, name: str) -> bool:
         """Return whether a suffix, or the end of the name of a file, names this format."""

@@ -55,7 +55,7 @@ class JointColumns:
 
     def _add_header(self, header: Header | None) -> None:
         """Choose one of two headers, after checking that they do not name different coordinate systems."""
-        ours, theirs = (each.crs if each else None for each in (self.header, header))
+        ours, theirs = self.header and self.header.crs, header and header.crs
         if ours and theirs and ours != theirs:
             raise FileFormatError(
                 f"expected one coordinate system in all files of a cloud, found {ours} and {theirs}; bring them to "

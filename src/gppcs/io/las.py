@@ -25,8 +25,8 @@ from gppcs.io.columns import check_name, exact_type
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.las_scales import multiples, scale_and_offset
-from gppcs.io.laz import checked_chunks, points_of
-from gppcs.io.rows import BLOCK, at_most
+from gppcs.io.laz import check_counts, checked_chunks, points_of
+from gppcs.io.rows import BLOCK, at_most, size_of_repeats
 
 if TYPE_CHECKING:
     import laspy
@@ -59,11 +59,8 @@ def open_las(
         selected = select(file, las)
         if span:
             selected = selected[slice(*np.searchsorted(np.cumsum(selected["count"]), span, side="right"))]
-        clouds = (
-            PointCloud(coordinates_of(block, las), attributes_of(block, las), header=header)
-            for block in chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
-        )
-        return at_most(n, clouds)
+        blocks = chain([np.empty(0, las.point_format.dtype())], points_of(file, las, selected))
+        return at_most(n, (cloud_of(block, las, header) for block in blocks))
 
     def spans(n: int) -> list[Span]:
         """Divide the points at borders of chunks."""
@@ -74,7 +71,17 @@ def open_las(
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
     bounds = np.array([las.mins, las.maxs])
-    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds)
+    memory = size_of_repeats(las.point_count, file.seek(0, 2)) if las.are_points_compressed else 0
+    if memory:  # unless the header lies
+        chunk_table = select(file, las)
+        check_counts(chunk_table)
+        memory = 24 * int(chunk_table["count"].sum())
+    return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds, memory=memory)
+
+
+def cloud_of(block: NDArray[Any], las: laspy.LasHeader, header: LasHeader) -> PointCloud:
+    """Return points as they are stored as a cloud."""
+    return PointCloud(coordinates_of(block, las), _attributes_of(block, las), header=header)
 
 
 def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.float64]:
@@ -84,7 +91,7 @@ def coordinates_of(block: NDArray[Any], las: laspy.LasHeader) -> NDArray[np.floa
         return np.stack([block[axis] * scale + offset for axis, scale, offset in axes], axis=1)
 
 
-def attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:
+def _attributes_of(block: NDArray[Any], las: laspy.LasHeader) -> dict[str, Column]:
     """Return the attributes of points as they are stored."""
     import laspy
 
@@ -343,7 +350,7 @@ def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     """Return an attribute as columns of types that extra bytes can have; none if there are no such types."""
     types = [np.dtype(kind) for kind in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")]
     dtype, width = exact_type(values, types), math.prod(values.shape[1:])
-    if dtype is None or not width:
+    if dtype is None:
         return {}
     columns = np.ascontiguousarray(values, dtype).reshape(len(values), width)
     if width == 1:

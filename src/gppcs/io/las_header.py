@@ -181,13 +181,13 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     block = file.read(375)  # of LAS 1.4, which is the longest
     length, start, n_records = struct.unpack_from("<HII", block, 94)
     minimum = {3: 235, 4: 375}.get(block[25], 227)
-    if not minimum <= length <= start:
+    if not minimum <= length <= min(start, size):
         raise FileFormatError(
             f"expected a LAS header of at least {minimum} bytes before the points, found that it gives its own size as "
-            f"{length}, and {start} as the place of the points; get the file again"
+            f"{length}, and {start} as the place of the points, in {size:,} bytes; get the file again"
         )
     n_complete = _n_complete(file, length, min(start, size), n_records)
-    if block[25] >= 4 and len(block) == 375:
+    if block[25] >= 4:
         position, n_extended = struct.unpack_from("<QI", block, 235)
         if (n := _n_complete(file, position, size, n_extended, size=60, width=8)) < n_extended:
             raise FileFormatError(

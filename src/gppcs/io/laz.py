@@ -59,7 +59,7 @@ def checked_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
         counts = np.diff([*range(0, count, BLOCK), count])
         return _chunks(start, counts * las.point_format.size, counts)
     chunks = chunks_of(file, las) if count else np.empty(0, CHUNK)
-    _check_counts(chunks)
+    check_counts(chunks)
     ends = np.cumsum(chunks["count"])
     if count > ends.max(initial=0):
         raise _ends_early()
@@ -68,7 +68,7 @@ def checked_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
     return chunks
 
 
-def _check_counts(chunks: NDArray[Any]) -> None:
+def check_counts(chunks: NDArray[Any]) -> None:
     """Check that chunks have so few points that a table that lies takes no more memory."""
     bad = chunks["count"][(chunks["count"] <= 0) | (chunks["count"] > 10_000_000)]
     if len(bad):
@@ -87,7 +87,7 @@ def points_of(file: BufferedReader, las: laspy.LasHeader, chunks: NDArray[Any]) 
             file.readinto(points.view(np.uint8).data)
             yield points
         return
-    _check_counts(chunks)
+    check_counts(chunks)
     laszip = _laszip(las)
     with reported(*_LAZRS):
         size = lazrs.LazVlr(laszip).item_size()

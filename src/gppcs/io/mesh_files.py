@@ -6,11 +6,14 @@ import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.quantities import units_of
+from gppcs.clouds.texture import Texture
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, format_of, naming
 from gppcs.io.format import Fit, Format
@@ -71,12 +74,16 @@ def write_mesh(
     vertices: PointCloud | None = None,
     force: bool = False,
     lossy: bool = False,
+    *,
+    texture: Texture | None = None,
+    unit: str | None = None,
 ) -> list[str]:
     """Write a mesh file: PLY, OBJ, STL, OFF or glTF.
 
     PLY holds all attributes of the vertices. OBJ, OFF and glTF hold normals and colours of 8 bits. STL holds none; its
-    triangles have normals of their own. glTF is for display: z becomes y, which is up there, and is z again when
-    gppcs reads the file; attributes that it cannot hold are left out. The file appears only when it is complete.
+    triangles have normals of their own. glTF is for display: z becomes y, which is up there, and lengths become metres
+    if their unit is known; gppcs reads both as they were. Attributes that it cannot hold are left out. The file
+    appears only when it is complete.
 
     Parameters
     ----------
@@ -92,6 +99,11 @@ def write_mesh(
         Whether to overwrite an existing file.
     lossy : bool
         Whether to leave out attributes that the format cannot hold, and to round coordinates and colours.
+    texture : Texture, optional
+        Colours of the mesh in place of those of its vertices, for glTF, by `gppcs.bake_texture`.
+    unit : str, optional
+        The unit of the coordinates, for glTF: "mm", "ft" and so on. By default, that of the coordinate system of
+        `vertices`.
 
     Returns
     -------
@@ -102,14 +114,14 @@ def write_mesh(
     Raises
     ------
     FileFormatError
-        If the format is unknown, or gppcs does not write meshes in it.
+        If the format is unknown, or gppcs does not write meshes in it, or not with a texture.
     OutputError
         If the file exists and `force` is False, the folder is missing or not writable, or the format cannot hold all
         values of the vertices and `lossy` is False.
     InputError
-        If `vertices` are not those of the mesh.
+        If `vertices` or `texture` are not those of the mesh.
     ParameterError
-        If an argument has a wrong type.
+        If an argument has a wrong type, or the unit is unknown.
 
     Examples
     --------
@@ -124,12 +136,20 @@ def write_mesh(
     cloud = PointCloud(mesh.vertices) if vertices is None else vertices
     if not isinstance(cloud, PointCloud) or not np.array_equal(cloud.points, mesh.vertices):
         raise InputError("expected the vertices of the mesh as a PointCloud, found other points")
-    force = flag("force", force)
-    chosen, fit = mesh_format_of(path), fit_vertices(cloud, path, flag("lossy", lossy))
+    force, units = flag("force", force), units_of(unit, cloud.header)
+    chosen, fit = mesh_format_of(path, texture is not None), fit_vertices(cloud, path, flag("lossy", lossy))
+    stored, faces, for_gltf = replace(fit.cloud, points=cloud.points), mesh.faces, dict[str, Any]()
+    if chosen.name == GLTF.name and units:
+        factors = units.factors(cloud.points.min(axis=0), cloud.points.max(axis=0))
+        for_gltf["metres"] = factors * units.length
+    if texture is not None:
+        if not isinstance(texture, Texture) or not np.array_equal(texture.indices[texture.faces], faces):
+            raise InputError("expected a texture of the mesh by gppcs.bake_texture, found one of another mesh")
+        stored, faces, for_gltf["texture"] = stored.take(texture.indices), texture.faces, texture
     with whole_output(path, force) as file:
         assert chosen.write is not None
         # Normals of triangles come from the coordinates before they are rounded.
-        chosen.write(file, replace(fit.cloud, points=cloud.points), faces=mesh.faces)
+        chosen.write(file, stored, faces=faces, **for_gltf)
     return [*fit.values, *fit.remarks]
 
 
@@ -139,13 +159,15 @@ def fit_vertices(cloud: PointCloud, path: str | os.PathLike[str], lossy: bool) -
     return chosen.fit(cloud, path, lossy or chosen.name == GLTF.name)
 
 
-def mesh_format_of(path: str | os.PathLike[str]) -> Format:
+def mesh_format_of(path: str | os.PathLike[str], textured: bool = False) -> Format:
     """Return the format of which `write_mesh` would write a file. Call it before long work."""
     suffix = inner_name(Path(file_path(path))).suffix.lower()
     if suffix not in _FORMATS:
         raise FileFormatError(
             f"{path}: expected one of the formats of meshes {' '.join(_FORMATS)}, found {shown(suffix)}"
         )
+    if textured and _FORMATS[suffix].name != GLTF.name:
+        raise FileFormatError(f"{path}: expected .glb, the format of meshes with a texture, found {shown(suffix)}")
     return _FORMATS[suffix]
 
 

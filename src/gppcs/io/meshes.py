@@ -7,6 +7,7 @@ file along the seams of its texture.
 from __future__ import annotations
 
 import json
+import logging
 import re
 import warnings
 from collections import Counter
@@ -23,12 +24,16 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
+from gppcs.clouds.texture import Texture
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
 
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it prints tracebacks for damaged files
+
 GENERATOR = "gppcs"  # of glTF files whose node turns y up
+METRES = "metresPerUnit"  # of the axes of the file from which it was made
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
@@ -173,7 +178,7 @@ def open_gltf(file: BufferedReader) -> Reader:
         mesh = scene.to_mesh()
         points = np.asarray(mesh.vertices, np.float64)
         if description.get("asset", {}).get("generator") == GENERATOR:  # which turned z up to y up
-            points = points[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
+            points = points[:, [0, 2, 1]] * (1.0, -1.0, 1.0) / description["asset"].get("extras", {}).get(METRES, 1.0)
         faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
@@ -234,25 +239,41 @@ def write_stl(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
     file.write(content)
 
 
-def write_gltf(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
-    """Write a mesh as binary glTF: a node turns y up and moves single coordinates to their place."""
+def write_gltf(
+    file: BinaryIO, cloud: PointCloud, faces: Faces, metres: Column | None = None, texture: Texture | None = None
+) -> None:
+    """Write a mesh as binary glTF: a node turns y up, moves single coordinates to their place and makes them metres."""
     import trimesh
 
-    origin = origin_of(cloud.points)
+    origin, scales = origin_of(cloud.points), np.ones(3) if metres is None else metres
     mesh = _trimesh(cloud, cloud.points - origin, faces)
+    visual: Any = trimesh.visual  # of which not all is typed
+    material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=not mesh.is_watertight)
+    uv = None
+    if texture is not None:
+        from PIL import Image
 
-    def with_material(tree: dict[str, Any]) -> None:
-        plain = {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+        material.doubleSided = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
+        material.baseColorTexture = Image.fromarray(texture.image)
+        uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
+    if uv is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
+        mesh.visual = visual.TextureVisuals(uv, material)
+
+    def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR
-        tree["materials"] = [{"pbrMetallicRoughness": plain, "doubleSided": not mesh.is_watertight}]
-        for part in tree["meshes"]:
-            for primitive in part["primitives"]:
-                primitive["material"] = 0
+        if metres is not None:
+            tree["asset"]["extras"] = {METRES: scales.tolist()}
+        for primitive in (primitive for part in tree["meshes"] for primitive in part["primitives"]):
+            views = {tree["accessors"][i]["bufferView"]: 34962 for i in primitive["attributes"].values()}
+            views[tree["accessors"][primitive["indices"]]["bufferView"]] = 34963  # targets: vertices, and triangles
+            for view, target in views.items():
+                tree["bufferViews"][view]["target"] = target
 
     scene: Any = trimesh.Scene()
-    scene.add_geometry(mesh, transform=Y_UP @ np.block([[np.eye(3), origin[:, None]], [0.0, 0.0, 0.0, 1.0]]))
+    to_place = np.block([[np.diag(scales), (scales * origin)[:, None]], [0.0, 0.0, 0.0, 1.0]])
+    scene.add_geometry(mesh, transform=Y_UP @ to_place)
     has_normals = cloud.normals() is not None
-    content: Any = scene.export(file_type="glb", include_normals=has_normals, tree_postprocessor=with_material)
+    content: Any = scene.export(file_type="glb", include_normals=has_normals, tree_postprocessor=complete)
     file.write(content)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from io import BufferedReader
-from itertools import islice
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -16,21 +15,9 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import rows
 from gppcs.io.columns import check_name, columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import (
-    as_count,
-    at_most,
-    bytes_left,
-    cast,
-    lines_of,
-    read_records,
-    read_rows,
-    reported,
-    shortened,
-    write_records,
-    write_rows,
-)
 
 _TYPES = [np.dtype(name) for name in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")]
 _KEYWORDS = frozenset(["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"])
@@ -48,10 +35,10 @@ def open_pcd(file: BufferedReader) -> Reader:
     def chunks(n: int) -> Iterator[PointCloud]:
         file.seek(start)
         if encoding == "binary":
-            clouds = read_records(file, record, n_points, n)
+            clouds = rows.read_records(file, record, n_points, n)
         else:
             read = _text_columns if encoding == "ascii" else _unpacked_columns
-            clouds = at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
+            clouds = rows.at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
         return map(_with_channels, clouds)
 
     is_compressed = encoding == "binary_compressed"
@@ -68,15 +55,17 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
         if keyword in _KEYWORDS:
             entries[keyword] = values
         elif not line or (keyword and not keyword.startswith("#")):
-            actual = shortened(line.decode("utf-8", "replace")) if line else "the end of the file"
+            actual = rows.shortened(line.decode("utf-8", "replace")) if line else "the end of the file"
             raise FileFormatError(f"expected lines of keywords up to DATA in a PCD file, found {actual}")
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
-        raise FileFormatError(f"expected DATA to be ascii, binary or binary_compressed, found {shortened(encoding)}")
-    texts = [" ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT")]
-    if None in map(as_count, texts):
         raise FileFormatError(
-            f"expected whole numbers as WIDTH and HEIGHT, found {' and '.join(map(shortened, texts))}"
+            f"expected DATA to be ascii, binary or binary_compressed, found {rows.shortened(encoding)}"
+        )
+    texts = [" ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT")]
+    if None in map(rows.as_count, texts):
+        raise FileFormatError(
+            f"expected whole numbers as WIDTH and HEIGHT, found {' and '.join(map(rows.shortened, texts))}"
         )
     return _record(entries), math.prod(map(int, texts)), encoding
 
@@ -84,9 +73,9 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
 def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
     counts = entries.get("COUNT", ["1"] * len(entries.get("FIELDS", [])))
     fields: list[Any] = []
-    with reported("numpy", "a TYPE, SIZE and COUNT for each of different FIELDS"):
+    with rows.reported("numpy", "a TYPE, SIZE and COUNT for each of different FIELDS"):
         for name, letter, size, count in zip(entries["FIELDS"], entries["TYPE"], entries["SIZE"], counts, strict=True):
-            if letter not in ("F", "I", "U") or not as_count(count):
+            if letter not in ("F", "I", "U") or not rows.as_count(count):
                 raise FileFormatError(f"expected TYPE F, I or U, and COUNT from 1 on, found {letter!r} and {count!r}")
             shape = () if count == "1" else (int(count),)
             fields.append((f" {len(fields)}" if name == _PADDING else name, f"<{letter.lower()}{size}", shape))
@@ -95,26 +84,19 @@ def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
 
 def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
     """Yield the columns of a text file, block by block."""
-    fields = {name: record[name] for name in record.names or ()}
-    done = 0
-    for numbers in read_rows(lines_of(file), sum(math.prod(dtype.shape) for dtype in fields.values()), n_points):
-        values = iter(numbers)
-        table = {name: [*islice(values, math.prod(dtype.shape))] for name, dtype in fields.items()}
-        axes = [name for name in coordinate_names(fields) if fields[name] == np.float32]
-        if any(_loses_digits(table[name][0]) for name in axes):
-            fields |= dict.fromkeys(axes, np.dtype(np.float64))
-        columns = {}
-        for name, dtype in fields.items():
-            what = f"{dtype.base.name} as {name} of point"
-            parts = np.stack([cast(part, dtype.base, what, done) for part in table[name]], axis=1)
-            columns[name] = parts.reshape(-1, *dtype.shape)
+    fields, are_single = {name: record[name] for name in record.names or ()}, True
+    single = [axis for axis in coordinate_names(fields) if fields[axis] == np.float32]
+    fields |= dict.fromkeys(single, np.dtype(np.float64))
+    for columns in rows.read_fields(rows.lines_of(file), fields, n_points):
+        are_single = are_single and not any(_loses_digits(columns[axis]) for axis in single)
+        if are_single:
+            columns |= {axis: rows.cast(columns[axis], np.dtype(np.float32), axis) for axis in single}
         yield columns
-        done += len(numbers[0])
 
 
 def _loses_digits(values: Column) -> bool:
     """Return whether float32, which a header names, moves coordinates of text by more than its own digits tell."""
-    values = values[np.isfinite(values)].astype(np.float64)
+    values = values[np.isfinite(values)]
     with np.errstate(over="ignore"):
         shift = np.abs(values.astype(np.float32) - values).max(initial=0.0)
         return bool(len(values) and shift > 1e-5 * np.ptp(values) > 0.0)
@@ -123,7 +105,7 @@ def _loses_digits(values: Column) -> bool:
 def _unpacked_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
     """Yield the columns of a file that holds them one by one, compressed."""
     n_packed, n_bytes = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
-    expected, left = n_points * record.itemsize, bytes_left(file)
+    expected, left = n_points * record.itemsize, rows.bytes_left(file)
     if n_bytes != expected or n_packed > left:
         raise FileFormatError(
             f"expected {expected} bytes of points in at most {left} compressed ones, found {n_bytes} in {n_packed} "
@@ -226,15 +208,15 @@ def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
     file.write("\n".join(lines).encode())
     if ascii:
         flat = [values.reshape(len(cloud), math.prod(values.shape[1:])) for values in columns.values()]
-        write_rows(file, [column for values in flat for column in values.T])
+        rows.write_rows(file, [column for values in flat for column in values.T])
     else:
-        write_records(file, [(values, values.dtype) for values in columns.values()])
+        rows.write_records(file, [(values, values.dtype) for values in columns.values()])
 
 
 def _holds(name: str, values: Column) -> bool:
     """Return whether a PCD file holds an attribute."""
     dtype = exact_type(values, _TYPES)
-    return dtype is not None and 0 not in values.shape[1:] and not _may_be_colour(name, dtype, values.ndim)
+    return dtype is not None and not _may_be_colour(name, dtype, values.ndim)
 
 
 FORMAT = Format(

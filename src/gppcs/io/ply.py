@@ -15,42 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, coordinate_names
+from gppcs.clouds.columns import coordinate_names
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
+from gppcs.io import rows
 from gppcs.io.columns import columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, Span, keeping
 from gppcs.io.meshes import NO_FACES, triangles_of
-from gppcs.io.rows import (
-    as_count,
-    at_most,
-    cast,
-    check_length,
-    ends_early,
-    equal_spans,
-    is_row,
-    lines_of,
-    read_records,
-    read_rows,
-    reported,
-    shortened,
-    write_records,
-    write_rows,
-)
 
-_NAMES = {
-    np.dtype(kind): name
-    for kind, name in (
-        ("i1", "char"),
-        ("u1", "uchar"),
-        ("i2", "short"),
-        ("u2", "ushort"),
-        ("i4", "int"),
-        ("u4", "uint"),
-        ("f4", "float"),
-        ("f8", "double"),
-    )
-}
+_KINDS = map(np.dtype, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"))
+_NAMES = dict(zip(_KINDS, ("char", "uchar", "short", "ushort", "int", "uint", "float", "double"), strict=True))
 _TYPES = {name: dtype for dtype, older in _NAMES.items() for name in (older, dtype.name)}
 _LENGTHS = {name for name, dtype in _TYPES.items() if dtype.kind in "iu"}
 _Order = Literal["<", ">"] | None  # of binary numbers; None for text
@@ -87,7 +61,7 @@ class _Element:
 
     def record(self, order: _Order) -> np.dtype[Any]:
         """Return the structured type of the properties, packed; a list has only its count."""
-        with reported("NumPy", f"different properties of {self.name}"):
+        with rows.reported("NumPy", f"different properties of {self.name}"):
             return np.dtype([(column.name, column.dtype.newbyteorder(order or "=")) for column in self.properties])
 
 
@@ -105,19 +79,21 @@ def open_ply(file: BufferedReader) -> Reader:
     record = vertices.record(order)
     _seek(file, start, order, elements, vertices)
     if order:
-        check_length(file, record.itemsize, vertices.count, "vertex")
+        rows.check_length(file, record.itemsize, vertices.count, "vertex")
 
     def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
         _seek(file, start, order, elements, vertices)
         if order:
-            clouds = read_records(file, record, vertices.count, n, "vertex", span)
+            clouds = rows.read_records(file, record, vertices.count, n, "vertex", span)
         else:
-            clouds = at_most(n, _text_vertices(file, record, vertices.count))
+            fields = {column.name: column.dtype for column in vertices.properties}
+            blocks = rows.read_fields(rows.lines_of(file), fields, vertices.count, "vertex")
+            clouds = rows.at_most(n, map(PointCloud.from_columns, blocks))
         for cloud in clouds:
             yield replace(cloud, header=PlyHeader(tuple(remarks)) if remarks else None)
 
     def spans(n: int) -> list[Span]:
-        return equal_spans(vertices.count, n) if vertices.count and order else []
+        return rows.equal_spans(vertices.count, n) if vertices.count and order else []
 
     def triangles() -> NDArray[np.int64]:
         names = {column.name for column in faces.properties if column.length} & {"vertex_indices", "vertex_index"}
@@ -141,7 +117,7 @@ def _read_header(file: BufferedReader) -> tuple[_Order, list[_Element], list[str
             case ["ply"] if number == 1:
                 pass
             case _ if number == 1:
-                raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {shortened(text)}")
+                raise FileFormatError(f"expected 'ply' as the first line of a PLY file, found {rows.shortened(text)}")
             case []:
                 pass
             case ["end_header"] if encoding:
@@ -150,14 +126,14 @@ def _read_header(file: BufferedReader) -> tuple[_Order, list[_Element], list[str
                 remarks.append(line.decode("utf-8", "surrogateescape").rstrip("\r\n"))
             case ["format", kind, "1.0"] if kind in _ORDERS:
                 encoding = kind
-            case ["element", name, digits] if (count := as_count(digits)) is not None:
+            case ["element", name, digits] if (count := rows.as_count(digits)) is not None:
                 elements.append(_Element(name, count, []))
             case ["property", kind, name] if elements and kind in _TYPES:
                 elements[-1].properties.append(_Property(name, _TYPES[kind]))
             case ["property", "list", length, kind, name] if elements and kind in _TYPES and length in _LENGTHS:
                 elements[-1].properties.append(_Property(name, _TYPES[kind], _TYPES[length]))
             case _:
-                raise FileFormatError(f"line {number}: expected a PLY header, found {shortened(text)}")
+                raise FileFormatError(f"line {number}: expected a PLY header, found {rows.shortened(text)}")
     raise FileFormatError("expected a line 'end_header', found the end of the file; get the whole file again")
 
 
@@ -168,24 +144,13 @@ def _seek(file: BufferedReader, start: int, order: _Order, elements: list[_Eleme
         if not order:
             for i in range(skipped.count):
                 if not file.readline():
-                    raise ends_early(skipped.name, i, skipped.count)
+                    raise rows.ends_early(skipped.name, i, skipped.count)
         elif skipped.has_lists:
             _lists(file, order, skipped, skipped.properties[0].name)
         else:
             size = skipped.record(order).itemsize
-            check_length(file, size, skipped.count, skipped.name)
+            rows.check_length(file, size, skipped.count, skipped.name)
             file.seek(skipped.count * size, os.SEEK_CUR)
-
-
-def _text_vertices(file: BufferedReader, record: np.dtype[Any], count: int) -> Iterator[PointCloud]:
-    """Yield the vertices of a text file, block by block."""
-    first, names = 0, record.names or ()
-    for block in read_rows(lines_of(file), len(names), count, "vertex"):
-        columns = {}
-        for name, values in zip(names, block, strict=True):
-            columns[name] = cast(values, record[name], f"a {_NAMES[record[name]]} as {name} of vertex", first)
-        yield PointCloud.from_columns(columns)
-        first += len(block[0])
 
 
 def _lists(
@@ -196,8 +161,8 @@ def _lists(
     if order:
         data = file.read()
     else:  # as if each number were a double one
-        lines = islice(filter(is_row, lines_of(file)), element.count)
-        with reported("NumPy", f"numbers in {element.name}", (ValueError,)):
+        lines = islice(filter(rows.is_row, rows.lines_of(file)), element.count)
+        with rows.reported("NumPy", f"numbers in {element.name}", (ValueError,)):
             data = np.array(" ".join(lines).split(), "<f8").tobytes()
         double = np.dtype("<f8")
         properties = [_Property(column.name, double, column.length and double) for column in properties]
@@ -208,7 +173,7 @@ def _lists(
             length = 1
             if count:
                 if position + count.size > len(data):
-                    raise ends_early(element.name, i, element.count)
+                    raise rows.ends_early(element.name, i, element.count)
                 length = count.unpack_from(data, position)[0]
                 position += count.size
                 if not 0 <= length < 2**63 or length != int(length):
@@ -218,13 +183,13 @@ def _lists(
             if column.name == name:
                 parts.append(data[begin:position])
         if position > len(data):
-            raise ends_early(element.name, i, element.count)
+            raise rows.ends_early(element.name, i, element.count)
     if order:
         file.seek(start + position)
     dtype = next(column.dtype for column in properties if column.name == name)
     items = np.frombuffer(b"".join(parts), dtype.newbyteorder(order or "<"))
     sizes = np.array([len(part) // dtype.itemsize for part in parts], np.int64)
-    return sizes, cast(items, np.dtype(np.int64), "an index as corner")
+    return sizes, rows.cast(items, np.dtype(np.int64), "an index as corner")
 
 
 def write_ply(
@@ -247,17 +212,13 @@ def write_ply(
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
     if ascii:
-        write_rows(file, [values.astype(types[name]) for name, values in columns.items()])
+        rows.write_rows(file, [values.astype(types[name]) for name, values in columns.items()])
     else:
-        write_records(file, [(values, types[name]) for name, values in columns.items()])
+        rows.write_records(file, [(values, types[name]) for name, values in columns.items()])
     if faces is not None and ascii:
-        write_rows(file, list(faces.T), prefix="3 ")
+        rows.write_rows(file, list(faces.T), prefix="3 ")
     elif faces is not None:
-        write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
-
-
-def _holds(name: str, values: Column) -> bool:
-    return exact_type(values, _NAMES) is not None and 0 not in values.shape[1:]
+        rows.write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
 
 
 FORMAT = Format(
@@ -266,6 +227,8 @@ FORMAT = Format(
     open_ply,
     write_ply,
     lambda start, size: re.match(rb"ply[ \t]*\r?\n", start) is not None,
-    lambda cloud: keeping(with_byte_colours(cloud), _holds, PlyHeader, plain_names=True),
+    lambda cloud: keeping(
+        with_byte_colours(cloud), lambda name, values: exact_type(values, _NAMES), PlyHeader, plain_names=True
+    ),
     frozenset({"ascii", "faces"}),
 )

@@ -3,21 +3,42 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from typing import Any
+import warnings
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, BinaryIO, TypeVar, cast
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.io.cloud_files import CloudFiles
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
+OLD_NAMES = ("format", "columns", "inside", "only", "resolution", "assume_same_crs")
+
+
+def taking_old_names(function: Function) -> Function:
+    """Let a function of files take arguments that went to `gppcs.open`, with a warning, until release 0.3."""
+    first = next(iter(function.__annotations__))
+
+    @wraps(function)
+    def with_old_names(*arguments: Any, **options: Any) -> Any:
+        if old := [name for name in OLD_NAMES if name in options and name not in function.__annotations__]:
+            for name in old:
+                instead = f"use gppcs.open(paths, {name}=...), which gppcs.{function.__name__} takes"
+                warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=2)
+            reading = {name: options.pop(name) for name in OLD_NAMES if name in options}
+            paths = arguments[0] if arguments else options.pop(first)
+            arguments = (CloudFiles(paths, **reading), *arguments[1:])
+        return function(*arguments, **options)
+
+    return cast(Function, with_old_names)
+
+
+@taking_old_names
 def read(
-    path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002 - as numpy, pandas say
+    path: str | os.PathLike[str] | BinaryIO | Sequence[str | os.PathLike[str]] | CloudFiles,
+    format: str | None = None,  # noqa: A002  # as NumPy and pandas say
     columns: Sequence[str] | None = None,
-    inside: Any = None,
-    only: str | None = None,
-    resolution: float | None = None,
-    assume_same_crs: bool = False,
 ) -> PointCloud:
     """Read PLY, LAS, LAZ, COPC, XYZ, CSV, PTS, NPY, NPZ, OFF, OBJ, STL, glTF, PCD, PTX, E57, Parquet or Feather.
 
@@ -26,25 +47,10 @@ def read(
 
     Parameters
     ----------
-    path : str or path
-        The file. A gzip file is decompressed; `-` is standard input. The files that a virtual point cloud (.vpc) lists
-        become one cloud; they must have the same attributes.
-    format : str, optional
-        Suffix of the format, such as "ply" or "kitti", if neither content nor name tell it.
-    columns : sequence of str, optional
-        The name of each column of a text table, with x, y and z. They replace any names in the file.
-    inside : sequence of 4 or 6 float, path, (n, 2) array, or list of these, optional
-        Read only the points in the box xmin, ymin, xmax, ymax or xmin, ymin, zmin, xmax, ymax, zmax, border included;
-        a side is open if its limit is infinite. Or those inside the polygons of a GeoJSON file, in the coordinate
-        system of the cloud, or inside a polygon with these corners. Of a list of texts or paths: those inside of all.
-    only : str, optional
-        Read only the points that meet a condition on attributes and x, y and z, such as "classification == 6"
-        (docs/ask.md#conditions).
-    resolution : float, optional
-        Read a COPC file down to the level on which neighbours are about that far from each other.
-    assume_same_crs : bool
-        Whether all files of a virtual point cloud get the coordinate system of the first one. Otherwise, files with
-        different coordinate systems are an error.
+    path : path, binary file, sequence of paths or CloudFiles
+        The file, or several that are one cloud. `gppcs.open(path, ...).read()` reads a part of the points.
+    format, columns : optional
+        As for `gppcs.open`: the suffix of the format, and the names of the columns of a text table.
 
     Returns
     -------
@@ -58,7 +64,7 @@ def read(
     ParameterError
         If an argument is not as above.
     MissingExtraError
-        If the format needs a package that is not installed (E57, Parquet, Feather).
+        If the format or the server needs a package that is not installed.
     OSError
         If the file cannot be read.
 
@@ -69,10 +75,19 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    with CloudFiles([path], format, columns, inside, only, resolution, assume_same_crs) as files:
-        return files.read()
+    return path.read() if isinstance(path, CloudFiles) else CloudFiles(path, format, columns).read()
+
+
+def source_of(cloud: Any) -> CloudFiles | None:
+    """Return files as they were opened or are named, by a path or a list of paths; None for a cloud in memory."""
+    if isinstance(cloud, CloudFiles):
+        return cloud
+    paths = cloud if isinstance(cloud, list | tuple) else [cloud]
+    are_paths = bool(paths) and all(isinstance(path, str | os.PathLike) for path in paths)
+    return CloudFiles(paths) if are_paths else None
 
 
 def as_cloud(cloud: CloudLike) -> PointCloud:
-    """Return the cloud of a file, if it is a path, or of whatever `PointCloud.from_object` takes."""
-    return read(cloud) if isinstance(cloud, str | os.PathLike) else PointCloud.from_object(cloud)
+    """Return the cloud of files, opened or named, or of whatever `PointCloud.from_object` takes."""
+    source = source_of(cloud)
+    return PointCloud.from_object(cloud) if source is None else source.read()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
@@ -70,6 +71,11 @@ def bytes_left(file: BufferedReader) -> int:
     return os.fstat(file.fileno()).st_size - file.tell()
 
 
+def size_of_repeats(count: int, size: int) -> int:
+    """Return the bytes of coordinates that take less than a bit a point in a file: repeats, which no tile divides."""
+    return 24 * count if count > 8 * size else 0
+
+
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
     """Return the error for a file that ends early."""
     return FileFormatError(f"the file ends in {what} {index + 1} of {count}; get the whole file again")
@@ -116,7 +122,17 @@ def read_rows(
     rows, done = islice(filter(is_row, lines), count), 0
     while block := list(islice(rows, BLOCK)):
         width = width or len(fields_of(block[0], delimiter))
-        yield _columns(block, width, delimiter, texts, f"{what} ", done + 1)
+        columns = []
+        for i, column in _parsed(block, width, delimiter, texts, what, done + 1).items():
+            values = column.to_numpy()
+            if i in texts:
+                values = np.array([_checked(text, FileFormatError) for text in values.tolist()], np.str_)
+            elif values.dtype.kind not in "iuf":
+                bad = next((k for k, value in enumerate(values.tolist()) if not is_number(str(value))), 0)
+                actual = shortened(str(values[bad]))
+                raise FileFormatError(f"{what} {done + 1 + bad}: expected a number, found {actual}")
+            columns.append(values)
+        yield columns
         done += len(block)
     if count is not None and done < count:
         raise ends_early(what, done, count)
@@ -131,32 +147,30 @@ def read_table(
     return [np.concatenate(parts) for parts in zip(*read_rows(lines, width, count, what), strict=True)]
 
 
+def read_fields(
+    lines: Iterator[str], fields: Mapping[str, np.dtype[Any]], count: int, what: str = "point"
+) -> Iterator[dict[str, Column]]:
+    """Read rows as the fields of records, of one number or several each, block by block."""
+    sizes, done = [math.prod(dtype.shape) for dtype in fields.values()], 0
+    for block in read_rows(lines, sum(sizes), count, what):
+        values, columns = iter(block), {}
+        for (name, dtype), size in zip(fields.items(), sizes, strict=True):
+            expected = f"{dtype.base.name} as {name} of {what}"
+            parts = [cast(part, dtype.base, expected, done) for part in islice(values, size)]
+            columns[name] = np.stack(parts, axis=1).reshape(-1, *dtype.shape)
+        yield columns
+        done += len(block[0])
+
+
 def text_columns(lines: Iterator[str], width: int, delimiter: str | None) -> set[int]:
     """Return which columns are text in the first block of rows."""
     kept = list(islice(filter(is_row, lines), BLOCK))
-    table = _parsed(kept, width, delimiter, (), "point ", 1) if kept else {}
+    table = _parsed(kept, width, delimiter, (), "point", 1) if kept else {}
     return {i for i in table if table[i].dtype.kind not in "iuf"}
 
 
-def _columns(
-    lines: list[str], width: int, delimiter: str | None, texts: Collection[int], what: str, first: int
-) -> list[Column]:
-    """Return rows as columns of numbers or text; `what` and the number of the first row name a row in messages."""
-    table = _parsed(lines, width, delimiter, texts, what, first)
-    columns = []
-    for i in table:
-        values = table[i].to_numpy()
-        if i in texts:
-            values = _texts(values.tolist())
-        elif values.dtype.kind not in "iuf":
-            bad = next((k for k, value in enumerate(values.tolist()) if not is_number(str(value))), 0)
-            raise FileFormatError(f"{what}{first + bad}: expected a number, found {shortened(str(values[bad]))}")
-        columns.append(values)
-    return columns
-
-
 def _parsed(lines: list[str], width: int, delimiter: str | None, texts: Collection[int], what: str, first: int) -> Any:
-    """Return rows as a table of pandas."""
+    """Return rows as a table of pandas; `what` and the number of the first row name a row in messages."""
     import pandas  # only here, as it is slow to load
 
     # The parser of later versions reads every number to its last digit anyway.
@@ -180,24 +194,18 @@ def _parsed(lines: list[str], width: int, delimiter: str | None, texts: Collecti
     uncertain = range(len(lines)) if fault else np.flatnonzero(table[width - 1].isna() | (table[width - 1] == ""))
     for i in uncertain:
         if len(fields_of(lines[i], delimiter)) != width:
-            raise FileFormatError(f"{what}{first + i}: expected {width} columns, found {shortened(lines[i])}")
+            raise FileFormatError(f"{what} {first + i}: expected {width} columns, found {shortened(lines[i])}")
     if fault:
         raise FileFormatError(f"expected {len(lines):,} rows of {width} columns, but pandas reports: {fault}")
     return table
 
 
-def _texts(texts: list[str]) -> Column:
-    for text in texts:
-        if fault := _fault(text):
-            raise FileFormatError(f"expected text {fault}, found {ascii(text)[:60]}")
-    return np.array(texts, np.str_)
-
-
-def _fault(text: str) -> str | None:
-    """Return what is expected of a text that a line or an array of NumPy cannot hold, or None if they can."""
-    if _UNWRITABLE.search(text):
-        return "in UTF-8 without line breaks and zero characters"
-    return "of at most 1,000 characters" if len(text) > 1000 else None  # NumPy stores all as long as the longest
+def _checked(text: str, error: type[GppcsError], remedy: str = "") -> str:
+    """Return a text that a line and an array of NumPy can hold, which stores all as long as the longest."""
+    if _UNWRITABLE.search(text) or len(text) > 1000:
+        expected = "text in UTF-8 of at most 1,000 characters without line breaks and zero characters"
+        raise error(f"expected {expected}, found {ascii(text)[:60]}{remedy}")
+    return text
 
 
 def cast(values: Column, to: np.dtype[Any], what: str, done: int = 0) -> Column:
@@ -292,13 +300,11 @@ def texts_of(values: Column) -> list[str]:
     else:
         texts = list(map(repr, values.tolist()))
     for i, text in enumerate(texts):
-        if "e" in text and 1e-20 < abs(values[i]) < 1e20:  # some programs read no exponents
+        if "e" in text and 1e-20 < abs(float(values[i])) < 1e20:  # some programs read no exponents
             texts[i] = np.format_float_positional(values[i], trim="0")
     return texts
 
 
 def _quoted(text: str) -> str:
     """Return a text in quotes, as a field of a line."""
-    if fault := _fault(text):
-        raise OutputError(f"expected text {fault}, found {ascii(text)[:60]}; write .npy or .npz")
-    return '"{}"'.format(text.replace('"', '""'))
+    return '"{}"'.format(_checked(text, OutputError, "; write .npy or .npz").replace('"', '""'))

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gppcs.errors import FileFormatError, OutputError
+from gppcs.io.remote import address_of, open_remote
 from gppcs.io.vpc import files_of
 
 
@@ -29,25 +30,31 @@ def is_standard(path: str | os.PathLike[str]) -> bool:
 
 
 def inner_name(path: Path) -> Path:
-    """Return the name of a file without the suffix of its compression."""
+    """Return the name of a file without the suffix of its compression, and without the query of an address."""
+    path = Path(path.as_posix().partition("?")[0]) if address_of(path) else path
     return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 
-def plain_input(path: Path) -> Any:
-    """Open a file, or standard input for `-`; what cannot be read from any place is copied to a temporary file."""
-    if path.exists() and not path.is_file():
+def plain_input(path: Path, stream: Any = None) -> Any:
+    """Open a file by its path, address or an open stream; what one cannot seek in is copied to a temporary file.
+
+    The path `-` is standard input.
+    """
+    if stream is not None:
+        file = _copied(stream)
+    elif address := address_of(path):
+        file = open_remote(address)
+    elif path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
-    file = _standard_input() if is_standard(path) else path.open("rb")
-    start = file.read(1024)
-    file.seek(0)
-    if start.startswith(b"\x1f\x8b"):
+    else:
+        file = _standard_input() if is_standard(path) else path.open("rb")
+    if file.peek(2).startswith(b"\x1f\x8b"):
         with file:
             try:
                 file = _copied(gzip.GzipFile(fileobj=file), file)
             except (EOFError, zlib.error, gzip.BadGzipFile) as error:
                 raise FileFormatError(f"expected whole gzip data, but {error}; get the file again") from error
-        start = file.read(1024)
-        file.seek(0)
+    start = file.peek(1024)[:1024]
     if re.fullmatch(rb"[\t\x20-\x7e]*\r[\t\r\x20-\x7e]*", start) and b"format binary" not in start:
         with file:  # text whose lines end as in old Mac OS
             return _copied(BytesIO(file.read().replace(b"\r", b"\n")))
@@ -67,6 +74,8 @@ def _copied(stream: Any, packed: Any = None) -> Any:
     with ExitStack() as stack:
         copy = stack.enter_context(tempfile.TemporaryFile())
         while block := stream.read(1 << 20):
+            if not isinstance(block, bytes):
+                raise FileFormatError(f"expected a file of bytes, found one of {type(block).__name__}; open it as 'rb'")
             copy.write(block)
             if packed and copy.tell() > 200 * packed.tell() + (1 << 24):
                 raise FileFormatError(

@@ -22,27 +22,16 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import COLOUR, coordinate_names
 from gppcs.errors import FileFormatError
+from gppcs.io import rows
 from gppcs.io.columns import columns_of, default_names, with_byte_colours, with_digits
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import (
-    MISSING,
-    as_count,
-    at_most,
-    fields_of,
-    is_number,
-    is_row,
-    lines_of,
-    read_rows,
-    shortened,
-    text_columns,
-    write_rows,
-)
 
 MAX_COLUMNS = 4096  # pandas takes a millisecond for each
 
 _NAMES = "names of columns, each once, with x, y, z"
 # By these, a comment names columns.
 _COLUMNS = {"lon", "lat", "longitude", "latitude", "easting", "northing", "height", "time", "intensity", "red"}
+_COLMAP = "if the rows are points of COLMAP, name the format: `format='points3d.txt'`"
 _PTS_ATTRIBUTES = {4: ["intensity"], 6: ["red", "green", "blue"], 7: ["intensity", "red", "green", "blue"]}
 
 
@@ -62,30 +51,41 @@ def open_table(
     file: BufferedReader, columns: list[str] | None = None, names_of_width: Callable[[int], list[str]] = default_names
 ) -> Reader:
     """Open a table; `columns` are names in place of any in the file."""
-    preview = _preview(lines_of(file), columns)
+    preview = _preview(rows.lines_of(file), columns)
     names = _names(preview, columns, names_of_width)
     axes = coordinate_names(names)
     quoted = {i for i, field in enumerate(preview.fields) if field.startswith('"')}
     coordinates = {names.index(axis) for axis in axes}
-    texts = text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
+    may_be_colmap = not (columns or preview.names or preview.comment) and _may_be_colmap(preview.fields)
+    try:
+        texts = rows.text_columns(_rows(file, preview), len(names), preview.delimiter) - coordinates
+    except FileFormatError as error:
+        raise FileFormatError(f"{error}; {_COLMAP}") if may_be_colmap else error from error
     texts |= set() if quoted & coordinates else quoted
 
     def chunks(n: int) -> Iterator[PointCloud]:
         # Without text, further whitespace beside tabs does no harm.
         delimiter = None if preview.delimiter == "\t" and not texts else preview.delimiter
         lines = _rows(file, preview)
-        for block in read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
+        for block in rows.read_rows(lines, len(names), preview.count, delimiter=delimiter, texts=texts):
             cloud = PointCloud.from_columns(dict(zip(names, block, strict=True)))
-            yield from at_most(n, [with_byte_colours(cloud, "i")])
-        if any(map(is_row, lines)):
+            yield from rows.at_most(n, [with_byte_colours(cloud, "i")])
+        if any(map(rows.is_row, lines)):
             raise FileFormatError(f"expected {preview.count} points, as the file says, found more")
 
-    are_bytes = all(field.isdecimal() and (as_count(field) or 0) <= 255 for field in preview.fields[3:6])
-    skipped = []
+    skipped = [f"tracks of images, {_COLMAP}"] if may_be_colmap else []
+    are_bytes = all(field.isdecimal() and (rows.as_count(field) or 0) <= 255 for field in preview.fields[3:6])
     if names[3:6] == default_names(6)[3:] and are_bytes:
-        given = ",".join(["x", "y", "z", *COLOUR, *names[6:]])
-        skipped.append(f"columns 4 to 6 as colours, which they may be: `columns='{given}'` names them")
+        columns_option = ",".join(["x", "y", "z", *COLOUR, *names[6:]])
+        skipped.append(f"columns 4 to 6 as colours, which they may be: `columns='{columns_option}'` names them")
     return Reader(chunks, skipped=skipped)
+
+
+def _may_be_colmap(fields: Sequence[str]) -> bool:
+    """Return whether a row may be a point with a number, colours of 8 bits and a track of pairs of numbers."""
+    colours = [rows.as_count(field) or 0 for field in fields[4:7]]
+    are_whole = all(map(str.isdecimal, (*fields[:1], *fields[4:7], *fields[8:])))
+    return len(fields) >= 10 and len(fields) % 2 == 0 and are_whole and max(colours) <= 255
 
 
 def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
@@ -94,17 +94,17 @@ def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
     has_header, other_names = False, (0, "", 0)  # a comment that names columns, but not x, y and z
     for number, line in enumerate(lines, 1):
         text = line.lstrip("#/ \t")
-        fields = [field.strip("\"'") for field in fields_of(text, _delimiter(text))]
+        fields = [field.strip("\"'") for field in rows.fields_of(text, _delimiter(text))]
         lower = {field.lower() for field in fields}
         are_names = {"x", "y", "z"} <= lower and len(set(fields)) == len(fields)
-        if not is_row(line):
+        if not rows.is_row(line):
             preview.comment = fields if are_names else preview.comment
             other_names = (number, line, len(fields)) if lower & _COLUMNS else other_names
-        elif len(fields) == 1 and preview.count is None and as_count(fields[0]) is not None:
-            preview.count = as_count(fields[0])
-        elif all(map(is_number, fields)) or _has_coordinates(fields, preview.names or preview.comment):
+        elif len(fields) == 1 and preview.count is None and rows.as_count(fields[0]) is not None:
+            preview.count = rows.as_count(fields[0])
+        elif all(map(rows.is_number, fields)) or _has_coordinates(fields, preview.names or preview.comment):
             preview.line, preview.delimiter = number, _delimiter(line)
-            preview.fields = fields_of(line, preview.delimiter)
+            preview.fields = rows.fields_of(line, preview.delimiter)
             if not (preview.names or preview.comment) and other_names[2] == len(preview.fields):
                 raise _unexpected(_NAMES, *other_names[:2])
             break
@@ -118,7 +118,7 @@ def _preview(lines: Iterator[str], columns: list[str] | None) -> _Preview:
 
 
 def _unexpected(expected: str, number: int, line: str) -> FileFormatError:
-    return FileFormatError(f"line {number}: expected {expected}, found {shortened(line)}")
+    return FileFormatError(f"line {number}: expected {expected}, found {rows.shortened(line)}")
 
 
 def _delimiter(line: str) -> str | None:
@@ -129,15 +129,17 @@ def _delimiter(line: str) -> str | None:
             return mark
     parts = [part.split() for part in bare.split("\t")]
     # Between tabs stands one field, rather than none or several numbers.
-    return "\t" if len(parts) > 2 and all(len(part) == 1 or not all(map(is_number, part)) for part in parts) else None
+    return (
+        "\t" if len(parts) > 2 and all(len(part) == 1 or not all(map(rows.is_number, part)) for part in parts) else None
+    )
 
 
 def _has_coordinates(fields: list[str], names: Sequence[str]) -> bool:
     """Return whether a line is a row, although not all of its fields are numbers."""
     if len(names) != len(fields):
-        return len(fields) >= 3 and all(map(is_number, fields[:3]))
+        return len(fields) >= 3 and all(map(rows.is_number, fields[:3]))
     axes = [fields[names.index(axis)] for axis in coordinate_names(names)]
-    return all(is_number(field) or field in MISSING for field in axes) and any(map(is_number, fields))
+    return all(rows.is_number(field) or field in rows.MISSING for field in axes) and any(map(rows.is_number, fields))
 
 
 def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callable[[int], list[str]]) -> list[str]:
@@ -145,7 +147,7 @@ def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callabl
     width = len(preview.fields) or len(preview.names or preview.comment) or 3
     if width < 3:
         raise FileFormatError(
-            f"line {preview.line}: expected at least three numbers, found {shortened(' '.join(preview.fields))}"
+            f"line {preview.line}: expected at least three numbers, found {rows.shortened(' '.join(preview.fields))}"
         )
     if width > MAX_COLUMNS:
         raise FileFormatError(
@@ -170,7 +172,7 @@ def _names(preview: _Preview, columns: list[str] | None, names_of_width: Callabl
 def _rows(file: BufferedReader, preview: _Preview) -> Iterator[str]:
     """Yield the lines from the first row on."""
     file.seek(0)
-    return islice(lines_of(file), preview.line - 1, None) if preview.line else iter(())
+    return islice(rows.lines_of(file), preview.line - 1, None) if preview.line else iter(())
 
 
 def write_table(file: BinaryIO, cloud: PointCloud, separator: str = " ", counted: bool = False) -> None:
@@ -180,7 +182,7 @@ def write_table(file: BinaryIO, cloud: PointCloud, separator: str = " ", counted
         file.write(f"{len(cloud)}\n".encode())
     elif cloud.attributes or separator != " ":
         file.write(f"{'# ' if separator == ' ' else ''}{separator.join(columns)}\n".encode())
-    write_rows(file, list(columns.values()), separator)
+    rows.write_rows(file, list(columns.values()), separator)
 
 
 def _numbers_and_text(cloud: PointCloud) -> PointCloud:

@@ -11,6 +11,7 @@ from typing import Any
 
 from gppcs.engine.arrays import Floats
 from gppcs.errors import FileFormatError, file_path
+from gppcs.io.remote import address_of, open_remote
 
 SUFFIX = ".vpc"
 
@@ -20,7 +21,8 @@ def files_of(path: Path) -> list[Path]:
     if path.suffix.lower() != SUFFIX:
         return [path]
     try:
-        content = json.loads(path.read_bytes())
+        with open_remote(address) if (address := address_of(path)) else path.open("rb") as file:
+            content = json.loads(file.read())
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: expected a virtual point cloud in GeoJSON, but {error}") from error
     features = content.get("features") if isinstance(content, dict) else None
@@ -39,9 +41,11 @@ def _file_of(path: Path, feature: Any, number: int) -> Path:
         name = None
     if not isinstance(name, str) or not name:
         raise FileFormatError(f"{path}: expected the name of a file as asset 'data' of feature {number}, found none")
+    if address_of(Path(name)):
+        return file_path(name)
     file = _local_name(name)
     if file is None or "\0" in file:
-        raise FileFormatError(f"{path}: expected files of this machine, found {name!r}; get them first, and the list")
+        raise FileFormatError(f"{path}: expected addresses, or files of this machine, found {name!r}; get them first")
     return file_path(os.path.join(path.parent, file))  # where it is "-", that is no standard input
 
 

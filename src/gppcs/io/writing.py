@@ -67,8 +67,9 @@ def write(
     >>> len(gppcs.read("sphere.ply"))
     100
     """
-    chosen = format_to_write(path, format, ascii, levels_by, getattr(cloud, "ranked", False) is True)
-    store(path, as_cloud(cloud), chosen, force, lossy)
+    chosen = format_to_write(path, format, ascii, levels_by)
+    is_ranked = levels_by is None and getattr(cloud, "ranked", False) is True
+    store(path, as_cloud(cloud), chosen.ranked() if is_ranked else chosen, force, lossy)
 
 
 def store(path: str | os.PathLike[str], cloud: PointCloud, chosen: Format, force: bool, lossy: bool) -> list[str]:

@@ -191,15 +191,6 @@ def _within(squared, limit):
     return count
 
 
-@kernel(allocates=False)
-def _largest_within(squared, limit):
-    """Return the largest of the squared distances, (m,), that is at most `limit`."""
-    largest, bits = 0, squared.view(np.int64)  # whose order is that of floats: the loop over integers is vectorised
-    for j in range(len(squared)):
-        largest = max(largest, bits[j] if squared[j] <= limit else 0)
-    return np.int64(largest).view(np.float64)
-
-
 def on_leaves(kernel: Callable[..., Any], tree: KdTree, queries: KdTree, *arguments: Any) -> None:
     """Call a kernel on ranges of runs of leaves of queries, with both trees as `KdTree.arrays`, on several threads."""
     runs = max(1, min(queries.leaves // RUN_LEAVES, MAX_RUNS))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +17,14 @@ from gppcs.amounts.options import Options
 from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.errors import InputError, OutputError
+from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import format_to_write
 from gppcs.io.streams import whole_output
 from gppcs.io.vpc import vpc_of
 from gppcs.io.writing import store_in
 from gppcs.spatial.scaling import bounds
+from gppcs.streaming.graph import own_version
 from gppcs.streaming.output import take
 from gppcs.streaming.passes import Choice
 from gppcs.streaming.source import Part
@@ -29,6 +32,7 @@ from gppcs.streaming.tiles import Kept
 
 REMEDY = "give the same ones, or begin anew with `force`"
 WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
+INDEX = "index.vpc"
 
 
 class Written(NamedTuple):
@@ -58,32 +62,48 @@ class Target:
         return Written(self.path, len(cloud), *bounds(cloud.points))
 
 
-def begin(sources: Sequence[Path], options: Options, targets: Sequence[Target], force: bool) -> Path:
-    """Return the folder for temporary files of a run: a new one, or that of the same run, if it was stopped."""
+@contextmanager
+def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> Iterator[Path]:
+    """Yield the folder for temporary files of a run: a new one, or that of the same run, if it was stopped.
+
+    It stays if the run is stopped again, but not if the input or the options are to blame.
+    """
     work = targets[0].path.parent / WORK
-    manifest = {
-        "options": _described(options),
-        "outputs": [repr(target) for target in targets],
-        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in sources],
-    }
+    try:
+        _begin(work, files, options, targets, force)
+        yield work
+    except (InputError, ParameterError, FileFormatError):
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+    shutil.rmtree(work)
+
+
+def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> None:
+    """Make the folder of a run, or check that it is that of the same run."""
     path = work / "manifest.json"
+    manifest = {
+        "version": own_version(),
+        "options": _described(options),
+        "reading": files.described,
+        "outputs": [repr(target) for target in targets],
+        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files.paths],
+    }
     if path.exists() and not force:
         before = json.loads(path.read_text(encoding="utf-8"))
-        if before["inputs"] != manifest["inputs"]:
-            raise InputError(
-                f"{work}: expected the files as they were when this run began, found changed ones; {REMEDY}"
-            )
-        if before != manifest:
-            raise OutputError(f"{work}: expected the options with which this run began, found others; {REMEDY}")
-        return work
-    existing = [target.path for target in targets if target.path.exists()]
+        for name, value in manifest.items():
+            if before.get(name) != value:
+                raise OutputError(f"{work}: expected the {name} with which this run began, found other ones; {REMEDY}")
+        return
+    existing = [file for file in (*(target.path for target in targets), work.parent / INDEX) if file.exists()]
     if existing and not force:
         raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(parents=True)
-    with whole_output(path) as file:
-        file.write(json.dumps(manifest).encode())
-    return work
+    try:
+        shutil.rmtree(work, ignore_errors=True)
+        work.mkdir(parents=True)
+        with whole_output(path) as file:
+            file.write(json.dumps(manifest).encode())
+    except OSError as error:
+        raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
 
 
 def _described(options: Options) -> str:
@@ -98,44 +118,36 @@ def _described(options: Options) -> str:
     return ", ".join(described)
 
 
-@dataclass(frozen=True, eq=False)
-class FileTask:
-    """The work on one file of a cloud."""
-
-    parts: Sequence[Part]  # of the file
-    target: Target
-
-
-def write_file(choice: Choice, more: Sequence[Kept], task: FileTask) -> Written:
-    """Write the kept points of a file, by a choice and others besides, unless an earlier run has done so."""
-    record = choice.tiling.folder / f"{task.target.path.name}.json"
-    if record.exists() and task.target.path.exists():
+def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
+    """Write the kept points in the parts of a file, unless an earlier run did so."""
+    parts, target = task
+    record = choice.tiling.folder / f"{target.path.name}.json"
+    if record.exists() and target.path.exists():
         count, lower, upper = json.loads(record.read_text(encoding="utf-8"))
-        return Written(task.target.path, count, np.array(lower), np.array(upper))
-    kept = _kept_in(choice, more, task.parts)
-    cloud = take(task.parts, kept)
+        return Written(target.path, count, np.array(lower), np.array(upper))
+    kept = _kept_in(choice, parts)
+    cloud = take(parts, kept)
     if choice.tiling.options.scores:
         scores = {name: values.astype(np.float32) for name, values in kept.scores.items()}
         cloud = replace(cloud, attributes={**cloud.attributes, **scores})
-    written = task.target.write(cloud, kept.indices)
-    record.write_text(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]), encoding="utf-8")
+    written = target.write(cloud, kept.indices)
+    with whole_output(record, force=True) as file:
+        file.write(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]).encode())
     return written
 
 
-def _kept_in(choice: Choice, more: Sequence[Kept], parts: Sequence[Part]) -> Kept:
-    """Return the kept points of the parts of a file, the most important first."""
+def _kept_in(choice: Choice, parts: Sequence[Part]) -> Kept:
+    """Return the kept points of the parts of a file."""
     first, last = parts[0], parts[-1]
     lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))
     numbers = choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
-    kept = Kept.joined([*map(choice.kept, numbers or [0]), *more])
+    kept = choice.all_kept(numbers or [0])
     inside = (kept.indices >= first.first) & (kept.indices < last.first + (last.count or 0))
-    kept = kept.take(np.flatnonzero(inside))
-    return kept.take(np.lexsort([kept.indices, kept.ranks]))
+    return kept.take(np.flatnonzero(inside))
 
 
-def finish(work: Path, written: Sequence[Written]) -> None:
-    """Write a virtual point cloud of all files beside them, and remove the temporary files."""
+def write_index(folder: Path, written: Sequence[Written]) -> None:
+    """Write a virtual point cloud of all files beside them."""
     text = vpc_of([(file.target.name, file.n_points, file.lower, file.upper) for file in written])
-    with whole_output(work.parent / "index.vpc", force=True) as file:
+    with whole_output(folder / INDEX, force=True) as file:
         file.write(text.encode())
-    shutil.rmtree(work)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+import pickle
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
+from functools import lru_cache
+from graphlib import TopologicalSorter
 from typing import Any
 
 from gppcs.engine.extras import require_distributed
@@ -36,15 +39,17 @@ class Engine:
 
         Returns what the calls return, in the order of the arguments.
         """
-        before = [list(numbers) for numbers in after] or [[] for _ in arguments]
-        task = Call(function, platform.node(), os.getpid(), _version())
-        if isinstance(self.executor, Executor):
+        before = dict(enumerate(after or [()] * len(arguments)))
+        task = Call(function, platform.node(), os.getpid(), own_version())
+        if isinstance(self.executor, ThreadPoolExecutor):
             return self._run_in_order(task, arguments, before, on_progress)
+        if isinstance(self.executor, Executor):
+            return self._run_in_order(PickledCall(pickle.dumps(task)), arguments, before, on_progress)
         from distributed import as_completed
 
         shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
         futures: dict[int, Any] = {}
-        for number in _sorted(before):
+        for number in TopologicalSorter(before).static_order():
             earlier = [futures[i] for i in before[number]]
             futures[number] = self.executor.submit(
                 Call.__call__, shared, arguments[number], earlier, pure=False, retries=RETRIES
@@ -54,17 +59,22 @@ class Engine:
         return self.executor.gather([futures[number] for number in range(len(arguments))])
 
     def _run_in_order(
-        self, task: Call, arguments: Sequence[Any], before: list[list[int]], on_progress: Callable[[int], None]
+        self,
+        task: Callable[[Any], Any],
+        arguments: Sequence[Any],
+        before: Mapping[int, Sequence[int]],
+        on_progress: Callable[[int], None],
     ) -> list[Any]:
         results: dict[int, Any] = {}
         running: dict[Future[Any], int] = {}
-        waiting = _sorted(before)
-        while waiting or running:
-            ready = [number for number in waiting if results.keys() >= set(before[number])]
-            waiting = [number for number in waiting if number not in set(ready)]
-            running |= {self.executor.submit(task, arguments[number]): number for number in ready}
+        graph = TopologicalSorter(before)
+        graph.prepare()
+        while graph.is_active():
+            running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                results[running.pop(future)] = future.result()
+                number = running.pop(future)
+                results[number] = future.result()
+                graph.done(number)
                 on_progress(1)
         return [results[number] for number in range(len(arguments))]
 
@@ -80,15 +90,32 @@ class Call:
 
     def __call__(self, argument: Any, earlier: object = None) -> Any:
         """Call the function."""
-        if self.version != _version():
+        if self.version != own_version():
             raise GppcsError(
-                f"expected workers with gppcs {self.version}, found {_version()}; install the same version"
+                f"expected workers with gppcs {self.version}, found {own_version()}; install the same version"
             )
         if (self.node, self.process) == (platform.node(), os.getpid()):
             with sharing_cores():
                 return self.function(argument)
         with on_one_thread():
             return self.function(argument)
+
+
+@dataclass(frozen=True)
+class PickledCall:
+    """A call that is pickled once, not for each task; each process unpickles it once."""
+
+    pickled: bytes
+
+    def __call__(self, argument: Any) -> Any:
+        """Call the function."""
+        return _unpickled(self.pickled)(argument)
+
+
+@lru_cache(maxsize=2)
+def _unpickled(pickled: bytes) -> Call:
+    call: Call = pickle.loads(pickled)
+    return call
 
 
 @contextmanager
@@ -123,17 +150,7 @@ def _threads(count: int) -> Iterator[Executor]:
             raise
 
 
-def _sorted(before: list[list[int]]) -> list[int]:
-    """Return the numbers of tasks so that each comes after those that go before it."""
-    order: dict[int, None] = {}
-    waiting = list(range(len(before)))
-    while waiting:
-        ready = [number for number in waiting if all(i in order for i in before[number])]
-        order |= dict.fromkeys(ready)
-        waiting = [number for number in waiting if number not in order]
-    return list(order)
-
-
-def _version() -> str:
+def own_version() -> str:
+    """Return the version of gppcs that runs."""
     version: str = sys.modules["gppcs"].__version__
     return version

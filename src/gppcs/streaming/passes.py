@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 from gppcs.amounts.accuracy import distances_to
 from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.arrays import Floats, Ints
+from gppcs.methods import Feature
 from gppcs.spatial.boxes import inside, neighbours_before
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
@@ -28,6 +30,18 @@ class Choice:
     tiling: Tiling
     n_staying: Ints  # (tiles, 256), of each quota
     below: float = np.inf
+    added: tuple[Kept, ...] = ()  # besides
+
+    def all_kept(self, numbers: Iterable[int] | None = None) -> Kept:
+        """Read the points of some tiles, or all, that stay, and what is added to any.
+
+        The most important come first; if the method does not rank, they have the order of the files.
+        """
+        if numbers is None:
+            numbers = range(len(self.tiling.tiles))
+        kept = Kept.joined([*map(self.kept, numbers), *self.added])
+        is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
+        return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
 
     def kept(self, number: int) -> Kept:
         """Read the points of a tile that stay."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,11 @@ from gppcs.io.joining import JointColumns
 from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import Engine
-from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
 
 SAMPLED = 1 << 18  # Points of the sample at most.
+DRAWN = 4.0  # Points that parts draw at first, for each of these, as some lie at the same place.
 
 
 @dataclass
@@ -38,8 +39,9 @@ class Overview:
     # (256,) each, by quota: number of the points that may be kept, and of those to keep.
     labels: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
     keep: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
-    sample: Rows | None = None  # of different places, those of the smallest hashes
+    sample: Rows | None = None  # of different places, all whose hashes are below a limit
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
+    limit: float = HASHES
 
     @property
     def n_usable(self) -> int:
@@ -48,11 +50,9 @@ class Overview:
 
     @property
     def n_places(self) -> int:
-        """About how many of these are different, by the smallest hashes (Bar-Yossef et al. 2002)."""
-        if len(self.hashes) < SAMPLED:
-            return len(self.hashes)
-        estimate = (len(self.hashes) - 1) * HASHES / float(self.hashes[-1])
-        return self.n_usable if estimate > 0.75 * self.n_usable else round(estimate)
+        """How many of these are different: about, by their hashes, if not all are sampled (Bar-Yossef et al. 2002)."""
+        estimate = round(len(self.hashes) * HASHES / self.limit)
+        return self.n_usable if self.limit < HASHES and estimate > 0.75 * self.n_usable else estimate
 
     def add(self, other: Overview) -> None:
         """Add the overview of the next points."""
@@ -62,29 +62,32 @@ class Overview:
         self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
         self.weights = self.weights.merged(other.weights)
         self.labels, self.keep = self.labels + other.labels, self.keep + other.keep
+        self.limit = min(self.limit, other.limit)
         if other.sample is not None:
-            shifted = replace(other.sample, indices=other.sample.indices + self.count)
-            self.draw(shifted, other.hashes)
+            self._draw(replace(other.sample, indices=other.sample.indices + self.count), other.hashes)
         self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
 
-    def draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
-        """Draw a sample of different places among rows, (n,), too: those of the smallest hashes."""
-        if len(self.hashes) == SAMPLED:
-            below = np.flatnonzero(hashes < self.hashes[-1])
-            rows, hashes = rows.take(below), hashes[below]
+    def _draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
+        """Draw among more rows, (n,), too; lower the limit if there are too many."""
+        below = np.flatnonzero(hashes < self.limit)
+        rows, hashes = rows.take(below), hashes[below]
         if self.sample is not None:
             rows, hashes = Rows.joined([self.sample, rows]), np.concatenate([self.hashes, hashes])
-        self.hashes, first = np.unique(hashes, return_index=True)
-        self.hashes, self.sample = self.hashes[:SAMPLED], rows.take(first[:SAMPLED])
+        hashes, first = np.unique(hashes, return_index=True)
+        if len(hashes) > SAMPLED:
+            self.limit = min(self.limit, float(hashes[SAMPLED]))
+        count = np.searchsorted(hashes, self.limit)
+        self.hashes, self.sample = hashes[:count], rows.take(first[:count])
 
 
 def read_all(
-    sources: Sequence[CloudFiles], options: Options, run_on: Engine, timer: Timer
+    sources: Sequence[CloudFiles], n_points: int, options: Options, run_on: Engine, timer: Timer
 ) -> tuple[Overview, list[Part]]:
-    """Read all points once; return what is learnt of the cloud, and of its parts."""
+    """Read all of about so many points once; return what is learnt of the cloud, and of its parts."""
     parts = _parts(sources, options, run_on)
     with timer("reading", len(parts)) as on_progress:
-        overviews = run_on.run(_read, parts, on_progress=on_progress)
+        limit = HASHES * min(1.0, DRAWN * SAMPLED / max(1, n_points))
+        overviews = run_on.run(partial(_read, limit), parts, on_progress=on_progress)
     overview, measured = Overview(), []
     for part, of_part in zip(parts, overviews, strict=True):
         box = {"lower": of_part.lower, "upper": of_part.upper}
@@ -95,42 +98,40 @@ def read_all(
 
 def _parts(sources: Sequence[CloudFiles], options: Options, run_on: Engine) -> list[Part]:
     """Return the parts of a cloud, each with its entries of the arrays among the options."""
+    parts = [Part(files, options) for files in sources]
     if isinstance(options.keep, str | None) and isinstance(options.weight, str | None):
-        return [Part(files, options) for files in sources]
-    ends = np.cumsum(run_on.run(_count, sources)).tolist()
+        return parts
+    ends = np.cumsum(run_on.run(_count, parts)).tolist()
     if not isinstance(options.keep, str | None):
         options = replace(options, keep=mask_of(options.keep, ends[-1]))
     if not isinstance(options.weight, str | None):
         options = replace(options, weight=weights_of(options.weight, ends[-1]))
     whole = Part(sources[0], options)
     return [
-        Part(files, whole.of_chunk(first, end - first))
-        for files, first, end in zip(sources, [0, *ends], ends, strict=False)
+        replace(part, options=whole.of_chunk(first, end - first))
+        for part, first, end in zip(parts, [0, *ends], ends, strict=False)
     ]
 
 
-def _count(files: CloudFiles) -> int:
-    with files:
-        return sum(map(len, files.chunks(CHUNK)))
+def _count(part: Part) -> int:
+    return sum(len(cloud) for _, cloud in part.clouds())
 
 
-def _read(part: Part) -> Overview:
-    """Read a part, and count and draw its points."""
-    overview, first = Overview(), 0
-    with part.files as files:
-        for cloud in files.chunks(CHUNK):
-            rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
-            first += len(cloud)
-            of_chunk = Overview(count=len(cloud))
-            of_chunk.columns.add(cloud)
-            is_finite = cloud.is_finite()
-            if not is_finite.all():
-                of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
-            if len(rows):
-                of_chunk.lower, of_chunk.upper = bounds(rows.points)
-                of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
-                of_chunk.labels = np.bincount(rows.labels, minlength=256)
-                of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
-                of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
-            overview.add(of_chunk)
+def _read(limit: float, part: Part) -> Overview:
+    """Read a part, count its points, and draw among those whose hashes are below a limit."""
+    overview = Overview(limit=limit)
+    for first, cloud in part.clouds():
+        rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
+        of_chunk = Overview(count=len(cloud))
+        of_chunk.columns.add(cloud)
+        is_finite = cloud.is_finite()
+        if not is_finite.all():
+            of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
+        if len(rows):
+            of_chunk.lower, of_chunk.upper = bounds(rows.points)
+            of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
+            of_chunk.labels = np.bincount(rows.labels, minlength=256)
+            of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
+            of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
+        overview.add(of_chunk)
     return overview

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from uuid import uuid4
 
 import numpy as np
@@ -23,16 +23,37 @@ from gppcs.engine.timer import Timer
 from gppcs.methods import Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
+from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Source
 
-SURPLUS = 0.01  # Of points that tiles choose, besides a root of their number: the least important go at the end.
+# Points that each tile adds to those it chose, as a fraction of these, besides a root of their number: tiles choose a
+# little more or less than is expected of them. Those that are too many go at the end.
+SPARE = 0.01
+SPARE_FROM = 32  # Points of which each of these is the farthest from those that are kept.
+
+
+class Stored:
+    """Arrays that tasks leave in files for each other."""
+
+    def write(self, path: Path) -> None:
+        """Write a file, which appears once it is complete: a task may be done by two workers at once."""
+        unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
+        with unfinished.open("wb") as file:
+            np.savez(file, **{name: values for name, values in vars(self).items() if values is not None})
+        os.replace(unfinished, path)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file."""
+        with np.load(path) as stored:
+            return cls(**{name: stored[name] for name in stored.files})
 
 
 @dataclass(frozen=True, eq=False)
-class Guide:
+class Guide(Stored):
     """What a first choice, in a sample of the whole cloud, tells all tiles."""
 
     points: Floats  # (n, 3), the sample
@@ -42,24 +63,20 @@ class Guide:
     n_first: int  # number of these, the first, that all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
 
-    @classmethod
-    @lru_cache(maxsize=4)
-    def read(cls, path: Path, written: int) -> Guide:
-        """Read a file, once in each process for each time at which it was written."""
-        with np.load(path) as stored:
-            return cls(**{name: stored[name] for name in stored.files})
-
-    def write(self, path: Path) -> None:
-        """Write a file."""
-        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
+    def places_of(self, indices: Ints) -> Ints:
+        """Return the place of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
+        first = self.chosen[: self.n_first]
+        by_index = np.argsort(first)
+        places = np.zeros(len(indices), dtype=np.int64)
+        is_first = np.isin(indices, first)
+        places[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)] + 1
+        return places
 
 
-def write_at_once(path: Path, arrays: dict[str, object]) -> None:
-    """Write arrays to a file, which appears once it is complete: a task may be done by two workers at once."""
-    unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
-    with unfinished.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    os.replace(unfinished, path)
+@lru_cache(maxsize=4)
+def _guide_of(path: Path, written: int) -> Guide:
+    """Read a guide once in each process for each time at which it was written."""
+    return Guide.read(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +134,7 @@ class Tiling:
     def guide(self) -> Guide:
         """What the first choice tells."""
         path = self.folder / "guide.npz"
-        return Guide.read(path, path.stat().st_mtime_ns)
+        return _guide_of(path, path.stat().st_mtime_ns)
 
     def file(self, number: int) -> Path:
         """Return the file of the kept points of a tile."""
@@ -125,7 +142,7 @@ class Tiling:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class Kept(Stored):
     """The kept points of a tile, the most important first."""
 
     indices: Ints  # (k,), in the cloud
@@ -136,16 +153,7 @@ class Kept:
     normals: Floats | None = None  # (k, 3)
     score: Floats | None = None  # (k,)
     deviation: Floats | None = None  # (k,)
-
-    def write(self, path: Path) -> None:
-        """Write a file."""
-        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
-
-    @classmethod
-    def read(cls, path: Path) -> Kept:
-        """Read a file."""
-        with np.load(path) as stored:
-            return cls(**{name: stored[name] for name in stored.files})
+    chosen: Floats | None = None  # (k,), 0 for spare points
 
     @classmethod
     def joined(cls, parts: Iterable[Kept]) -> Kept:
@@ -167,6 +175,11 @@ class Kept:
         return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
 
     @property
+    def chosen_indices(self) -> Ints:
+        """The indices of all but spare points."""
+        return self.indices if self.chosen is None else self.indices[self.chosen > 0.0]
+
+    @property
     def scores(self) -> Mapping[str, Floats]:
         """The scores of the method, if it reports some."""
         return {name: values for name in SCORES if (values := getattr(self, name)) is not None}
@@ -184,38 +197,41 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
-    if tiling.options.algorithm.by_cells:
-        return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, is_done))
-    guide = tiling.guide
-    earlier = [Kept.read(tiling.file(i)).indices for i in tiling.before[number]]
-    fixed = rows.keep | np.isin(rows.indices, np.concatenate([guide.chosen[: guide.n_first], *earlier]))
-    taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
-    if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
-        taken = fixed | ~is_done | (tiling.scale is not None)
-    rows, fixed, is_own, is_done = rows.only(taken), fixed[taken], is_own[taken], is_done[taken]
-    return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, fixed, is_done))
-
-
-def _write(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Ints:
-    """Write the kept points of a tile, by what was chosen in it and around it; return their number by quota."""
-    kept = _kept(tiling, number, rows, is_own, selection)
+    stays, first = rows.keep, np.zeros(len(rows), dtype=np.int64)
+    if not tiling.options.algorithm.by_cells:
+        earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
+        stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
+        first = np.where(stays | is_done, 0, tiling.guide.places_of(rows.indices))
+        fixed = stays | (first > 0)
+        taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
+        if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
+            taken = fixed | ~is_done | (tiling.scale is not None)
+        stays, first, is_own, is_done = stays[taken], first[taken], is_own[taken], is_done[taken]
+        rows = rows.only(taken)
+    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, stays, first, is_own, is_done))
     if tiling.options.normals:
         kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
     kept.write(tiling.file(number))
     return np.bincount(kept.labels, minlength=256)
 
 
-def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: Flags) -> Selection:
-    """Choose among rows in a tile and around it, those that are fixed first; indices are those of rows."""
+def _selection(
+    tiling: Tiling, number: int, rows: Rows, stays: Flags, first: Ints, is_own: Flags, is_done: Flags
+) -> Selection:
+    """Choose among rows in a tile and around it, those that stay first, then those of the first choice.
+
+    Indices are those of rows; among the attributes are the places in the first choice.
+    """
     weights = rows.columns.get("weight")
     constraints = Constraints(
-        keep=np.flatnonzero(fixed),
+        keep=np.concatenate([np.flatnonzero(stays), np.flatnonzero(first)]),
         weights=None if weights is None else weights / tiling.max_weight,
         columns=rows.attributes.attributes,
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    task = replace(task, settled=None if tiling.scale is None else is_done[indices], scale=tiling.scale)
+    settled = None if tiling.scale is None else (is_done | stays)[indices]
+    task = replace(task, settled=settled, scale=tiling.scale)
     if tiling.spacing is not None:
         task = replace(task, spacing=tiling.spacing)
     else:
@@ -223,8 +239,7 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
         n_new = tiling.n_points * float(guide.mass[waits].sum())
-        n_new += SURPLUS * n_new + math.sqrt(n_new)
-        n_new -= np.count_nonzero(fixed & ~is_done & ~rows.keep)  # of the first choice
+        n_new -= np.count_nonzero(first)
         task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
     is_free = ~is_done[indices]
     is_free[: task.fixed] = True
@@ -232,7 +247,28 @@ def _selection(tiling: Tiling, number: int, rows: Rows, fixed: Flags, is_done: F
         selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
-    return replace(selection, indices=indices[selection.indices])
+    places = np.zeros(len(selection.indices))
+    places[: task.fixed] = first[indices[: task.fixed]]  # also where others stand for them
+    attributes = {**selection.attributes, "first": places}
+    selection = replace(selection, indices=indices[selection.indices], attributes=attributes)
+    return selection if tiling.spacing is not None else _with_spare(selection, indices, points, is_own)
+
+
+def _with_spare(selection: Selection, indices: Ints, points: Floats, is_own: Flags) -> Selection:
+    """Return a selection with spare points of the tile at its end, far from all others.
+
+    Shapes: indices (n,), in random order, of different places among points, (N, 3).
+    """
+    n_own = int(np.count_nonzero(is_own[selection.indices]))
+    n_spare = math.ceil(SPARE * n_own + math.sqrt(n_own))
+    unchosen = indices[is_own[indices] & ~np.isin(indices, selection.indices)][: SPARE_FROM * n_spare]
+    if not len(unchosen):
+        return selection
+    kept = points[selection.indices] if selection.points is None else selection.points
+    spare = unchosen[farthest_points(points[unchosen], min(n_spare, len(unchosen)), before=kept)[0]]
+    moved = None if selection.points is None else np.concatenate([kept, points[spare]])
+    marked = replace(selection, attributes={**selection.attributes, "chosen": np.ones(len(selection.indices))})
+    return replace(marked.arranged(np.concatenate([selection.indices, spare])), points=moved)
 
 
 def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Kept:
@@ -240,9 +276,11 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     own = np.flatnonzero(is_own[selection.indices])
     repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
     positions = np.concatenate([selection.indices[own], repeats])
-    ranks = _ranks(tiling, number, rows.indices[positions], rows.keep[positions])
+    attributes = dict(selection.attributes)
+    first = np.concatenate([attributes.pop("first")[own], np.zeros(len(repeats))])
+    ranks = _ranks(tiling, number, first, rows.keep[positions])
     order = np.argsort(ranks, kind="stable")
-    optional = {"moved": selection.points, "normals": selection.normals, **selection.attributes}
+    optional = {"moved": selection.points, "normals": selection.normals, **attributes}
     chosen = {
         name: np.concatenate([values[own], np.zeros((len(repeats), *values.shape[1:]))])[order]
         for name, values in optional.items()
@@ -254,13 +292,10 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     return Kept(rows.indices[positions], rows.points[positions], rows.labels[positions], ranks[order], **chosen)
 
 
-def _ranks(tiling: Tiling, number: int, indices: Ints, is_kept_anyway: Flags) -> Floats:
+def _ranks(tiling: Tiling, number: int, first: Floats, is_kept_anyway: Flags) -> Floats:
     """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice."""
-    guide, ranks = tiling.guide, np.full(len(indices), -1.0)
-    first = guide.chosen[: guide.n_first]
-    by_index = np.argsort(first)
-    is_first = np.isin(indices, first) & ~is_kept_anyway
-    ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)]
+    guide, is_first = tiling.guide, first > 0.0
+    ranks = np.where(is_first, first - 1.0, -1.0)
     is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
     # The n-th point of a tile comes about where the n-th one of the first choice does.
     of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]

@@ -14,6 +14,7 @@ from gppcs.surface.local_surface import LocalSurface
 from scans import sample
 
 NOISE = 0.01
+DENOISE = gppcs.LocalGP(denoise=True)
 
 
 def noisy(points, noise=NOISE):
@@ -54,7 +55,7 @@ SHAPES = {
 def test_kept_points_come_nearer_to_the_surface_by_a_factor(shape):
     make, off, factor = SHAPES[shape]
     scan = noisy(make(20_000))
-    kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
+    kept = gppcs.simplify(scan, n_points=800, method=DENOISE).cloud.points
     assert off(kept).mean() < off(scan).mean() / factor
 
 
@@ -65,7 +66,7 @@ def test_outliers_do_not_widen_the_neighbourhood():
 
 def test_without_noise_points_stay():
     for points in (plane(5_000), sphere(5_000)):
-        result = gppcs.simplify(points, n_points=300, denoise=True)
+        result = gppcs.simplify(points, n_points=300, method=DENOISE)
         assert np.abs(result.cloud.points - points[result.indices]).max() < 1e-9
 
 
@@ -75,7 +76,7 @@ def test_attributes_go_along_and_normals_are_those_of_the_surface():
     wrong /= np.linalg.norm(wrong, axis=1)[:, None]
     columns = dict(zip(("nx", "ny", "nz"), wrong.T.astype(np.float32), strict=True))
     cloud = gppcs.PointCloud(scan, {"number": np.arange(len(scan)), **columns})
-    result = gppcs.simplify(cloud, n_points=500, denoise=True)
+    result = gppcs.simplify(cloud, n_points=500, method=DENOISE)
     assert (result.cloud.attributes["number"] == result.indices).all()
     assert str(result.method) == "gp (denoise=True)"
     cosines = (result.cloud.normals() * true[result.indices]).sum(axis=1)
@@ -85,7 +86,7 @@ def test_attributes_go_along_and_normals_are_those_of_the_surface():
 def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
     monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
     scan = noisy(plane(20_000))
-    result = gppcs.simplify(scan, n_points=100, denoise=True)
+    result = gppcs.simplify(scan, n_points=100, method=DENOISE)
     assert np.linalg.norm(result.cloud.points - scan[result.indices], axis=1).max() < 5 * NOISE
     assert np.abs(result.cloud.points[:, 2]).mean() < NOISE / 4
 
@@ -107,7 +108,7 @@ def test_the_result_does_not_depend_on_threads():
     results = []
     for threads in (1, 3):
         gppcs.set_threads(threads)
-        results.append(gppcs.simplify(noisy(cube(8_000)), n_points=200, denoise=True))
+        results.append(gppcs.simplify(noisy(cube(8_000)), n_points=200, method=DENOISE))
     gppcs.set_threads(None)
     assert results[0].cloud.points.tobytes() == results[1].cloud.points.tobytes()
     assert (results[0].indices == results[1].indices).all()
@@ -116,7 +117,6 @@ def test_the_result_does_not_depend_on_threads():
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ({"method": "fps"}, "a method that supports denoise, found 'fps'; use 'gp'"),
         ({"n_points": None, "tolerance": "1%"}, "`denoise` without `tolerance`, found both"),
         ({"max_gap": "1%"}, "`denoise` without `max_gap`, found both"),
         ({"keep": [1]}, "`denoise` without `keep`, found both"),
@@ -125,21 +125,21 @@ def test_the_result_does_not_depend_on_threads():
 )
 def test_what_cannot_be_denoised_is_refused(options, told):
     with pytest.raises(ParameterError, match=told):
-        gppcs.simplify(plane(100), **{"n_points": 10, "denoise": True, **options})
+        gppcs.simplify(plane(100), **{"n_points": 10, "method": DENOISE, **options})
 
 
 def test_all_points_cannot_be_denoised():
     with pytest.raises(InputError, match="expected fewer points to keep"):
-        gppcs.simplify(plane(100), ratio=1, denoise=True)
+        gppcs.simplify(plane(100), ratio=1, method=DENOISE)
 
 
 def test_weights_and_detail_count_among_denoised_points():
     scan = noisy(plane(10_000))
     weights = np.where(scan[:, 0] < 0.5, 3.0, 1.0)
-    result = gppcs.simplify(scan, n_points=400, denoise=True, weight=weights)
+    result = gppcs.simplify(scan, n_points=400, method=DENOISE, weight=weights)
     assert (scan[result.indices, 0] < 0.5).mean() == pytest.approx(0.75, abs=0.06)
     cloud = gppcs.PointCloud(scan, {"side": (scan[:, 0] > 0.5).astype(np.int32)})
-    result = gppcs.simplify(cloud, n_points=400, denoise=True, detail="side")
+    result = gppcs.simplify(cloud, n_points=400, method=DENOISE, detail="side")
     assert (np.abs(scan[result.indices, 0] - 0.5) < 0.05).mean() > 0.15
 
 
@@ -147,7 +147,7 @@ def test_the_result_tells_how_far_points_have_moved():
     points = gppcs.sample("sphere", n_points=4000).points
     for noise in (0.0, 1.0):
         noisy = points + noise * np.random.default_rng(0).standard_normal(points.shape)
-        result = gppcs.simplify(noisy, n_points=400, denoise=True)
+        result = gppcs.simplify(noisy, n_points=400, method=DENOISE)
         shifts = np.linalg.norm(result.cloud.points - noisy[result.indices], axis=1)
         assert result.diagnostics["moved_mean"] == pytest.approx(shifts.mean(), abs=1e-9)
         assert result.diagnostics["moved_largest"] == pytest.approx(shifts.max(), abs=1e-9)
@@ -162,6 +162,6 @@ def test_the_surface_of_the_kept_points_is_nearer_to_the_true_one(name, monkeypa
     for step in (True, False):
         if not step:
             monkeypatch.setattr(inducing, "inducing_points", lambda kept, observed, places: kept)
-        kept = gppcs.simplify(scan, n_points=800, denoise=True).cloud.points
+        kept = gppcs.simplify(scan, n_points=800, method=DENOISE).cloud.points
         distances[step] = LocalSurface.from_points(kept).nearest_to(true)[0].mean()
     assert distances[True] < 0.97 * distances[False]

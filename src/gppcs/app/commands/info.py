@@ -63,7 +63,7 @@ def info(
         if bounds is not None and not (quiet or as_json):
             say("gppcs info --all also tells diagonal, spacing, repeats, classes and the ranges of attributes")
 
-    for_each(sources_of(files), show_info)
+    for_each(((file, file) for file in sources_of(files)), show_info)
 
 
 def _classes(cloud: PointCloud) -> dict[str, int]:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 EPILOG = (
     "gppcs mesh scan.ply -o small.ply --points 5k\n\n"
     "gppcs mesh scan.ply -o small.glb --faces 20k --moved\n\n"
+    "gppcs mesh scan.ply -o web.glb --faces 5k --texture --texture-size 2048\n\n"
     "gppcs mesh scan.ply -o best.ply --points 2k --effort 2\n\n"
     "gppcs mesh scan.ply -o small.stl --tolerance 0.5 --fill-holes 20 --lossy\n\n"
     "gppcs simplify scan.ply -o kept.ply --ratio 5% && gppcs mesh scan.ply -o small.ply --keep-points kept.ply\n\n"
@@ -62,6 +63,10 @@ def mesh(
     fill_holes: Annotated[
         str | None, option("Also close holes whose boundary loops have boxes of this diagonal.", metavar="LENGTH")
     ] = None,
+    texture: Annotated[
+        bool, option("Write all points' colours as a texture, to .glb. Needs the extra texture.", None, "--texture")
+    ] = False,
+    texture_size: Annotated[int, option("Width and height of the texture in pixels.", metavar="PIXELS")] = 1024,
     input_format: options.From = None,
     columns: options.Columns = None,
     invalid: options.Invalid = "error",
@@ -81,6 +86,7 @@ def mesh(
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.clouds.quantities import unit_of
+    from gppcs.drawing.textures import bake_texture, checked_texture_size, require_colours
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import fit_vertices, mesh_format_of, write_mesh
     from gppcs.meshing.arguments import Size
@@ -89,7 +95,9 @@ def mesh(
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
     task = Size.from_arguments(**size, keep=keep_points)
-    mesh_format_of(output)
+    mesh_format_of(output, texture)
+    if texture:
+        checked_texture_size(texture_size)
     files = [cloud, *filter(None, [keep_points])]
     io.check_distinct([output], files)
     io.check_writable(output, force)
@@ -98,9 +106,15 @@ def mesh(
         kept = _indices_of(original, selected[0], keep_points) if keep_points else None
     fit_vertices(original, output, lossy)
     with naming(cloud):
+        if texture:
+            require_colours(original)
         result = gppcs.mesh(original, **size, keep=kept, moved=moved, effort=effort, invalid=invalid, timer=timer)
+    baked = None
+    if texture:
+        with timer("texture"):
+            baked = bake_texture(result.mesh, original, texture_size)
     with timer("writing"):
-        dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True)
+        dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True, texture=baked, unit=unit)
     note_left_out(output, dropped)
     note_units(cloud, original, unit)
     for note in _notes(result, original, task.n_points, bool(moved or effort)):

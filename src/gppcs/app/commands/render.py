@@ -45,12 +45,15 @@ def render(
     from gppcs import io
     from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import draw_pair, named_inputs
+    from gppcs.app.pages import draw_beside, named_inputs
+    from gppcs.drawing.colours import RGB, Colourable
     from gppcs.drawing.single import checked_size, draw_single
+    from gppcs.drawing.surfaces import surface_through
+    from gppcs.drawing.web.layers import Named
     from gppcs.engine.extras import require_matplotlib
     from gppcs.io.files import naming
 
-    timer = started(quiet, threads)
+    timer = started(quiet, threads, in_pipes=True)
     viewpoint = options.viewpoint_of(view, up)
     pixels = checked_size(_numbers(size))
     check_output(output, sources, force, [".png"])
@@ -64,9 +67,18 @@ def render(
             replace(named, name=visible(named.name), cloud=named.cloud[named.cloud.is_finite()])
             for named in named_inputs(sources, read)
         )
-        caption = f"{len(second.cloud) / max(len(first.cloud), 1):.1%} of the points"
+        if colour is None and Colourable.from_cloud(first.cloud).rgb is not None:
+            colour = RGB
+        results = [(second, "")]
+        if first.mesh is None and second.mesh is None and len(first.cloud):
+            results = [(second, f"{len(second.cloud) / len(first.cloud):.1%} of the points")]
+            with timer("surface"):
+                surface = surface_through(second.cloud, first.cloud)
+            if surface and not surface.is_noisy:
+                joined = Named("surface", second.cloud, surface.mesh, is_mesh=True)
+                results.append((joined, "the surface through them"))
         with io.whole_output(output, force) as file:
-            draw_pair(file, first, second, "" if first.mesh or second.mesh else caption, viewpoint, colour, timer)
+            draw_beside(file, first, results, viewpoint, colour, timer, close_ups=0)
         if not quiet and not io.is_standard(output):
             say(f"{output}: {first.size_text} beside {second.size_text}")
         return

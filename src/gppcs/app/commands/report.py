@@ -52,7 +52,7 @@ def report(
     from gppcs.drawing.web.contents import report_page
     from gppcs.engine.extras import require_pymeshlab
 
-    timer = started(quiet, threads)
+    timer = started(quiet, threads, in_pipes=True)
     viewpoint = options.viewpoint_of(view, up)
     inputs = [original, *simplified]
     check_output(output, inputs, force, SUFFIXES)

@@ -18,7 +18,8 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
-from gppcs.drawing.surfaces import surface_of_few, surface_through
+from gppcs.drawing.estimates import MAX_MEASURED
+from gppcs.drawing.surfaces import Surface, surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
@@ -56,7 +57,8 @@ class Page:
         if not together:
             notes.append("The clouds lie far apart or differ much in size, so each view has a frame of its own.")
         described |= {"notes": notes, "up": up, "azimuth": azimuth, "elevation": elevation, "together": together}
-        described |= {"solid": any(layer.described["mesh"] for layer in layers), "classes": CLASS_NAMES}
+        solid = any(layer.described["mesh"] for layer in layers) and not any(layer.is_noisy for layer in layers)
+        described |= {"solid": solid, "classes": CLASS_NAMES}
         of_details = {
             f"{name}_{figure}": value for name in detail for figure, value in DetailErrors.definitions().items()
         }
@@ -101,7 +103,7 @@ def report_page(
         with timer(f"views of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
             if result.mesh is None and original.mesh is None:
-                result = replace(result, mesh=surface_through(kept.cloud, surface.cloud))
+                result = _with_surface(result, surface_through(kept.cloud, surface.cloud))
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             distances = _distances(first.cloud.points, result)
@@ -134,7 +136,7 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     layers = []
     for named in clouds:
         surface = CloudSurface.from_cloud(named)
-        shown = replace(named, mesh=named.mesh or surface_of_few(surface.cloud))
+        shown = named if named.mesh else _with_surface(named, surface_of_few(surface.cloud))
         layers.append(Layer(blocks, shown, "cloud", surface))
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = ", ".join(named.size_text for named in clouds)
@@ -144,6 +146,11 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     if mesh is not None and clouds[0].is_mesh:
         viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
+
+
+def _with_surface(named: Named, surface: Surface | None) -> Named:
+    """Return a cloud with the surface through its points, if there is one."""
+    return replace(named, mesh=surface.mesh, noise=surface.noise) if surface else named
 
 
 def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSurface, NDArray[np.uint32]]:
@@ -177,11 +184,13 @@ def _figures_of_mesh(original: PointCloud, result: Named) -> dict[str, object]:
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:
-    """Return the figures of a result after some numbers of its first points."""
+    """Return the figures of a result, and after some numbers of its first points by a sample of the original."""
     measured = []
     counts = {len(result), *(count for part in (8, 4, 2) if (count := len(result) // part) >= 4)}
+    sampled = original.take(np.arange(0, len(original), -(-len(original) // MAX_MEASURED)))
     for count in sorted(counts):
-        report = evaluate(original, result.take(np.arange(count)), detail=detail)
+        is_part = count < len(result) and 4 * count <= len(sampled)
+        report = evaluate(sampled if is_part else original, result.take(np.arange(count)), detail=detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured
 

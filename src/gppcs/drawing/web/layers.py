@@ -13,6 +13,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh, size_text
 from gppcs.drawing.colours import Colourable, kinds_of, scale_ends
 from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.drawing.surfaces import NOISY
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import InputError
@@ -34,6 +35,7 @@ class Named:
     mesh: Mesh | None = None  # its surface, to be shown in place of its points
     reason: str | None = None  # why its points were chosen
     is_mesh: bool = False  # whether it is this mesh, and the points are the vertices
+    noise: float = 0.0  # of its points, in median edges of the mesh through them
 
     @property
     def size_text(self) -> str:
@@ -118,6 +120,10 @@ class Layer:
         if len(self.shown) < finite:
             drawn = f"{len(self.shown):,} of {finite:,} points are drawn, chosen by the method gp"
             self.note(f"{drawn}. All figures are those of all points.")
+        self.is_noisy = named.noise > NOISY
+        if self.is_noisy:
+            edges = f"noise is about {100 * named.noise:.0f} % of the spacing"
+            self.note(f"{edges}, so the page opens with points; Surfaces shows the surface through them.")
         self._add_estimates(surface)
         self._add_attributes()
 

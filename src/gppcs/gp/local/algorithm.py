@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
@@ -48,7 +49,8 @@ class Problem(NamedTuple):
     fixed: int = 0  # The first so many points are chosen from the start
     weights: Floats | None = None  # (N,), above 0: factors of the density of the chosen points
     attributes: NDArray[np.float32] | None = None  # (N, k), which count beside the shape
-    settled: Flags | None = None  # (N,), points that only show where the surface is
+    # (N,), points that only show where the surface is. Fixed ones that are not may be exchanged for points near them.
+    settled: Flags | None = None
     scale: Scale | None = None  # Of the cloud of which the points are a part
 
     def candidate_density(self, criterion: Criterion) -> float:
@@ -57,6 +59,16 @@ class Problem(NamedTuple):
             return self.scale.candidate_density
         density = criterion.candidate_density * (1.0 if self.weights is None else refinement(self.weights))
         return cells_for(density, len(self.points), self.n_points, criterion.density_power)
+
+    @property
+    def finished(self) -> int:
+        """Number of fixed points, the first, that are settled."""
+        return 0 if self.settled is None else int(np.count_nonzero(self.settled[: self.fixed]))
+
+    def n_after(self, target: int) -> int:
+        """Return how many points are chosen when a stage ends: finished tiles are dense from the start."""
+        fraction = 1.0 - self.finished / self.n_points
+        return self.finished + math.ceil(fraction * target)
 
     def moved(self, points: Floats, indices: Ints) -> Problem:
         """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
@@ -72,7 +84,9 @@ def choose(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
     """Choose points of a cloud, the most important first: every prefix is a simplification of its size."""
     ranking, measured = _choose_candidates(problem, criterion, timer)  # steps 1 to 6, and 8
     with timer("placement"):
-        indices = place(problem.points, ranking.indices, problem.fixed, measured)  # step 7, Eqs. (10) and (20)
+        indices = place(
+            problem.points, ranking.indices, problem.fixed if problem.settled is None else problem.finished, measured
+        )  # step 7, Eqs. (10) and (20)
     return ranking._replace(indices=indices)
 
 
@@ -91,7 +105,9 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
     points, n_points, fixed, weights, attributes, _, scale = problem
     area, noise, ranks, detail, tree, normals = survey(points, n_points, density, timer, attributes, scale)
     with timer("candidates"):
-        stages = nested_candidates(points, ranks, n_points, area, density, fixed, scale and scale.largest_gap)
+        stages = nested_candidates(
+            points, ranks, n_points, area, density, fixed, scale and scale.largest_gap, problem.finished
+        )
     indices = stages[-1].indices
     positions, sheets = points[indices], None
     if not noise.thick:
@@ -126,7 +142,7 @@ def _choose_in_stage(
     """Return the ranking with the points of one more stage, each of the largest score."""
     with timer("features"):  # steps 3 and 4, Eqs. (2) to (6)
         tree, field, measured = field_of(problem.points, candidates, stage, criterion, problem.scale)
-    n_added = stage.target - len(ranking.indices)
+    n_added = problem.n_after(stage.target) - len(ranking.indices)
     with timer("greedy selection", n_added) as on_progress:  # steps 5 and 6, Eqs. (8) and (9)
         indices = stage.indices[tree.order]
         is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)

@@ -135,7 +135,7 @@ def sharpness_of(variation: Floats) -> Floats:
 class Stage(NamedTuple):
     """A stage of the choice, and its candidates."""
 
-    target: int  # Number of points that are chosen when the stage ends
+    target: int  # Number of points that are chosen when the stage ends, if no tile is finished
     indices: Ints  # (n,), indices of the candidates, ascending
     thinned: bool  # Whether they are one in each cell; otherwise those of the next finer stage, or all points
     area: float  # Area of the surface, corrected by the number of occupied cells
@@ -156,12 +156,15 @@ def nested_candidates(
     candidate_density: float,
     fixed: int = 0,
     largest: float | None = None,
+    finished: int = 0,
 ) -> list[Stage]:
     """Return all stages, from coarse to fine. The candidates of a coarse stage are among those of the finer.
 
     The candidate of a grid's cell is its point of the highest rank. Outliers are excluded. If that leaves too few, a
     stage takes the candidates of the finer stage, and the last stage takes all points. The first `fixed` points are
-    candidates of each stage, which aims at more. Shapes: points (N, 3), ranks (N,).
+    candidates of each stage, which aims at more. Those of finished tiles have their full density.
+
+    Shapes: points (N, 3), ranks (N,).
     """
     thin = thinned if largest is None else sharpest_in_cells  # of a part, whose area is measured in the whole
     area, indices = thin(points, ranks, n_points, area, candidate_density)
@@ -176,7 +179,7 @@ def nested_candidates(
     else:
         indices = np.arange(len(points))
         stages = [Stage(n_points, indices, False, area)]
-    while stages[-1].target > max(FIRST_STAGE, 2 * fixed):
+    while stages[-1].target > max(FIRST_STAGE, 2 * (fixed - finished) / (1.0 - finished / n_points)):
         target = -(-stages[-1].target // 2)
         area, kept = thin(points[indices], ranks[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
