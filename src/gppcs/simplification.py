@@ -262,7 +262,8 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    from gppcs.streaming.beyond_memory import Survey, all_kept, choose
+    from gppcs.streaming.amounts import choose
+    from gppcs.streaming.beyond_memory import Survey
     from gppcs.streaming.graph import engine
     from gppcs.streaming.output import take
     from gppcs.streaming.scratch import scratch_folder
@@ -273,8 +274,8 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         engine(options.workers, plan.threads) as run_on,
     ):
         survey = Survey.read(files, plan, options, folder, folder, run_on, timer)
-        choice, more, diagnostics = choose(survey)
-        kept = all_kept(survey, choice, more)
+        choice, diagnostics = choose(survey)
+        kept = choice.all_kept()
         with timer("kept points"):
             cloud = take(survey.parts, kept, survey.overview.columns, run_on.run)
     selection, ranks = Selection(kept.indices, diagnostics, attributes=kept.scores), np.arange(len(cloud))
@@ -326,15 +327,15 @@ def _each_by_tiles(
     files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, work: Path, timer: Timer
 ) -> tuple[Sequence[Written], Mapping[str, float]]:
     """Simplify files as one cloud tile by tile, and write the kept points of each."""
-    from gppcs.streaming.beyond_memory import Survey, choose
-    from gppcs.streaming.folder import FileTask, write_file
+    from gppcs.streaming.amounts import choose
+    from gppcs.streaming.beyond_memory import Survey
+    from gppcs.streaming.folder import write_file
     from gppcs.streaming.graph import engine
     from gppcs.streaming.scratch import scratch_folder
 
     with scratch_folder(options.scratch, plan.disk) as scratch, engine(options.workers, plan.threads) as run_on:
         survey = Survey.read(files, plan, options, scratch, work, run_on, timer)
-        choice, more, diagnostics = choose(survey)
-        of_files = zip(files.paths, targets, strict=True)
-        tasks = [FileTask(survey.parts_of(path), target) for path, target in of_files]
+        choice, diagnostics = choose(survey)
+        tasks = [(survey.parts_of(path), target) for path, target in zip(files.paths, targets, strict=True)]
         with timer("writing", len(tasks)) as on_progress:
-            return run_on.run(partial(write_file, choice, more), tasks, on_progress=on_progress), diagnostics
+            return run_on.run(partial(write_file, choice), tasks, on_progress=on_progress), diagnostics

@@ -23,8 +23,7 @@ def beyond_memory(monkeypatch):
     """Let no method fit into memory, and cut clouds into small parts."""
     for method in gppcs.METHODS.values():
         monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
-    for name in ("source", "survey", "output"):
-        monkeypatch.setattr(f"gppcs.streaming.{name}.CHUNK", 3_000)
+    monkeypatch.setattr("gppcs.streaming.source.CHUNK", 3_000)
     monkeypatch.setattr("gppcs.streaming.source.RUN", 5_000)
     monkeypatch.setattr("gppcs.streaming.beyond_memory.TILE", 4_000)
     monkeypatch.setattr("gppcs.streaming.beyond_memory.PILOT", 8_000)

@@ -54,7 +54,7 @@ def run_job(options: Options, output: Output, timer: Timer) -> tuple[dict[str, A
         dropped = output.write(clouds, result.ranked and options.mark is None)
     note_left_out(output.targets[-1], dropped)
     note_units(output.input_title, files.preview, options.unit)
-    for note in _notes(result, options):
+    for note in _notes(len(result), result.points_in, result.diagnostics, options):
         print_error(f"note: {output.input_title}: {note}")
     named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
     record = {
@@ -81,6 +81,8 @@ def run_folder(options: Options, output: Output, timer: Timer) -> tuple[dict[str
         written, diagnostics = simplify_each(files, targets, options, plan, timer, output.force)
         points_in = files.n_points
     points_out = sum(file.n_points for file in written)
+    for note in _notes(points_out, points_in, diagnostics, options):
+        print_error(f"note: {len(written)} files: {note}")
     record = {
         "input": output.input,
         "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
@@ -153,13 +155,13 @@ def _effect(noise: float, options: Options) -> str:
     return "some: points near the fitted surface are preferred" if noise <= 0.25 else "much: --denoise moves points out"
 
 
-def _notes(result: Result, options: Options) -> Iterator[str]:
+def _notes(kept: int, points_in: int, diagnostics: Mapping[str, float], options: Options) -> Iterator[str]:
     """Yield what somebody may not have expected of a result."""
-    kept, fraction = len(result), len(result) / result.points_in
+    fraction = kept / points_in
     if isinstance(options.size, int) and kept < options.size:
         usable = " with finite coordinates" if options.invalid == "drop" else ""
         yield f"all of its {kept:,} points{usable} were kept, fewer than the {options.size:,} asked for"
     if options.tolerance is not None and fraction > 0.5:
         yield f"this tolerance takes {fraction:.0%} of the points; it is below what their spacing and noise resolve"
-    if result.diagnostics.get("moved_largest") == 0.0:
+    if diagnostics.get("moved_largest") == 0.0:
         yield "--denoise moved no point: no noise was found, or none that differs from detail"

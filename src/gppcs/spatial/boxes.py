@@ -90,9 +90,7 @@ class Boxes:
 
 def inside(points: Floats, lower: Floats, upper: Floats) -> Flags:
     """Return which points, (n, 3), lie between two corners, (3,), borders included."""
-    mask = np.empty(len(points), dtype=np.bool_)
-    on_ranges(_mark_inside, len(points), points, lower, upper, mask, minimum=1 << 14)
-    return mask
+    return np.asarray(((points >= lower) & (points <= upper)).all(axis=1))
 
 
 def neighbours_before(tiles: Sequence[Tile], distance: Floats) -> list[list[int]]:
@@ -108,15 +106,6 @@ def neighbours_before(tiles: Sequence[Tile], distance: Floats) -> list[list[int]
         neighbours.append(near)
         colours[i] = np.setdiff1d(np.arange(len(near)), colours[near])[0]
     return [near[colours[near] < colours[i]].tolist() for i, near in enumerate(neighbours)]
-
-
-@kernel(allocates=False)
-def _mark_inside(begin, end, points, lower, upper, mask):
-    """Fill `mask`, (n,), for a range of points, (n, 3): whether they lie between two corners."""
-    for i in range(begin, end):
-        mask[i] = True
-        for axis in range(3):
-            mask[i] &= lower[axis] <= points[i, axis] <= upper[axis]
 
 
 @kernel(allocates=False)

@@ -26,7 +26,7 @@ from gppcs.io.writing import store_in
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import own_version
 from gppcs.streaming.output import take
-from gppcs.streaming.passes import Choice, in_order_of_choice
+from gppcs.streaming.passes import Choice
 from gppcs.streaming.source import Part
 from gppcs.streaming.tiles import Kept
 
@@ -118,39 +118,32 @@ def _described(options: Options) -> str:
     return ", ".join(described)
 
 
-@dataclass(frozen=True, eq=False)
-class FileTask:
-    """The work on one file of a cloud."""
-
-    parts: Sequence[Part]  # of the file
-    target: Target
-
-
-def write_file(choice: Choice, more: Sequence[Kept], task: FileTask) -> Written:
-    """Write the kept points of a file, by a choice and others besides, unless an earlier run has done so."""
-    record = choice.tiling.folder / f"{task.target.path.name}.json"
-    if record.exists() and task.target.path.exists():
+def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
+    """Write the kept points in the parts of a file, unless an earlier run did so."""
+    parts, target = task
+    record = choice.tiling.folder / f"{target.path.name}.json"
+    if record.exists() and target.path.exists():
         count, lower, upper = json.loads(record.read_text(encoding="utf-8"))
-        return Written(task.target.path, count, np.array(lower), np.array(upper))
-    kept = _kept_in(choice, more, task.parts)
-    cloud = take(task.parts, kept)
+        return Written(target.path, count, np.array(lower), np.array(upper))
+    kept = _kept_in(choice, parts)
+    cloud = take(parts, kept)
     if choice.tiling.options.scores:
         scores = {name: values.astype(np.float32) for name, values in kept.scores.items()}
         cloud = replace(cloud, attributes={**cloud.attributes, **scores})
-    written = task.target.write(cloud, kept.indices)
+    written = target.write(cloud, kept.indices)
     with whole_output(record, force=True) as file:
         file.write(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]).encode())
     return written
 
 
-def _kept_in(choice: Choice, more: Sequence[Kept], parts: Sequence[Part]) -> Kept:
+def _kept_in(choice: Choice, parts: Sequence[Part]) -> Kept:
     """Return the kept points of the parts of a file."""
     first, last = parts[0], parts[-1]
     lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))
     numbers = choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
-    kept = Kept.joined([*map(choice.kept, numbers or [0]), *more])
+    kept = choice.all_kept(numbers or [0])
     inside = (kept.indices >= first.first) & (kept.indices < last.first + (last.count or 0))
-    return in_order_of_choice(kept.take(np.flatnonzero(inside)), choice.tiling.options)
+    return kept.take(np.flatnonzero(inside))
 
 
 def write_index(folder: Path, written: Sequence[Written]) -> None:

@@ -6,12 +6,13 @@ import os
 import pickle
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
+from graphlib import TopologicalSorter
 from typing import Any
 
 from gppcs.engine.extras import require_distributed
@@ -38,7 +39,7 @@ class Engine:
 
         Returns what the calls return, in the order of the arguments.
         """
-        before = [list(numbers) for numbers in after] or [[] for _ in arguments]
+        before = dict(enumerate(after or [()] * len(arguments)))
         task = Call(function, platform.node(), os.getpid(), own_version())
         if isinstance(self.executor, ThreadPoolExecutor):
             return self._run_in_order(task, arguments, before, on_progress)
@@ -48,7 +49,7 @@ class Engine:
 
         shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
         futures: dict[int, Any] = {}
-        for number in _sorted(before):
+        for number in TopologicalSorter(before).static_order():
             earlier = [futures[i] for i in before[number]]
             futures[number] = self.executor.submit(
                 Call.__call__, shared, arguments[number], earlier, pure=False, retries=RETRIES
@@ -61,18 +62,19 @@ class Engine:
         self,
         task: Callable[[Any], Any],
         arguments: Sequence[Any],
-        before: list[list[int]],
+        before: Mapping[int, Sequence[int]],
         on_progress: Callable[[int], None],
     ) -> list[Any]:
         results: dict[int, Any] = {}
         running: dict[Future[Any], int] = {}
-        waiting = _sorted(before)
-        while waiting or running:
-            ready = [number for number in waiting if results.keys() >= set(before[number])]
-            waiting = [number for number in waiting if number not in set(ready)]
-            running |= {self.executor.submit(task, arguments[number]): number for number in ready}
+        graph = TopologicalSorter(before)
+        graph.prepare()
+        while graph.is_active():
+            running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                results[running.pop(future)] = future.result()
+                number = running.pop(future)
+                results[number] = future.result()
+                graph.done(number)
                 on_progress(1)
         return [results[number] for number in range(len(arguments))]
 
@@ -146,17 +148,6 @@ def _threads(count: int) -> Iterator[Executor]:
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-
-
-def _sorted(before: list[list[int]]) -> list[int]:
-    """Return the numbers of tasks so that each comes after those that go before it."""
-    order: dict[int, None] = {}
-    waiting = list(range(len(before)))
-    while waiting:
-        ready = [number for number in waiting if all(i in order for i in before[number])]
-        order |= dict.fromkeys(ready)
-        waiting = [number for number in waiting if number not in order]
-    return list(order)
 
 
 def own_version() -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud, with_normals
 from gppcs.engine.arrays import Ints
 from gppcs.io.joining import JointColumns, joined
-from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.source import Part
 from gppcs.streaming.tiles import Kept
 from gppcs.surface.normals import with_signs_of
@@ -41,16 +40,15 @@ def take(
 def rows_of(task: tuple[Part, Ints]) -> PointCloud:
     """Read the points of a part at some indices in the cloud, (n,), ascending."""
     part, indices = task
-    first, clouds, columns = part.first, list[PointCloud](), JointColumns()
-    with part.files as files:
-        if not len(indices):
+    if not len(indices):
+        with part.files as files:
             return files.preview[:0]
-        for cloud in files.chunks(CHUNK):
-            begin, end = np.searchsorted(indices, [first, first + len(cloud)])
-            columns.add(cloud)
-            clouds.append(cloud.take(indices[begin:end] - first))
-            first += len(cloud)
-    part.check_count(first - part.first)
+    clouds, columns = list[PointCloud](), JointColumns()
+    for n, cloud in part.clouds():
+        first = part.first + n
+        begin, end = np.searchsorted(indices, [first, first + len(cloud)])
+        columns.add(cloud)
+        clouds.append(cloud.take(indices[begin:end] - first))
     return columns.joined(clouds)
 
 

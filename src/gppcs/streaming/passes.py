@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from gppcs.amounts.accuracy import distances_to
-from gppcs.amounts.options import Options
 from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.methods import Feature
@@ -30,6 +30,18 @@ class Choice:
     tiling: Tiling
     n_staying: Ints  # (tiles, 256), of each quota
     below: float = np.inf
+    added: tuple[Kept, ...] = ()  # besides
+
+    def all_kept(self, numbers: Iterable[int] | None = None) -> Kept:
+        """Read the points of some tiles, or all, that stay, and what is added to any.
+
+        The most important come first; if the method does not rank, they have the order of the files.
+        """
+        if numbers is None:
+            numbers = range(len(self.tiling.tiles))
+        kept = Kept.joined([*map(self.kept, numbers), *self.added])
+        is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
+        return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
 
     def kept(self, number: int) -> Kept:
         """Read the points of a tile that stay."""
@@ -46,12 +58,6 @@ class Choice:
         lower, upper = tile.lower - margin, tile.upper + margin
         points = np.concatenate([self.kept(i).positions for i in self.tiling.meeting(lower, upper)])
         return points[inside(points, lower, upper)]
-
-
-def in_order_of_choice(kept: Kept, options: Options) -> Kept:
-    """Return kept points, the most important first, or in the order of the files if the method does not rank."""
-    is_ranked = Feature.RANKING in options.algorithm.supports
-    return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
 
 
 def outliers_in_tile(tiling: Tiling, number: int) -> Rows:

@@ -14,6 +14,7 @@ from uuid import uuid4
 import numpy as np
 
 from gppcs.amounts.options import Options
+from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
@@ -38,19 +39,20 @@ class Part:
     lower: Floats = field(default_factory=lambda: np.full(3, np.inf))  # (3,), corners of the box of its points
     upper: Floats = field(default_factory=lambda: np.full(3, -np.inf))
 
-    def chunks(self) -> Iterator[Rows]:
-        """Read the points that may be kept."""
+    def clouds(self) -> Iterator[tuple[int, PointCloud]]:
+        """Read all points, chunk by chunk; yield these with the number of points before them."""
         n = 0
         with self.files as files:
             for cloud in files.chunks(CHUNK):
-                yield Rows.from_cloud(cloud, self.first + n, self.of_chunk(n, len(cloud)))
+                yield n, cloud
                 n += len(cloud)
-        self.check_count(n)
-
-    def check_count(self, n: int) -> None:
-        """Check that as many points were read as are expected."""
         if self.count is not None and n != self.count:
             raise InputError(f"expected {self.count:,} points again, found {n:,}: the files have changed meanwhile")
+
+    def chunks(self) -> Iterator[Rows]:
+        """Read the points that may be kept."""
+        for n, cloud in self.clouds():
+            yield Rows.from_cloud(cloud, self.first + n, self.of_chunk(n, len(cloud)))
 
     def of_chunk(self, first: int, n: int) -> Options:
         """Return the options with only those entries of arrays that describe n points of the part."""

@@ -18,7 +18,6 @@ from gppcs.io.joining import JointColumns
 from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import Engine
-from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
 
@@ -99,42 +98,40 @@ def read_all(
 
 def _parts(sources: Sequence[CloudFiles], options: Options, run_on: Engine) -> list[Part]:
     """Return the parts of a cloud, each with its entries of the arrays among the options."""
+    parts = [Part(files, options) for files in sources]
     if isinstance(options.keep, str | None) and isinstance(options.weight, str | None):
-        return [Part(files, options) for files in sources]
-    ends = np.cumsum(run_on.run(_count, sources)).tolist()
+        return parts
+    ends = np.cumsum(run_on.run(_count, parts)).tolist()
     if not isinstance(options.keep, str | None):
         options = replace(options, keep=mask_of(options.keep, ends[-1]))
     if not isinstance(options.weight, str | None):
         options = replace(options, weight=weights_of(options.weight, ends[-1]))
     whole = Part(sources[0], options)
     return [
-        Part(files, whole.of_chunk(first, end - first))
-        for files, first, end in zip(sources, [0, *ends], ends, strict=False)
+        replace(part, options=whole.of_chunk(first, end - first))
+        for part, first, end in zip(parts, [0, *ends], ends, strict=False)
     ]
 
 
-def _count(files: CloudFiles) -> int:
-    with files:
-        return sum(map(len, files.chunks(CHUNK)))
+def _count(part: Part) -> int:
+    return sum(len(cloud) for _, cloud in part.clouds())
 
 
 def _read(limit: float, part: Part) -> Overview:
     """Read a part, count its points, and draw among those whose hashes are below a limit."""
-    overview, first = Overview(limit=limit), 0
-    with part.files as files:
-        for cloud in files.chunks(CHUNK):
-            rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
-            first += len(cloud)
-            of_chunk = Overview(count=len(cloud))
-            of_chunk.columns.add(cloud)
-            is_finite = cloud.is_finite()
-            if not is_finite.all():
-                of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
-            if len(rows):
-                of_chunk.lower, of_chunk.upper = bounds(rows.points)
-                of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
-                of_chunk.labels = np.bincount(rows.labels, minlength=256)
-                of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
-                of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
-            overview.add(of_chunk)
+    overview = Overview(limit=limit)
+    for first, cloud in part.clouds():
+        rows = Rows.from_cloud(cloud, 0, part.of_chunk(first, len(cloud)))
+        of_chunk = Overview(count=len(cloud))
+        of_chunk.columns.add(cloud)
+        is_finite = cloud.is_finite()
+        if not is_finite.all():
+            of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
+        if len(rows):
+            of_chunk.lower, of_chunk.upper = bounds(rows.points)
+            of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
+            of_chunk.labels = np.bincount(rows.labels, minlength=256)
+            of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
+            of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
+        overview.add(of_chunk)
     return overview

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from uuid import uuid4
 
 import numpy as np
@@ -35,8 +35,25 @@ SPARE = 0.01
 SPARE_FROM = 32  # Points of which each of these is the farthest from those that are kept.
 
 
+class Stored:
+    """Arrays that tasks leave in files for each other."""
+
+    def write(self, path: Path) -> None:
+        """Write a file, which appears once it is complete: a task may be done by two workers at once."""
+        unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
+        with unfinished.open("wb") as file:
+            np.savez(file, **{name: values for name, values in vars(self).items() if values is not None})
+        os.replace(unfinished, path)
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file."""
+        with np.load(path) as stored:
+            return cls(**{name: stored[name] for name in stored.files})
+
+
 @dataclass(frozen=True, eq=False)
-class Guide:
+class Guide(Stored):
     """What a first choice, in a sample of the whole cloud, tells all tiles."""
 
     points: Floats  # (n, 3), the sample
@@ -45,17 +62,6 @@ class Guide:
     chosen_points: Floats  # (m, 3)
     n_first: int  # number of these, the first, that all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
-
-    @classmethod
-    @lru_cache(maxsize=4)
-    def read(cls, path: Path, written: int) -> Guide:
-        """Read a file, once in each process for each time at which it was written."""
-        with np.load(path) as stored:
-            return cls(**{name: stored[name] for name in stored.files})
-
-    def write(self, path: Path) -> None:
-        """Write a file."""
-        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
 
     def places_of(self, indices: Ints) -> Ints:
         """Return the place of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
@@ -67,12 +73,10 @@ class Guide:
         return places
 
 
-def write_at_once(path: Path, arrays: dict[str, object]) -> None:
-    """Write arrays to a file, which appears once it is complete: a task may be done by two workers at once."""
-    unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
-    with unfinished.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    os.replace(unfinished, path)
+@lru_cache(maxsize=4)
+def _guide_of(path: Path, written: int) -> Guide:
+    """Read a guide once in each process for each time at which it was written."""
+    return Guide.read(path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +134,7 @@ class Tiling:
     def guide(self) -> Guide:
         """What the first choice tells."""
         path = self.folder / "guide.npz"
-        return Guide.read(path, path.stat().st_mtime_ns)
+        return _guide_of(path, path.stat().st_mtime_ns)
 
     def file(self, number: int) -> Path:
         """Return the file of the kept points of a tile."""
@@ -138,7 +142,7 @@ class Tiling:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class Kept(Stored):
     """The kept points of a tile, the most important first."""
 
     indices: Ints  # (k,), in the cloud
@@ -150,16 +154,6 @@ class Kept:
     score: Floats | None = None  # (k,)
     deviation: Floats | None = None  # (k,)
     chosen: Floats | None = None  # (k,), 0 for spare points
-
-    def write(self, path: Path) -> None:
-        """Write a file."""
-        write_at_once(path, {name: values for name, values in vars(self).items() if values is not None})
-
-    @classmethod
-    def read(cls, path: Path) -> Kept:
-        """Read a file."""
-        with np.load(path) as stored:
-            return cls(**{name: stored[name] for name in stored.files})
 
     @classmethod
     def joined(cls, parts: Iterable[Kept]) -> Kept:
@@ -203,24 +197,18 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
-    first = np.zeros(len(rows), dtype=np.int64)
-    if tiling.options.algorithm.by_cells:
-        return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, rows.keep, first, is_own, is_done))
-    earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
-    stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
-    first = np.where(stays | is_done, 0, tiling.guide.places_of(rows.indices))
-    fixed = stays | (first > 0)
-    taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
-    if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
-        taken = fixed | ~is_done | (tiling.scale is not None)
-    stays, first, is_own, is_done = stays[taken], first[taken], is_own[taken], is_done[taken]
-    rows = rows.only(taken)
-    return _write(tiling, number, rows, is_own, _selection(tiling, number, rows, stays, first, is_own, is_done))
-
-
-def _write(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Ints:
-    """Write the kept points of a tile, by what was chosen in it and around it; return their number by quota."""
-    kept = _kept(tiling, number, rows, is_own, selection)
+    stays, first = rows.keep, np.zeros(len(rows), dtype=np.int64)
+    if not tiling.options.algorithm.by_cells:
+        earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
+        stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
+        first = np.where(stays | is_done, 0, tiling.guide.places_of(rows.indices))
+        fixed = stays | (first > 0)
+        taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
+        if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
+            taken = fixed | ~is_done | (tiling.scale is not None)
+        stays, first, is_own, is_done = stays[taken], first[taken], is_own[taken], is_done[taken]
+        rows = rows.only(taken)
+    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, stays, first, is_own, is_done))
     if tiling.options.normals:
         kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
     kept.write(tiling.file(number))

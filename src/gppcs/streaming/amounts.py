@@ -1,0 +1,182 @@
+"""As many points of tiles as the options mean: a number, or what a tolerance, spacing or gap takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache, partial, reduce
+from operator import add
+
+import numpy as np
+
+from gppcs.amounts.accuracy import Bracketing, fewest_points
+from gppcs.amounts.choice import check_count, number_of_discs
+from gppcs.amounts.quotas import numbers_of
+from gppcs.clouds.quantities import Measure, Tolerance
+from gppcs.engine.arrays import Ints
+from gppcs.errors import InputError
+from gppcs.methods import Selection
+from gppcs.spatial.boxes import neighbours_before
+from gppcs.spatial.samples import point_hashes
+from gppcs.streaming.beyond_memory import Survey
+from gppcs.streaming.passes import (
+    Choice,
+    distances_in_tile,
+    file_of_gaps,
+    fill_gaps_in_tile,
+    margin_of_gaps,
+    unchosen_in_tile,
+)
+from gppcs.streaming.tiles import Kept, Tiling, choose_in_tile
+
+Chosen = tuple[Choice, Mapping[str, float]]  # with diagnostics
+
+
+def choose(survey: Survey) -> Chosen:
+    """Choose as many points as the options mean."""
+    options, max_gap = survey.options, survey.options.lengths.get("max_gap")
+    overview, n_keep = survey.overview, int(survey.overview.keep.sum())
+    count = options.count(survey.n_points)
+    if count is not None:
+        choice, diagnostics = _numbered(survey, count, n_keep)
+    elif options.max_error is not None:
+        choice, diagnostics = _within(survey, options.max_error, n_keep)
+    elif options.spacing is not None:
+        choice, diagnostics = _spaced(survey, survey.scale.inside(options.lengths["spacing"]))
+    else:
+        assert max_gap is not None
+        n = number_of_discs(survey.area, survey.scale.inside(max_gap))
+        choice, diagnostics = _numbered(survey, min(max(n, n_keep, 1), overview.n_places), n_keep)
+    if n_keep:
+        diagnostics = {**diagnostics, "points_to_keep": float(n_keep)}
+    if max_gap is not None:
+        choice, of_gaps = _without_gaps(survey, choice, survey.scale.inside(max_gap))
+        diagnostics = {**diagnostics, **of_gaps}
+    return choice, diagnostics
+
+
+def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:
+    """Choose a number of points, those to keep among them, by quotas if there are some."""
+    options, overview = survey.options, survey.overview
+    if options.quotas:
+        n_parts = len(options.quotas) + 1
+        of_parts = numbers_of(options.quotas, overview.labels[:n_parts], overview.keep[:n_parts], count)
+    else:
+        check_count(count, n_keep, overview.n_usable)
+        of_parts = np.array([count])
+    numbers = np.zeros(256, dtype=np.int64)
+    numbers[: len(of_parts)] = of_parts
+    needed = np.where(numbers < overview.labels, numbers, 0)  # all points of a quota need no ranking
+    length = max(1, count - n_keep)
+    while True:
+        by_cells = options.algorithm.by_cells
+        tiling, diagnostics = (_cells(survey, length), {}) if by_cells else survey.tiling_for(length)
+        counts = np.array(survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before))
+        reached = counts.sum(axis=0)
+        if not options.quotas or (reached >= needed).all() or length >= overview.n_usable - n_keep:
+            break
+        growth = min(float((needed / np.maximum(reached, 1)).max()), 4.0)
+        length = min(overview.n_usable - n_keep, math.ceil(1.05 * growth * length))
+    choice = Choice(tiling, _divided(counts, numbers))
+    missing = np.maximum(numbers - reached, 0)
+    return _filled(survey, choice, missing) if missing.any() else choice, diagnostics
+
+
+def _divided(counts: Ints, numbers: Ints) -> Ints:
+    """Return how many points of each tile and quota stay, so that their sums are numbers, (256,), or what is there."""
+    total = counts.sum(axis=0)
+    exact = counts * (np.minimum(numbers, total) / np.maximum(total, 1))
+    ends = np.rint(np.cumsum(exact, axis=0)).astype(np.int64)  # rounded so that no sum is off by more than a half
+    return np.diff(ends, axis=0, prepend=0)
+
+
+def _filled(survey: Survey, choice: Choice, missing: Ints) -> Choice:
+    """Add as many points as are missing of each quota, (256,), such as repeats of those that are kept."""
+    task = partial(unchosen_in_tile, choice, missing)
+    spare = Kept.joined(survey.run("repeats", task, choice.tiling))
+    order = np.lexsort([spare.indices, point_hashes(spare.points, size=1.0)])
+    by_quota = [order[spare.labels[order] == label][: missing[label]] for label in np.flatnonzero(missing)]
+    return replace(choice, added=(spare.take(np.concatenate(by_quota)),))
+
+
+def _spaced(survey: Survey, spacing: float) -> Chosen:
+    """Choose as many points as have a spacing: their number, if the method tells it, or tile by tile."""
+    algorithm, overview = survey.options.algorithm, survey.overview
+    if (count := algorithm.number_at(survey.area, spacing)) is not None:
+        return _numbered(survey, min(count, overview.n_places), 0)
+    survey.write_guide(np.zeros(1, dtype=np.int64), np.ones(len(survey.sample)), 0)
+    halo = survey.frame.lengths(np.multiply(algorithm.halo, spacing))
+    tiling = survey.tiling(halo, n_points=overview.n_usable, spacing=spacing)
+    counts = survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before)
+    if not np.sum(counts):
+        raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")
+    return Choice(tiling, np.array(counts)), {}
+
+
+def _cells(survey: Survey, count: int) -> Tiling:
+    """Return tiles with the spacing that makes the method choose a number of points, and few more, or all places."""
+    lower, upper, spacing = 0.0, math.inf, math.sqrt(survey.area / count) or 1.0
+    best, best_number = None, 0
+    for _ in range(60):
+        choice = _spaced(survey, spacing)[0]
+        number = int(choice.n_staying.sum())
+        if best is None or (number >= count, -abs(number - count)) > (best_number >= count, -abs(best_number - count)):
+            best, best_number = choice.tiling, number
+        if count <= number <= 1.001 * count + 1 or spacing < 1e-12:
+            break
+        lower, upper = (spacing, upper) if number > count else (lower, spacing)
+        guess = spacing * math.sqrt(max(number, 1) / (1.0005 * count))
+        middle = (lower + upper) / 2.0 if lower else spacing / 16.0
+        spacing = guess if number and lower < guess < upper else middle
+    if best_number < min(count, 0.9 * survey.overview.n_places):
+        raise InputError(f"expected {count:,} cells with enough points, found {best_number:,}; ask for fewer points")
+    assert best is not None
+    return best
+
+
+def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
+    """Choose the fewest points whose local surface is within a tolerance, as `fewest_points` does in memory."""
+    limit, measure = survey.scale.inside(tolerance.length), tolerance.measure or "max"
+    judged, n_outliers = survey, 0
+    if tolerance.measure is None:
+        judged = survey.without_outliers()
+        n_outliers = len(judged.source.excluded)
+    n, minimum = survey.overview.n_places, max(n_keep, 1)
+    points = survey.frame.local(survey.sample.points)
+    first = fewest_points(
+        points, tolerance, survey.scale, lambda m: Selection(survey.choose(survey.sample, m)[0]), True, 1, survey.timer
+    )
+    count = max(2 * len(first.indices), minimum + 1)
+    while True:
+        choice, diagnostics = _numbered(survey, min(count, n), n_keep)
+        of_judged = replace(choice.tiling, source=judged.source)
+
+        def errors(m: int) -> dict[Measure, float]:
+            prefix = replace(choice, tiling=of_judged, below=float(m - n_keep))  # noqa: B023
+            sums = survey.run("accuracy", partial(distances_in_tile, prefix, limit), of_judged)  # noqa: B023
+            return reduce(add, sums).errors(limit)
+
+        if count >= n or errors(count)[measure] <= limit:
+            break
+        count = 2 * count
+    errors_of = cache(errors)
+    search = Bracketing(lambda m: errors_of(m)[measure], limit, minimum)
+    enough = search.smallest(count / 2, min(count, n), 1.0)
+    diagnostics = {**diagnostics, "tolerance": survey.scale.outside(limit)}
+    if tolerance.measure is None:
+        diagnostics["largest_error"] = survey.scale.outside(errors_of(enough)["max"])
+        if n_outliers:
+            diagnostics["points_set_aside"] = float(n_outliers)
+    diagnostics |= {f"surface_{name}": survey.scale.outside(error) for name, error in errors_of(enough).items()}
+    return replace(choice, below=float(enough - n_keep)), diagnostics
+
+
+def _without_gaps(survey: Survey, choice: Choice, gap: float) -> Chosen:
+    """Add points, each the farthest from all others, until none is farther from one than a gap."""
+    before = neighbours_before(choice.tiling.tiles, margin_of_gaps(choice.tiling, gap))
+    largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap), choice.tiling, before)
+    added = [Kept.read(file_of_gaps(choice.tiling, number)) for number in range(len(largest))]
+    outside = survey.scale.outside
+    figures = {"added_in_gaps": float(sum(len(kept.indices) for kept in added)), "largest_gap": outside(max(largest))}
+    return replace(choice, added=(*choice.added, *added)), {**figures, "max_gap": outside(gap)}
