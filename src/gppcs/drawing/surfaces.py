@@ -37,10 +37,10 @@ class Surface(NamedTuple):
 def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Surface | None:
     """Return a mesh whose vertices are M finite points, joined as the finite original is if that is there.
 
-    None if most points lie on no surface, or the original is too large.
+    None if there are none, if most lie on no surface, or if the original is too large.
     """
     dense = cloud if original is None else original
-    if len(dense) > MAX_DENSE:
+    if not len(cloud) or len(dense) > MAX_DENSE:
         return None
     local, frame = normalised(dense.points, dense.units)
     distinct = np.flatnonzero(first_occurrences(local))
