@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 from gppcs.engine.memory import available_memory, size_of
-from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown, with_addresses
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns, joined
@@ -183,7 +183,7 @@ class CloudFiles:
         return {**state, "_opened": {}, "_streams": {}, "_entered": 0}
 
     def __repr__(self) -> str:
-        return f"CloudFiles({', '.join(map(str, self.paths))})"
+        return f"CloudFiles({', '.join(with_addresses(str(path)) for path in self.paths)})"
 
     @cached_property
     def preview(self) -> PointCloud:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import tempfile
 import warnings
@@ -13,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from gppcs.engine.extras import require
-from gppcs.errors import FileFormatError, GppcsError, MissingExtraError
+from gppcs.errors import ADDRESS, FileFormatError, GppcsError, MissingExtraError, with_addresses
 from gppcs.io.copc import is_copc
 
-_ADDRESS = re.compile(r"(?i)\b(?!file:)([a-z][\w+.-]+):/+(?=[^/])")
 _FETCHED = 1 << 13  # bytes that are fetched at least, and more of a file that is read on and on
 _TIMEOUTS = {"total": None, "sock_connect": 30.0, "sock_read": 60.0}  # seconds
 
@@ -24,9 +22,9 @@ _TIMEOUTS = {"total": None, "sock_connect": 30.0, "sock_read": 60.0}  # seconds
 def address_of(path: Path) -> str | None:
     """Return the address of a server's file that a path holds, which has lost a slash; None of a local file."""
     name = path.as_posix()
-    if not _ADDRESS.match(name) or path.exists():
+    if not ADDRESS.match(name) or path.exists():
         return None
-    return _ADDRESS.sub(lambda match: f"{match[1].lower()}://", name)
+    return with_addresses(name)
 
 
 def open_remote(address: str) -> Any:
