@@ -34,3 +34,10 @@ def test_a_file_of_a_server_is_simplified_and_named_by_its_address(run):
     assert code == 2
     assert "memory://none.ply" in printed
     assert "memory:/n" not in printed
+
+
+def test_a_report_shows_a_file_of_a_server(run):
+    gppcs.write("few.ply", gppcs.read("scan.ply")[:50])
+    code, printed = run("report", ADDRESS, "few.ply", "-o", "report.html")
+    assert code == 0, printed
+    assert Path("report.html").stat().st_size
