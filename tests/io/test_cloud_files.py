@@ -265,3 +265,12 @@ def test_a_part_of_a_compressed_file_reads_the_copy_of_the_whole(tmp_path):
         for _ in range(2):  # the second reading, too
             with part:
                 assert len(part.read()) == 100
+
+
+def test_a_polygon_of_many_corners_is_told_from_one_that_differs_in_a_corner(tmp_path):
+    angles = np.linspace(0, 6.28, 700)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    described = [CloudFiles(tmp_path / "a.ply", inside=polygon).described for polygon in (ring, ring.copy(), 2 * ring)]
+    ring[350] *= 1.5
+    assert described[0] == described[1] != described[2]
+    assert CloudFiles(tmp_path / "a.ply", inside=ring).described not in described

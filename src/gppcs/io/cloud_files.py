@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -141,8 +142,6 @@ class CloudFiles:
     ) -> None:
         self._opened: dict[Path, _Opened] = {}
         self._entered = 0  # how many `with` statements are at work
-        # What decides which points are read, in words.
-        self.described = repr((format, columns, inside, only, resolution, assume_same_crs))
         self.query = Query.from_options(inside, only, resolution)
         self._format, self._if_needed = format, if_needed
         self._columns = None if columns is None else _checked_columns(columns)
@@ -184,6 +183,12 @@ class CloudFiles:
 
     def __repr__(self) -> str:
         return f"CloudFiles({', '.join(with_addresses(str(path)) for path in self.paths)})"
+
+    @property
+    def described(self) -> str:
+        """What decides which points of the files are read: of the query, a digest."""
+        query = hashlib.sha256(repr(self.query).encode()).hexdigest()  # which has all corners of polygons
+        return repr((self._format, self._columns, query, self._assume_same_crs))
 
     @cached_property
     def preview(self) -> PointCloud:
