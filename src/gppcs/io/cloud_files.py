@@ -335,10 +335,10 @@ class CloudFiles:
 
     def _open(self, path: Path) -> _Opened:
         """Open a file and read its header, unless it is open."""
-        if path not in self._opened:
-            plain = [path for path, opened in self._opened.items() if not opened.is_copy]
-            if len(plain) >= 64:  # a process may not open many more
-                self._opened.pop(plain[0]).close()
+        if path not in self._opened or self._opened[path].file.closed:  # by the cloud that has lent it
+            again = [path for path in self._opened if not (path in self._streams or is_standard(path))]
+            if len(again) >= 64:  # a process may not open many more, and copies fill the disk
+                self._opened.pop(again[0]).close()
             with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
                 file = stack.enter_context(plain_input(path, self._streams.get(path)))
                 file_format = format_of(file, path, self._format, self._if_needed)
