@@ -41,7 +41,13 @@ def plain_input(path: Path, stream: Any = None) -> Any:
     The path `-` is standard input.
     """
     if stream is not None:
+        start = stream.tell() if getattr(stream, "seekable", bool)() else None
         file = _copied(stream)
+        if start is not None:
+            stream.seek(start)  # to be read again
+        elif not file.peek(1):
+            file.close()
+            raise FileFormatError("expected bytes, found none: it is empty or was read before; open it anew")
     elif address := address_of(path):
         file = open_remote(address)
     elif path.exists() and not path.is_file():
