@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 import tempfile
 import warnings
@@ -15,6 +16,7 @@ from gppcs.engine.extras import require
 from gppcs.errors import ADDRESS, FileFormatError, GppcsError, MissingExtraError, with_addresses
 from gppcs.io.copc import is_copc
 
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FETCHED = 1 << 13  # bytes that are fetched at least, and more of a file that is read on and on
 _TIMEOUTS = {"total": None, "sock_connect": 30.0, "sock_read": 60.0}  # seconds
 
@@ -68,6 +70,11 @@ def _answering(address: str) -> Iterator[None]:
     except ImportError as error:
         raise MissingExtraError(f"{address} needs another package: {error}") from error
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in NO_SPACE:
+            folder = tempfile.gettempdir()
+            raise OSError(
+                f"{address}: expected space for a copy in {folder}, but {error.strerror}; free some"
+            ) from error
         reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise OSError(f"{address}: fsspec reports: {reason}; look at address, connection and credentials") from error
 
