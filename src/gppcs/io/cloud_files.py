@@ -86,6 +86,7 @@ class CloudFiles:
     All functions that take a cloud take it: `gppcs.simplify`, also beyond memory, `gppcs.write`, which converts,
     `gppcs.info`, `gppcs.evaluate` and others. Each file is opened, and its header read, when it is first needed.
     Compressed files and standard input are copied to temporary files. The `with` statement closes and removes these.
+    Standard input, and an open file in which one cannot seek, can be read only once.
 
     Parameters
     ----------

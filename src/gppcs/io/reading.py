@@ -86,7 +86,7 @@ def read(
         return CloudFiles(path, format, columns).read()
     if format is not None or columns is not None:
         raise ParameterError(
-            "expected `format` and `columns` with names of files, found opened ones; give gppcs.open them"
+            "expected `format` and `columns` where files are opened, found opened ones; use gppcs.open"
         )
     return path.read()
 
