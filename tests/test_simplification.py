@@ -162,6 +162,21 @@ def test_old_names_of_arguments_work_with_a_warning_that_tells_the_new_ones(tmp_
         gppcs.simplify(cloud, n_points=9, method="fps", seed=3)
 
 
+@pytest.mark.filterwarnings("ignore:.*is deprecated here:DeprecationWarning")
+def test_arguments_of_reading_are_taken_by_position_and_refused_without_files(tmp_path):
+    (tmp_path / "a.txt").write_text("x,y,z\n0,0,1\n0,0,3\n")
+    assert len(gppcs.read(tmp_path / "a.txt", "csv", only="z > 2")) == 1
+    with pytest.raises(gppcs.GppcsError, match="LAS"):
+        gppcs.read(tmp_path / "a.txt", "las", only="z > 2")
+    with pytest.raises(TypeError, match="path"):
+        gppcs.read(only="z > 2")
+    with pytest.raises(gppcs.ParameterError, match=r"cloud\[mask\]"):
+        gppcs.simplify(gppcs.sample("bracket", n_points=20), n_points=9, only="z > 2")
+    for wrong in ({"format": "csv"}, {"columns": ["x", "y", "z"]}, {"only": "z > 2"}):
+        with pytest.raises(gppcs.ParameterError, match=r"gppcs\.open"):
+            gppcs.read(gppcs.open(tmp_path / "a.txt", "csv"), **wrong)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_input_is_never_changed(method):
     cloud = gppcs.sample("bracket", 300)

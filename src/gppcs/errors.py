@@ -6,11 +6,13 @@ import difflib
 import math
 import numbers
 import operator
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 MOST_SHOWN = 80  # characters of a wrong value that a message shows
+ADDRESS = re.compile(r"(?i)\b(?!file:)([a-z][\w+.-]+):/+(?=[^/])")  # how the address of a server's file begins
 
 
 class GppcsError(Exception):
@@ -96,6 +98,11 @@ def file_path(path: Any) -> Path:
     if "\0" in str(source):
         raise ParameterError(f"expected the name of a file without zero characters, found {str(path)!r}")
     return source.absolute() if str(source) == "-" and isinstance(path, str) and path != "-" else source
+
+
+def with_addresses(text: str) -> str:
+    """Return a text with both slashes of each address, of which a path has lost one."""
+    return ADDRESS.sub(lambda match: f"{match[1].lower()}://", text)
 
 
 def flag(name: str, value: Any) -> bool:

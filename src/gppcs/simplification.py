@@ -18,7 +18,7 @@ from gppcs.amounts.options import Options, method_of
 from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.engine.timer import Timer, timer_of
-from gppcs.errors import ParameterError, shown
+from gppcs.errors import InputError, ParameterError, shown
 from gppcs.io.joining import joined
 from gppcs.io.reading import Function, source_of, taking_old_names
 from gppcs.io.streams import check_distinct
@@ -297,6 +297,8 @@ def simplify_each(
     for name in ("levels", "index", "rank", "mark"):
         if getattr(options, name):
             raise ParameterError(f"expected `{name}` with one output file, or each input by itself, found a folder")
+    if files.reads_standard_input:
+        raise InputError("expected names of files for one result each, found standard input or an open file")
     check_addable(files.preview, options)
     with run_in_folder(files, options, targets, force) as work:
         if plan.in_memory:

@@ -1,6 +1,7 @@
 """Files in chunks and in parts, several files as one cloud, and each opened once."""
 
 import gzip
+import os
 from collections import Counter
 from dataclasses import replace
 
@@ -265,3 +266,29 @@ def test_a_part_of_a_compressed_file_reads_the_copy_of_the_whole(tmp_path):
         for _ in range(2):  # the second reading, too
             with part:
                 assert len(part.read()) == 100
+
+
+def test_a_polygon_of_many_corners_is_told_from_one_that_differs_in_a_corner(tmp_path):
+    angles = np.linspace(0, 6.28, 700)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    described = [CloudFiles(tmp_path / "a.ply", inside=polygon).described for polygon in (ring, ring.copy(), 2 * ring)]
+    ring[350] *= 1.5
+    assert described[0] == described[1] != described[2]
+    assert CloudFiles(tmp_path / "a.ply", inside=ring).described not in described
+
+
+def test_compressed_files_beyond_a_limit_are_closed_and_opened_again(tmp_path):
+    resource = pytest.importorskip("resource")
+    paths = [tmp_path / f"{number}.xyz.gz" for number in range(100)]
+    for number, path in enumerate(paths):
+        path.write_bytes(gzip.compress(b"0 0 %d\n" % number))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 80, hard))
+    try:
+        with CloudFiles(paths) as files:
+            parts = list(map(all_of, files.parts(10)))
+            whole = files.read()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert whole.points[:, 2].tolist() == list(range(100))
+    assert joined(parts) == whole

@@ -169,3 +169,22 @@ def test_other_formats_and_other_vertices_are_an_error(tmp_path, mesh, name):
     with pytest.raises(gppcs.InputError, match="the vertices of the mesh"):
         gppcs.write_mesh(tmp_path / "mesh.ply", mesh, gppcs.PointCloud(CORNERS + 1))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("extras", ["x", None, {"metresPerUnit": 0}, {"metresPerUnit": "2"}, {"metresPerUnit": [1, 2]}])
+def test_lengths_of_units_in_gltf_are_one_or_three_numbers_above_zero(tmp_path, mesh, extras):
+    path = tmp_path / "mesh.glb"
+    gppcs.write_mesh(path, mesh)
+    content = path.read_bytes()
+    end = 20 + int.from_bytes(content[12:16], "little")
+    description = json.loads(content[20:end])
+    description["asset"]["extras"] = extras
+    text = json.dumps(description).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = [(12 + 8 + len(text) + len(content[end:])).to_bytes(4, "little"), len(text).to_bytes(4, "little")]
+    path.write_bytes(content[:8] + b"".join(sizes) + content[16:20] + text + content[end:])
+    if isinstance(extras, dict):
+        with pytest.raises(gppcs.GppcsError, match="numbers above 0 as metresPerUnit"):
+            gppcs.read(path)
+    else:
+        assert gppcs.read(path).points == pytest.approx(CORNERS, abs=1e-7)

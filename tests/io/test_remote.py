@@ -1,9 +1,12 @@
 """Files of servers, of a server on this machine that counts the bytes that it sends."""
 
+import errno
 import io
 import json
+import os
 import re
 import sys
+import tempfile
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -163,3 +166,15 @@ def test_open_files_are_read(tmp_path):
     with pytest.raises(FileFormatError, match="open it as 'rb'"):
         gppcs.read(io.StringIO("1 2 3\n"))
     assert gppcs.read(io.BytesIO(b"1 2 3\n"), format="xyz").points.tolist() == [[1, 2, 3]]
+
+
+def test_a_full_disk_is_not_the_fault_of_the_server(tmp_path, server, monkeypatch):
+    def fill(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    gppcs.write(tmp_path / "a.ply", gppcs.PointCloud(np.eye(3)))
+    monkeypatch.setattr("shutil.copyfileobj", fill)
+    with pytest.raises(OSError, match="space") as caught:
+        gppcs.read(server.address("a.ply"))
+    assert tempfile.gettempdir() in str(caught.value)
+    assert "credentials" not in str(caught.value)

@@ -14,7 +14,7 @@ import pytest
 from formats import WRITABLE
 from gppcs import PointCloud
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io import check_distinct, check_writable, read, whole_output, write
+from gppcs.io import CloudFiles, check_distinct, check_writable, read, whole_output, write
 
 CLOUD = PointCloud([[0.5, 1, 2], [3, 4, 5e30]])
 TEXT = b"# x y z label\n0.5 1 2 7\n3 4 5 8\n"
@@ -172,3 +172,21 @@ def test_outputs_that_are_inputs_or_each_other_are_found(tmp_path):
     for first, second in ((scan, soft), (missing, loose)):
         with pytest.raises(OutputError, match="expected a file for each result, found one for two"):
             check_distinct([first, second], [])
+
+
+class Pipe(io.BytesIO):
+    """A file in which one cannot seek."""
+
+    def seekable(self):
+        return False
+
+
+def test_an_open_file_is_read_again_or_refused_if_one_cannot_seek_in_it():
+    stream = io.BytesIO(b"junk" + TEXT)
+    stream.seek(4)
+    files = CloudFiles(stream, "xyz")
+    assert files.read() == files.read()
+    files = CloudFiles(Pipe(TEXT), "xyz")
+    assert len(files.read()) == 2
+    with pytest.raises(FileFormatError, match="was read before"):
+        files.read()

@@ -181,3 +181,18 @@ def test_workers_of_dask_one_of_which_is_killed_write_the_same_bytes(tmp_path, p
         gppcs.simplify_tiles(paths, tmp_path / "out", workers=cluster.scheduler_address, **options)
     for name in ("a.ply", "b.ply", "index.vpc"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "own" / name).read_bytes()
+
+
+def test_a_file_of_a_server_goes_into_a_folder_and_an_open_file_is_refused(tmp_path, paths):
+    fsspec = pytest.importorskip("fsspec")
+    files = fsspec.filesystem("memory")
+    files.pipe("/tile.ply", paths[0].read_bytes())
+    try:
+        assert (
+            sum(gppcs.simplify_tiles("memory://tile.ply", tmp_path / "out", n_points=9, method="random").values()) == 9
+        )
+    finally:
+        files.rm("/tile.ply")
+    with paths[0].open("rb") as file, pytest.raises(gppcs.InputError, match="names of files"):
+        gppcs.simplify_tiles(gppcs.open(file), tmp_path / "new", n_points=9)
+    assert not (tmp_path / "new").exists()

@@ -138,6 +138,7 @@ def test_a_fit_that_sees_two_sheets_is_that_of_the_own_one():
     own, both = (fit_quadrics(tree, tree, 60, sheets=sheets) for sheets in (True, False))
     inner = (np.abs(tree.points[:2]) < 0.8).all(axis=0)
     two = own.two_sheets & inner
+    assert np.array_equal(own.take(np.flatnonzero(inner)).two_sheets, own.two_sheets[inner])
     assert two.sum() > 0.7 * inner.sum()
     assert np.quantile(np.abs(own.heights[two]), 0.99) < 0.004
     assert np.median(np.abs(both.heights[two])) == pytest.approx(0.04, rel=0.1)

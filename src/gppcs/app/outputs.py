@@ -18,6 +18,7 @@ from gppcs.app.printing import print_error
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.errors import FileFormatError, OutputError, file_path
 from gppcs.io import text
+from gppcs.io.remote import address_of
 from gppcs.methods.method import SCORES
 from gppcs.result import Result
 from gppcs.steps import check_addable
@@ -70,7 +71,7 @@ class Output:
     def check(self) -> None:
         """Check before long work that the sources exist and that gppcs can write the targets."""
         for source in self.source.paths:
-            if not io.is_standard(source):
+            if not (io.is_standard(source) or address_of(source)):
                 source.stat()  # a missing input is reported before its name is taken for that of the output
         for target, _ in zip(self.targets, self.formats, strict=True):
             io.check_writable(target, self.force, self.makes_folders)

@@ -17,8 +17,9 @@ from gppcs.drawing.cloud_images import painted
 from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.timer import Timer, timer_of
-from gppcs.errors import InputError
+from gppcs.errors import InputError, with_addresses
 from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
+from gppcs.io.remote import address_of
 
 SUFFIXES = (".html", ".htm")  # of pages
 MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud would take minutes
@@ -27,7 +28,7 @@ MOST_TO_REBUILD = 1_000_000  # points; to rebuild a mesh from a larger cloud wou
 def different_names(paths: Sequence[Path]) -> list[str]:
     """Return a different name for each file: its own, or its path if another file has the same name."""
     names = [path.name for path in paths]
-    return [str(path) if names.count(path.name) > 1 else path.name for path in paths]
+    return [with_addresses(str(path)) if names.count(path.name) > 1 else path.name for path in paths]
 
 
 def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = "") -> Mesh | None:
@@ -86,7 +87,7 @@ def how_made(command: Sequence[str], inputs: Sequence[Path]) -> list[tuple[str, 
     """Return how a page was made, so that anybody can make it again."""
     made = how_run(command)
     for name, path in zip(different_names(inputs), inputs, strict=True):
-        if not io.is_standard(path):
+        if not (io.is_standard(path) or address_of(path)):
             with open(path, "rb") as file:
                 made.append((f"SHA-256 of {name}", hashlib.file_digest(file, "sha256").hexdigest()))
     return [*made, ("views", "Coordinates and values in 16 bits of their range, normals in 16 bits.")]

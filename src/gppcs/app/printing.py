@@ -19,7 +19,7 @@ from gppcs.engine.memory import peak_memory
 from gppcs.engine.strict_json import strict_json
 from gppcs.engine.threads import set_threads
 from gppcs.engine.timer import COMPILATION, Timer
-from gppcs.errors import GppcsError, InputError
+from gppcs.errors import GppcsError, InputError, with_addresses
 
 if TYPE_CHECKING:
     from gppcs.clouds.cloud import PointCloud
@@ -32,8 +32,9 @@ FAILURES = (GppcsError, OSError, MemoryError)  # printed as one line, without a 
 
 
 def visible(text: str) -> str:
-    """Return a text with escapes for characters that would control the terminal, besides line breaks."""
-    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
+    """Return a text with whole addresses, and escapes for what would control the terminal, besides line breaks."""
+    whole = with_addresses(text)
+    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in whole)
 
 
 def say(text: str) -> None:

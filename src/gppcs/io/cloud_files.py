@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.header import Header
 from gppcs.engine.memory import available_memory, size_of
-from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown
+from gppcs.errors import FileFormatError, InputError, ParameterError, file_path, flag, shown, with_addresses
 from gppcs.io.files import format_of, naming
 from gppcs.io.format import Format, Reader, Span
 from gppcs.io.joining import JointColumns, joined
@@ -85,6 +86,7 @@ class CloudFiles:
     All functions that take a cloud take it: `gppcs.simplify`, also beyond memory, `gppcs.write`, which converts,
     `gppcs.info`, `gppcs.evaluate` and others. Each file is opened, and its header read, when it is first needed.
     Compressed files and standard input are copied to temporary files. The `with` statement closes and removes these.
+    Standard input, and an open file in which one cannot seek, can be read only once.
 
     Parameters
     ----------
@@ -141,8 +143,6 @@ class CloudFiles:
     ) -> None:
         self._opened: dict[Path, _Opened] = {}
         self._entered = 0  # how many `with` statements are at work
-        # What decides which points are read, in words.
-        self.described = repr((format, columns, inside, only, resolution, assume_same_crs))
         self.query = Query.from_options(inside, only, resolution)
         self._format, self._if_needed = format, if_needed
         self._columns = None if columns is None else _checked_columns(columns)
@@ -183,7 +183,13 @@ class CloudFiles:
         return {**state, "_opened": {}, "_streams": {}, "_entered": 0}
 
     def __repr__(self) -> str:
-        return f"CloudFiles({', '.join(map(str, self.paths))})"
+        return f"CloudFiles({', '.join(with_addresses(str(path)) for path in self.paths)})"
+
+    @property
+    def described(self) -> str:
+        """What decides which points of the files are read: of the query, a digest."""
+        query = hashlib.sha256(repr(self.query).encode()).hexdigest()  # which has all corners of polygons
+        return repr((self._format, self._columns, query, self._assume_same_crs))
 
     @cached_property
     def preview(self) -> PointCloud:
@@ -330,10 +336,10 @@ class CloudFiles:
 
     def _open(self, path: Path) -> _Opened:
         """Open a file and read its header, unless it is open."""
-        if path not in self._opened:
-            plain = [path for path, opened in self._opened.items() if not opened.is_copy]
-            if len(plain) >= 64:  # a process may not open many more
-                self._opened.pop(plain[0]).close()
+        if path not in self._opened or self._opened[path].file.closed:  # by the cloud that has lent it
+            again = [path for path in self._opened if not (path in self._streams or is_standard(path))]
+            if len(again) >= 64:  # a process may not open many more, and copies fill the disk
+                self._opened.pop(again[0]).close()
             with naming(path), ExitStack() as stack, np.errstate(invalid="ignore"):  # of a signalling NaN
                 file = stack.enter_context(plain_input(path, self._streams.get(path)))
                 file_format = format_of(file, path, self._format, self._if_needed)

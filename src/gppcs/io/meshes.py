@@ -25,7 +25,7 @@ from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.clouds.texture import Texture
-from gppcs.errors import FileFormatError
+from gppcs.errors import FileFormatError, number, shown
 from gppcs.io.columns import coordinate_type, default_names, with_digits
 from gppcs.io.format import Format, Reader, keeping
 from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
@@ -178,7 +178,7 @@ def open_gltf(file: BufferedReader) -> Reader:
         mesh = scene.to_mesh()
         points = np.asarray(mesh.vertices, np.float64)
         if description.get("asset", {}).get("generator") == GENERATOR:  # which turned z up to y up
-            points = points[:, [0, 2, 1]] * (1.0, -1.0, 1.0) / description["asset"].get("extras", {}).get(METRES, 1.0)
+            points = points[:, [0, 2, 1]] * (1.0, -1.0, 1.0) / _metres_of(description["asset"].get("extras"))
         faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
@@ -193,6 +193,15 @@ def open_gltf(file: BufferedReader) -> Reader:
         is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
     return _reader(cloud, len(faces), lambda: faces, skipped)
+
+
+def _metres_of(extras: Any) -> NDArray[np.float64]:
+    """Return the length in metres of the unit of all axes, (1,), or of each, (3,), from what gppcs adds to a file."""
+    value = extras.get(METRES, 1.0) if isinstance(extras, dict) else 1.0
+    metres = np.array([number(length) for length in (value if isinstance(value, list) else [value])])
+    if len(metres) not in (1, 3) or not (np.isfinite(metres) & (metres > 0)).all():
+        raise FileFormatError(f"expected one or three numbers above 0 as {METRES}, found {shown(value)}")
+    return metres
 
 
 def _check_gltf(description: dict[str, Any], primitives: list[dict[str, Any]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import warnings
 from collections.abc import Callable, Sequence
@@ -9,6 +10,7 @@ from functools import wraps
 from typing import Any, BinaryIO, TypeVar, cast
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.errors import ParameterError
 from gppcs.io.cloud_files import CloudFiles
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -18,17 +20,22 @@ OLD_NAMES = ("format", "columns", "inside", "only", "resolution", "assume_same_c
 
 def taking_old_names(function: Function) -> Function:
     """Let a function of files take arguments that went to `gppcs.open`, with a warning, until release 0.3."""
-    first = next(iter(function.__annotations__))
+    first, signature = next(iter(function.__annotations__)), inspect.signature(function)
 
     @wraps(function)
     def with_old_names(*arguments: Any, **options: Any) -> Any:
         if old := [name for name in OLD_NAMES if name in options and name not in function.__annotations__]:
+            reading = {name: options.pop(name) for name in OLD_NAMES if name in options}
+            bound = signature.bind(*arguments, **options)
+            reading |= {name: bound.arguments.pop(name) for name in OLD_NAMES if name in bound.arguments}
+            if isinstance(paths := bound.arguments[first], PointCloud | CloudFiles):
+                actual = f"found a {type(paths).__name__}; choose points of a cloud in memory by cloud[mask]"
+                raise ParameterError(f"expected `{old[0]}` where files are opened, by gppcs.open, {actual}")
             for name in old:
                 instead = f"use gppcs.open(paths, {name}=...), which gppcs.{function.__name__} takes"
                 warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=2)
-            reading = {name: options.pop(name) for name in OLD_NAMES if name in options}
-            paths = arguments[0] if arguments else options.pop(first)
-            arguments = (CloudFiles(paths, **reading), *arguments[1:])
+            bound.arguments[first] = CloudFiles(paths, **reading)
+            return function(*bound.args, **bound.kwargs)
         return function(*arguments, **options)
 
     return cast(Function, with_old_names)
@@ -75,7 +82,13 @@ def read(
     >>> cloud
     PointCloud(2 points, each with intensity)
     """
-    return path.read() if isinstance(path, CloudFiles) else CloudFiles(path, format, columns).read()
+    if not isinstance(path, CloudFiles):
+        return CloudFiles(path, format, columns).read()
+    if format is not None or columns is not None:
+        raise ParameterError(
+            "expected `format` and `columns` where files are opened, found opened ones; use gppcs.open"
+        )
+    return path.read()
 
 
 def source_of(cloud: Any) -> CloudFiles | None:

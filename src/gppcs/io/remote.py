@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import errno
 import shutil
 import tempfile
 import warnings
@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from gppcs.engine.extras import require
-from gppcs.errors import FileFormatError, GppcsError, MissingExtraError
+from gppcs.errors import ADDRESS, FileFormatError, GppcsError, MissingExtraError, with_addresses
 from gppcs.io.copc import is_copc
 
-_ADDRESS = re.compile(r"(?i)\b(?!file:)([a-z][\w+.-]+):/+(?=[^/])")
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _FETCHED = 1 << 13  # bytes that are fetched at least, and more of a file that is read on and on
 _TIMEOUTS = {"total": None, "sock_connect": 30.0, "sock_read": 60.0}  # seconds
 
@@ -24,9 +24,9 @@ _TIMEOUTS = {"total": None, "sock_connect": 30.0, "sock_read": 60.0}  # seconds
 def address_of(path: Path) -> str | None:
     """Return the address of a server's file that a path holds, which has lost a slash; None of a local file."""
     name = path.as_posix()
-    if not _ADDRESS.match(name) or path.exists():
+    if not ADDRESS.match(name) or path.exists():
         return None
-    return _ADDRESS.sub(lambda match: f"{match[1].lower()}://", name)
+    return with_addresses(name)
 
 
 def open_remote(address: str) -> Any:
@@ -70,6 +70,11 @@ def _answering(address: str) -> Iterator[None]:
     except ImportError as error:
         raise MissingExtraError(f"{address} needs another package: {error}") from error
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in NO_SPACE:
+            folder = tempfile.gettempdir()
+            raise OSError(
+                f"{address}: expected space for a copy in {folder}, but {error.strerror}; free some"
+            ) from error
         reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise OSError(f"{address}: fsspec reports: {reason}; look at address, connection and credentials") from error
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import gzip
 import hashlib
 import os
@@ -20,7 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from gppcs.errors import FileFormatError, OutputError
-from gppcs.io.remote import address_of, open_remote
+from gppcs.io.remote import NO_SPACE, address_of, open_remote
 from gppcs.io.vpc import files_of
 
 
@@ -41,7 +40,13 @@ def plain_input(path: Path, stream: Any = None) -> Any:
     The path `-` is standard input.
     """
     if stream is not None:
+        start = stream.tell() if getattr(stream, "seekable", bool)() else None
         file = _copied(stream)
+        if start is not None:
+            stream.seek(start)  # to be read again
+        elif not file.peek(1):
+            file.close()
+            raise FileFormatError("expected bytes, found none: it is empty or was read before; open it anew")
     elif address := address_of(path):
         file = open_remote(address)
     elif path.exists() and not path.is_file():
@@ -155,7 +160,7 @@ def whole_output(path: str | os.PathLike[str], force: bool = False) -> Iterator[
             raise _exists(target)
         os.replace(temporary, target)
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        if error.errno not in NO_SPACE:
             raise
         expected = f"{path}: expected space for the whole file, but {error.strerror}"
         folders = f"{target.parent} and in {tempfile.gettempdir()}, where parts may lie meanwhile"

@@ -20,6 +20,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import format_to_write
+from gppcs.io.remote import address_of
 from gppcs.io.streams import whole_output
 from gppcs.io.vpc import vpc_of
 from gppcs.io.writing import store_in
@@ -86,7 +87,7 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
         "options": _described(options),
         "reading": files.described,
         "outputs": [repr(target) for target in targets],
-        "inputs": [[str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns] for path in files.paths],
+        "inputs": [_state_of(path) for path in files.paths],
     }
     if path.exists() and not force:
         before = json.loads(path.read_text(encoding="utf-8"))
@@ -104,6 +105,13 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
             file.write(json.dumps(manifest).encode())
     except OSError as error:
         raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
+
+
+def _state_of(path: Path) -> list[str | int]:
+    """Return what tells a file from others, and from itself before a change; the address of a server's file."""
+    if address := address_of(path):
+        return [address]
+    return [str(path.resolve()), path.stat().st_size, path.stat().st_mtime_ns]
 
 
 def _described(options: Options) -> str:

@@ -35,9 +35,8 @@ class Quadrics(NamedTuple):
 
     def take(self, positions: Ints) -> Quadrics:
         """Return those around some of the queries."""
-        return Quadrics(
-            self.heights[positions], self.normals[:, positions], self.radii[positions], self.kurtosis[positions[:0]]
-        )
+        kurtosis = self.kurtosis[positions] if len(self.kurtosis) else self.kurtosis
+        return Quadrics(self.heights[positions], self.normals[:, positions], self.radii[positions], kurtosis)
 
     def astype(self, dtype: DTypeLike) -> Quadrics:
         """Return them in another precision."""
