@@ -130,6 +130,28 @@ def test_points_to_keep_and_weights(tmp_path):
     assert share[0] / (1 - share[0]) > 5 * share[1] / (1 - share[1])
 
 
+@pytest.mark.parametrize("method", ["gp", "fps"])
+def test_all_points_to_keep_are_kept_where_tiles_hold_nothing_else(tmp_path, method):
+    """A strip is so dense that its tiles have no points to spare."""
+    rng = np.random.default_rng(2)
+    xy = np.concatenate([rng.random((12_000, 2)) * [0.02, 1.0], rng.random((12_000, 2)) + [0.02, 0.0]])
+    wanted = np.arange(len(xy)) < 12_000
+    cloud = gppcs.PointCloud(np.column_stack([xy, np.zeros(len(xy))]), {"wanted": wanted.astype(np.uint8)})
+    path = written(tmp_path, cloud)
+    result = gppcs.simplify(path, n_points=13_000, keep="wanted == 1", method=method, memory=MEMORY)
+    assert len(result.indices) == 13_000
+    assert np.isin(np.flatnonzero(wanted), result.indices).all()
+
+
+def test_outliers_that_are_dropped_neither_count_in_a_tolerance_nor_in_the_diagonal(tmp_path):
+    cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
+    options = {"tolerance": "1%", "drop_outliers": True}
+    tiled = gppcs.simplify(written(tmp_path, cloud), memory=MEMORY, **options)
+    together = gppcs.simplify(cloud, **options)
+    assert len(tiled.indices) < 3 * len(together.indices)
+    assert tiled.diagnostics["tolerance"] < 1.2 * together.diagnostics["tolerance"]
+
+
 def test_errors_and_gaps_are_within_what_is_allowed(tmp_path, monkeypatch):
     cloud = gppcs.sample("bracket", 20_000)
     path = written(tmp_path, cloud)

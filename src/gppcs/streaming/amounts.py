@@ -73,22 +73,26 @@ def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:
         by_cells = options.algorithm.by_cells
         tiling, diagnostics = (_cells(survey, length), {}) if by_cells else survey.tiling_for(length)
         counts = np.array(survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before))
-        reached = counts.sum(axis=0)
+        reached = counts[:, 0].sum(axis=0)
         if not options.quotas or (reached >= needed).all() or length >= overview.n_usable - n_keep:
             break
         growth = min(float((needed / np.maximum(reached, 1)).max()), 4.0)
         length = min(overview.n_usable - n_keep, math.ceil(1.05 * growth * length))
-    choice = Choice(tiling, _divided(counts, numbers))
+    choice = Choice(tiling, _divided(counts[:, 0], counts[:, 1], numbers))
     missing = np.maximum(numbers - reached, 0)
     return _filled(survey, choice, missing) if missing.any() else choice, diagnostics
 
 
-def _divided(counts: Ints, numbers: Ints) -> Ints:
-    """Return how many points of each tile and quota stay, so that their sums are numbers, (256,), or what is there."""
-    total = counts.sum(axis=0)
-    exact = counts * (np.minimum(numbers, total) / np.maximum(total, 1))
+def _divided(counts: Ints, n_keep: Ints, numbers: Ints) -> Ints:
+    """Return how many points of each tile and quota stay, so that their sums are numbers, (256,), or what is there.
+
+    Points to keep stay; the others are divided.
+    """
+    others = counts - n_keep
+    total = others.sum(axis=0)
+    exact = others * (np.clip(numbers - n_keep.sum(axis=0), 0, total) / np.maximum(total, 1))
     ends = np.rint(np.cumsum(exact, axis=0)).astype(np.int64)  # rounded so that no sum is off by more than a half
-    return np.diff(ends, axis=0, prepend=0)
+    return n_keep + np.diff(ends, axis=0, prepend=0)
 
 
 def _filled(survey: Survey, choice: Choice, missing: Ints) -> Choice:
@@ -111,7 +115,7 @@ def _spaced(survey: Survey, spacing: float) -> Chosen:
     counts = survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before)
     if not np.sum(counts):
         raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")
-    return Choice(tiling, np.array(counts)), {}
+    return Choice(tiling, np.array(counts)[:, 0]), {}
 
 
 def _cells(survey: Survey, count: int) -> Tiling:
@@ -141,7 +145,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
     judged, n_outliers = survey, 0
     if tolerance.measure is None:
         judged = survey.without_outliers()
-        n_outliers = len(judged.source.excluded)
+        n_outliers = len(judged.source.excluded) - len(survey.source.excluded)
     n, minimum = survey.overview.n_places, max(n_keep, 1)
     points = survey.frame.local(survey.sample.points)
     first = fewest_points(

@@ -138,16 +138,21 @@ class Survey:
     def without_outliers(self) -> Survey:
         """Return the survey of all points but the outliers."""
         tiling = self.tiling(np.zeros(3))
-        outliers = Rows.joined(self.run("outliers", partial(outliers_in_tile, tiling), tiling))
+        of_tiles = self.run("outliers", partial(outliers_in_tile, tiling), tiling)
+        outliers = Rows.joined(rows for rows, _ in of_tiles)
+        corners = np.array([corners for _, corners in of_tiles])
         stays = ~np.isin(self.sample.indices, outliers.indices)
         overview = replace(
             self.overview,
+            lower=corners[:, 0].min(axis=0),
+            upper=corners[:, 1].max(axis=0),
             sample=self.sample.only(stays),
             hashes=self.overview.hashes[stays],
             labels=self.overview.labels - np.bincount(outliers.labels, minlength=256),
             keep=self.overview.keep - np.bincount(outliers.labels[outliers.keep], minlength=256),
         )
-        return replace(self, overview=overview, source=replace(self.source, excluded=np.sort(outliers.indices)))
+        excluded = np.union1d(self.source.excluded, outliers.indices)
+        return replace(self, overview=overview, source=replace(self.source, excluded=excluded))
 
     def tiling(self, halo: Floats, fraction: float = 1.0, **more: Any) -> Tiling:
         """Divide the cloud into tiles, of as many points that take part in the choice."""

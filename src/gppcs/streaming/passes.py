@@ -16,6 +16,7 @@ from gppcs.spatial.boxes import inside, neighbours_before
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.scaling import bounds
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.tiles import Kept, Tiling, normals_at
 from gppcs.surface.outliers import CLUMP_NEIGHBOURS, outliers_among
@@ -60,18 +61,23 @@ class Choice:
         return points[inside(points, lower, upper)]
 
 
-def outliers_in_tile(tiling: Tiling, number: int) -> Rows:
-    """Return the outliers of a tile, by a halo in which most points' neighbours and theirs lie."""
+def outliers_in_tile(tiling: Tiling, number: int) -> tuple[Rows, Floats]:
+    """Return the outliers of a tile, by a halo in which most points' neighbours and theirs lie.
+
+    Returns also the corners, (2, 3), of the box around the other points.
+    """
     own = tiling.own(number)
-    points = own.points
+    points, nowhere = own.points, np.array([np.full(3, np.inf), np.full(3, -np.inf)])
     if not len(points):
-        return own
+        return own, nowhere
     sampled = points[:: max(1, len(points) // 1024)]
     radii = np.sqrt(KdTree.build(points).nearest_of(sampled, min(CLUMP_NEIGHBOURS + 1, len(points)))[1][:, -1])
     tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
     rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
     rows = rows.only(outliers_among(tiling.frame.local(rows.points)))
-    return rows.only(tiling.tile_of(rows.points) == number)
+    rows = rows.only(tiling.tile_of(rows.points) == number)
+    others = points[~np.isin(own.indices, rows.indices)]
+    return rows, np.array(bounds(others)) if len(others) else nowhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -189,11 +189,19 @@ class Kept(Stored):
         """Where they are, (k, 3)."""
         return self.points if self.moved is None else self.moved
 
+    @property
+    def counts(self) -> Ints:
+        """Their number, and that of those that are kept anyway, by quota, (2, 256)."""
+        return np.array([np.bincount(labels, minlength=256) for labels in (self.labels, self.labels[self.ranks < 0.0])])
+
 
 def choose_in_tile(tiling: Tiling, number: int) -> Ints:
-    """Choose the points of a tile and write them to its file; return their number by quota, (256,)."""
+    """Choose the points of a tile and write them to its file; return their number and that of points to keep.
+
+    Returns both by quota, (2, 256).
+    """
     if tiling.file(number).exists():  # by an earlier run
-        return np.bincount(Kept.read(tiling.file(number)).labels, minlength=256)
+        return Kept.read(tiling.file(number)).counts
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
@@ -212,7 +220,7 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     if tiling.options.normals:
         kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
     kept.write(tiling.file(number))
-    return np.bincount(kept.labels, minlength=256)
+    return kept.counts
 
 
 def _selection(
