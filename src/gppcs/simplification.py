@@ -250,7 +250,7 @@ def simplify_tiles(
     with source as files:
         targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
         check_distinct([target.path for target in targets], files.paths)
-        written, _ = simplify_each(
+        written, _, _ = simplify_each(
             files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force
         )
     return {str(file.target): file.n_points for file in written}
@@ -287,8 +287,10 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
 
 def simplify_each(
     files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, timer: Timer, force: bool
-) -> tuple[Sequence[Written], Mapping[str, float]]:
-    """Simplify files as one cloud, and write the kept points of each to a file; return these and diagnostics.
+) -> tuple[Sequence[Written], int, Mapping[str, float]]:
+    """Simplify files as one cloud, and write the kept points of each to a file.
+
+    Returns the files, the number of points among which was chosen, and diagnostics.
 
     A run that was stopped goes on where it was, if it goes tile by tile.
     """
@@ -302,16 +304,16 @@ def simplify_each(
     check_addable(files.preview, options)
     with run_in_folder(files, options, targets, force) as work:
         if plan.in_memory:
-            written, diagnostics = _each_in_memory(files, targets, options, timer)
+            written, points_in, diagnostics = _each_in_memory(files, targets, options, timer)
         else:
-            written, diagnostics = _each_by_tiles(files, targets, options, plan, work, timer)
+            written, points_in, diagnostics = _each_by_tiles(files, targets, options, plan, work, timer)
         write_index(work.parent, written)
-    return written, diagnostics
+    return written, points_in, diagnostics
 
 
 def _each_in_memory(
     files: CloudFiles, targets: Sequence[Target], options: Options, timer: Timer
-) -> tuple[Sequence[Written], Mapping[str, float]]:
+) -> tuple[Sequence[Written], int, Mapping[str, float]]:
     """Simplify files as one cloud in memory, and write the kept points of each."""
     with timer("reading"):
         clouds = files.read_each()
@@ -322,12 +324,12 @@ def _each_in_memory(
         positions = np.flatnonzero((result.indices >= end - len(cloud)) & (result.indices < end))
         kept = replace(result.cloud.take(positions), header=cloud.header)
         written.append(target.write(kept, result.indices[positions]))
-    return written, result.diagnostics
+    return written, result.points_in, result.diagnostics
 
 
 def _each_by_tiles(
     files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, work: Path, timer: Timer
-) -> tuple[Sequence[Written], Mapping[str, float]]:
+) -> tuple[Sequence[Written], int, Mapping[str, float]]:
     """Simplify files as one cloud tile by tile, and write the kept points of each."""
     from gppcs.streaming.amounts import choose
     from gppcs.streaming.beyond_memory import Survey
@@ -340,4 +342,5 @@ def _each_by_tiles(
         choice, diagnostics = choose(survey)
         tasks = [(survey.parts_of(path), target) for path, target in zip(files.paths, targets, strict=True)]
         with timer("writing", len(tasks)) as on_progress:
-            return run_on.run(partial(write_file, choice), tasks, on_progress=on_progress), diagnostics
+            written = run_on.run(partial(write_file, choice), tasks, on_progress=on_progress)
+        return written, survey.n_points, diagnostics

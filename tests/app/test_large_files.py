@@ -67,6 +67,15 @@ def test_a_dry_run_plans_files_of_one_cloud_together(record, parts):
     assert (told["input"], told["points_in"], told["points_out"]) == (["a.ply", "b.ply"], 400, 40)
 
 
+def test_files_of_one_cloud_count_the_points_among_which_is_chosen(record, parts):
+    points = gppcs.read("a.ply").points
+    points[:5, 2] = np.nan
+    gppcs.write("a.ply", gppcs.PointCloud(points), force=True)
+    gppcs.write("b.ply", gppcs.PointCloud(gppcs.read("b.ply").points), force=True)
+    told = record("simplify", "a.ply", "b.ply", "-o", "out/", "--points", 40, "--invalid", "drop")
+    assert (told["points_in"], told["points_out"]) == (395, 40)
+
+
 @pytest.mark.parametrize(
     ("options", "parts_of_message"),
     [

@@ -134,7 +134,9 @@ def test_points_to_keep_and_weights(tmp_path):
 def test_all_points_to_keep_are_kept_where_tiles_hold_nothing_else(tmp_path, method):
     """A strip is so dense that its tiles have no points to spare."""
     rng = np.random.default_rng(2)
-    xy = np.concatenate([rng.random((12_000, 2)) * [0.02, 1.0], rng.random((12_000, 2)) + [0.02, 0.0]])
+    xy = rng.random((24_000, 2))
+    xy[:12_000, 0] *= 0.02
+    xy[12_000:, 0] += 0.02
     wanted = np.arange(len(xy)) < 12_000
     cloud = gppcs.PointCloud(np.column_stack([xy, np.zeros(len(xy))]), {"wanted": wanted.astype(np.uint8)})
     path = written(tmp_path, cloud)

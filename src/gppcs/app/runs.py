@@ -26,7 +26,7 @@ def plan_job(options: Options, output: Output) -> tuple[dict[str, Any], dict[str
     """Plan the work on one cloud; return a record and the rows of a table that describe it."""
     output.check()
     with output.source as files:
-        plan = make_plan(files, options, options.mark and "`mark`")
+        plan = make_plan(files, options, options.mark and "`mark`", to_files=output.by_input)
     record = {"input": output.input, "output": str(output.targets[-1]), **dataclasses.asdict(plan)}
     limit = "unknown" if plan.memory_limit is None else size_of(plan.memory_limit)
     rows = {
@@ -78,8 +78,7 @@ def run_folder(options: Options, output: Output, timer: Timer) -> tuple[dict[str
     with output.source as files:
         plan = make_plan(files, options, to_files=True)
         output.check_storable(options)
-        written, diagnostics = simplify_each(files, targets, options, plan, timer, output.force)
-        points_in = files.n_points
+        written, points_in, diagnostics = simplify_each(files, targets, options, plan, timer, output.force)
     points_out = sum(file.n_points for file in written)
     for note in _notes(points_out, points_in, diagnostics, options):
         print_error(f"note: {len(written)} files: {note}")
