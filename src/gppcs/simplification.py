@@ -300,7 +300,7 @@ def simplify_each(
         if getattr(options, name):
             raise ParameterError(f"expected `{name}` with one output file, or each input by itself, found a folder")
     if files.reads_standard_input:
-        raise InputError("expected names of files for one result each, found standard input or an open file")
+        raise InputError("expected names of files for one result each, found standard input or an open file; save it")
     check_addable(files.preview, options)
     with run_in_folder(files, options, targets, force) as work:
         if plan.in_memory:
