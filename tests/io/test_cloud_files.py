@@ -292,3 +292,9 @@ def test_compressed_files_beyond_a_limit_are_closed_and_opened_again(tmp_path):
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
     assert whole.points[:, 2].tolist() == list(range(100))
     assert joined(parts) == whole
+
+
+def test_files_that_are_opened_are_not_opened_again(tmp_path):
+    gppcs.write(tmp_path / "a.ply", gppcs.sample("sphere", n_points=100))
+    with pytest.raises(gppcs.ParameterError, match="names of files"):
+        gppcs.open(gppcs.open(tmp_path / "a.ply"), only="z > 0")
