@@ -141,11 +141,11 @@ class CloudFiles:
         assume_same_crs: bool = False,
         if_needed: bool = False,
     ) -> None:
+        self._opened: dict[Path, _Opened] = {}
         if isinstance(paths, CloudFiles):
             raise ParameterError(
                 "expected names of files, or open files, found a CloudFiles; say all when it is opened"
             )
-        self._opened: dict[Path, _Opened] = {}
         self._entered = 0  # how many `with` statements are at work
         self.query = Query.from_options(inside, only, resolution)
         self._format, self._if_needed = format, if_needed
