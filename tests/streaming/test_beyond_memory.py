@@ -145,6 +145,17 @@ def test_all_points_to_keep_are_kept_where_tiles_hold_nothing_else(tmp_path, met
     assert np.isin(np.flatnonzero(wanted), result.indices).all()
 
 
+def test_no_points_are_added_where_all_stay(tmp_path):
+    """Half of a plane is kept: the other half gets all others, and has no larger gaps for it."""
+    points = np.column_stack([np.random.default_rng(0).random((24_000, 2)), np.zeros(24_000)])
+    wanted = points[:, 0] < 0.5
+    cloud = gppcs.PointCloud(points, {"wanted": wanted.astype(np.uint8)})
+    options = {"n_points": int(wanted.sum()) + 800, "keep": "wanted == 1", "method": "fps"}
+    results = gppcs.simplify(written(tmp_path, cloud), memory=MEMORY, **options), gppcs.simplify(cloud, **options)
+    tiled, together = (cKDTree(result.cloud.points).query(points)[0].max() for result in results)
+    assert tiled < 1.3 * together
+
+
 def test_outliers_that_are_dropped_neither_count_in_a_tolerance_nor_in_the_diagonal(tmp_path):
     cloud = gppcs.sample("bracket", 20_000, outliers=0.01)
     options = {"tolerance": "1%", "drop_outliers": True}

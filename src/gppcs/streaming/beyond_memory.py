@@ -115,7 +115,8 @@ class Survey:
     @cached_property
     def scale(self) -> Scale:
         """What turns lengths of the options into those of the frame."""
-        diagonal = float(np.linalg.norm(self.frame.local(self.overview.upper[None])))
+        lower, upper = self.frame.local(np.array([self.overview.lower, self.overview.upper]))
+        diagonal = float(np.linalg.norm(upper - lower))
         return Scale(diagonal, units_of(self.options.unit, self.overview.columns.header), self.frame.exponent)
 
     @cached_property
@@ -241,6 +242,7 @@ class Survey:
 
         sample = self.sample
         normals = estimate_normals(self.frame.local(sample.points)) if self.options.normals else None
-        mass = mass / mass.sum()
+        mass = np.where(sample.keep, 0.0, mass)  # where all points stay, none is added
+        mass /= mass.sum() or 1.0
         guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
         guide.write(self.folder / "guide.npz")
