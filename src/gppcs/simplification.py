@@ -340,7 +340,7 @@ def _each_by_tiles(
     with scratch_folder(options.scratch, plan.disk) as scratch, engine(options.workers, plan.threads) as run_on:
         survey = Survey.read(files, plan, options, scratch, work, run_on, timer)
         choice, diagnostics = choose(survey)
-        tasks = [(survey.parts_of(path), target) for path, target in zip(files.paths, targets, strict=True)]
+        tasks = [(survey.parts_of[path], target) for path, target in zip(files.paths, targets, strict=True)]
         with timer("writing", len(tasks)) as on_progress:
             written = run_on.run(partial(write_file, choice), tasks, on_progress=on_progress)
         return written, survey.n_points, diagnostics

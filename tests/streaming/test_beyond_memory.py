@@ -356,6 +356,20 @@ def test_a_lost_worker_is_told():
         run_on.run(_end_at_once, [1])
 
 
+def test_after_an_error_no_other_task_begins():
+    begun = []
+
+    def task(number):
+        begun.append(number)
+        if not number:
+            raise ValueError
+
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(ValueError), engine(pool, 1) as run_on:  # noqa: PT011
+            run_on.run(task, range(1000))
+    assert len(begun) < 1000
+
+
 def test_a_worker_on_another_machine_uses_one_thread(monkeypatch, default_threads):
     gppcs.set_threads(3)
     machines = iter(["here", "there"])  # whose processes may have the same number

@@ -179,7 +179,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
 def _without_gaps(survey: Survey, choice: Choice, gap: float) -> Chosen:
     """Add points, each the farthest from all others, until none is farther from one than a gap."""
     before = neighbours_before(choice.tiling.tiles, margin_of_gaps(choice.tiling, gap))
-    largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap), choice.tiling, before)
+    largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap, before), choice.tiling, before)
     added = [Kept.read(file_of_gaps(choice.tiling, number)) for number in range(len(largest))]
     outside = survey.scale.outside
     figures = {"added_in_gaps": float(sum(len(kept.indices) for kept in added)), "largest_gap": outside(max(largest))}

@@ -74,17 +74,13 @@ class Survey:
         boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
         source = Source(parts, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
         survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
-        if not survey.parts_lie_together():
+        if files.has_copies or not survey.parts_lie_together():
             runs = sorted_once(parts, boxes, scratch, run_on, timer)
             survey = replace(survey, source=replace(source, pieces=runs))
         return survey.without_outliers() if options.drop_outliers else survey
 
     def parts_lie_together(self) -> bool:
         """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
-        for part in self.parts:
-            with part.files as files:
-                if files.has_copies:
-                    return False
         met = 0
         for tile in self.nodes(TILE):
             margin = 0.1 * (tile.upper - tile.lower)
@@ -97,9 +93,14 @@ class Survey:
         """The indices of the outliers that are dropped, ascending; None if they are not."""
         return self.source.excluded if self.options.drop_outliers else None
 
-    def parts_of(self, path: Path) -> list[Part]:
-        """Return the parts of a file."""
-        return [part for part in self.parts if list(part.files.paths) == [path]]
+    @cached_property
+    def parts_of(self) -> Mapping[Path, list[Part]]:
+        """The parts of each file."""
+        parts: dict[Path, list[Part]] = {}
+        for part in self.parts:
+            (path,) = part.files.paths
+            parts.setdefault(path, []).append(part)
+        return parts
 
     @property
     def n_points(self) -> int:

@@ -69,13 +69,18 @@ class Engine:
         running: dict[Future[Any], int] = {}
         graph = TopologicalSorter(before)
         graph.prepare()
-        while graph.is_active():
-            running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                number = running.pop(future)
-                results[number] = future.result()
-                graph.done(number)
-                on_progress(1)
+        try:
+            while graph.is_active():
+                running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    number = running.pop(future)
+                    results[number] = future.result()
+                    graph.done(number)
+                    on_progress(1)
+        finally:  # after an error, no task may work on in folders that go
+            for future in running:
+                future.cancel()
+            wait(running)
         return [results[number] for number in range(len(arguments))]
 
 
@@ -128,7 +133,7 @@ def engine(workers: str | Executor | None, threads: int) -> Iterator[Engine]:
             with require_distributed().Client(workers) as client:
                 yield Engine(client)
         else:
-            with _threads(threads) as pool:
+            with ThreadPoolExecutor(threads) as pool:
                 yield Engine(pool)
     except Exception as error:
         if isinstance(error, BrokenExecutor) or type(error).__module__.startswith("distributed"):
@@ -137,17 +142,6 @@ def engine(workers: str | Executor | None, threads: int) -> Iterator[Engine]:
                 f"the workers were lost ({name}: {error}); give each more memory, or start fewer"
             ) from error
         raise
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[Executor]:
-    """Yield threads that take no more tasks after an error."""
-    with ThreadPoolExecutor(count) as pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
 
 
 def own_version() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from gppcs.amounts.accuracy import distances_to
 from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.methods import Feature
-from gppcs.spatial.boxes import inside, neighbours_before
+from gppcs.spatial.boxes import inside
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import point_hashes
@@ -136,12 +136,14 @@ def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Kept:
     return _added(choice.tiling, number, rows.take(np.concatenate(firsts)))
 
 
-def fill_gaps_in_tile(choice: Choice, gap: float, number: int) -> float:
-    """Add points of a tile until none is farther than a gap from a kept one; return the largest gap that is left."""
+def fill_gaps_in_tile(choice: Choice, gap: float, before: Sequence[Sequence[int]], number: int) -> float:
+    """Add points of a tile until none is farther than a gap from a kept one; return the largest gap that is left.
+
+    Some tiles, whose points count as well, go before each.
+    """
     tiling, rows = choice.tiling, choice.tiling.own(number)
-    margin = margin_of_gaps(tiling, gap)
-    before = neighbours_before(tiling.tiles, margin)[number]
-    kept = np.concatenate([choice.near(number, margin), *(Kept.read(file_of_gaps(tiling, i)).points for i in before)])
+    earlier = [Kept.read(file_of_gaps(tiling, i)).points for i in before[number]]
+    kept = np.concatenate([choice.near(number, margin_of_gaps(tiling, gap)), *earlier])
     added, largest = np.arange(0), 0.0
     if len(rows):
         added, largest = fill_gaps(tiling.frame.local(rows.points), tiling.frame.near(kept), gap)

@@ -1,4 +1,4 @@
-"""Folders for temporary files."""
+"""Temporary files, and folders for them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
+from uuid import uuid4
 
 from gppcs.engine.memory import size_of
 from gppcs.errors import OutputError
@@ -35,3 +37,15 @@ def scratch_folder(parent: str | os.PathLike[str] | None, size: int) -> Iterator
         raise
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def complete_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file that appears once it is complete: a task may be done by two workers at once."""
+    unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
+    try:
+        with unfinished.open("wb") as file:
+            yield file
+        os.replace(unfinished, path)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 
@@ -24,6 +22,7 @@ from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.streaming.graph import Engine
 from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
+from gppcs.streaming.scratch import complete_file
 
 RUN = 1 << 20  # Points that are sorted together, about.
 
@@ -92,12 +91,9 @@ class Run:
         starts = np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))])
         columns = {"index": rows.indices, "point": rows.points, **rows.columns}
         kinds = {name: np.dtype((values.dtype, values.shape[1:])) for name, values in columns.items()}
-        # A task may be done by two workers at once.
-        unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
-        with unfinished.open("wb") as file:
+        with complete_file(path) as file:
             for values in columns.values():
                 values.tofile(file)
-        os.replace(unfinished, path)
         return cls(path, boxes, starts, kinds)
 
     def meets(self, lower: Floats, upper: Floats) -> bool:

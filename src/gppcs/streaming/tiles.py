@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Self
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +25,7 @@ from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
+from gppcs.streaming.scratch import complete_file
 from gppcs.streaming.source import Source
 
 # Points that each tile adds to those it chose, as a fraction of these, besides a root of their number: tiles choose a
@@ -39,11 +38,9 @@ class Stored:
     """Arrays that tasks leave in files for each other."""
 
     def write(self, path: Path) -> None:
-        """Write a file, which appears once it is complete: a task may be done by two workers at once."""
-        unfinished = path.with_name(f"{path.name}.{uuid4().hex}")
-        with unfinished.open("wb") as file:
+        """Write a file."""
+        with complete_file(path) as file:
             np.savez(file, **{name: values for name, values in vars(self).items() if values is not None})
-        os.replace(unfinished, path)
 
     @classmethod
     def read(cls, path: Path) -> Self:
