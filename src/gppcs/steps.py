@@ -16,7 +16,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.methods import Feature, Selection
-from gppcs.methods.method import SCORES
+from gppcs.methods.method import SCORES, with_scores
 from gppcs.result import Result
 from gppcs.spatial.units import Units
 
@@ -129,11 +129,9 @@ def result_of(
     options: Options,
     timer: Timer,
 ) -> Result:
-    """Return the result of a choice among n points: kept points with their places in the order chosen."""
+    """Return the result of a choice among n points: kept points with their ranks in the order chosen."""
     if options.scores:
-        scores = {name: np.zeros(len(kept), np.float32) for name in SCORES}  # of points that the method did not choose
-        scores |= {name: values.astype(np.float32) for name, values in selection.attributes.items()}
-        kept = replace(kept, attributes={**kept.attributes, **scores})
+        kept = with_scores(kept, selection.attributes)
     diagnostics = dict(selection.diagnostics)
     if outliers is not None:
         diagnostics["outliers"] = float(len(outliers))

@@ -364,9 +364,8 @@ def test_after_an_error_no_other_task_begins():
         if not number:
             raise ValueError
 
-    with ThreadPoolExecutor(1) as pool:
-        with pytest.raises(ValueError), engine(pool, 1) as run_on:  # noqa: PT011
-            run_on.run(task, range(1000))
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError), engine(pool, 1) as run_on:  # noqa: PT011
+        run_on.run(task, range(1000))
     assert len(begun) < 1000
 
 

@@ -140,8 +140,10 @@ def outputs_of(
     targets = [Path(output, source.name) for source in sources]
     if len(sources) > 1 and not separately:
         return [Output(io.CloudFiles(sources, **reading), targets, makes_folders=True, by_input=True)]
-    each = zip(sources, targets, strict=True)
-    return [Output(io.CloudFiles(source, **reading), [target], makes_folders=True) for source, target in each]
+    return [
+        Output(io.CloudFiles(source, **reading), [target], makes_folders=True)
+        for source, target in zip(sources, targets, strict=True)
+    ]
 
 
 def sources_of(inputs: Sequence[Path]) -> list[Path]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from gppcs.clouds.cloud import PointCloud
     from gppcs.engine.arrays import Floats, Ints
 
 RANKING = "The first k kept points are a simplification to k points, for any k."
@@ -248,6 +249,15 @@ def selected(method: Method, task: Task) -> Selection:
             f"found {len(indices):,}, {n_different:,} of which are different ones; report this to its authors"
         )
     return selection
+
+
+def with_scores(cloud: PointCloud, scores: Mapping[str, Floats]) -> PointCloud:
+    """Return kept points with their scores, (M,), as attributes; points that the method did not choose have 0."""
+    import numpy as np
+
+    columns = {name: np.zeros(len(cloud), np.float32) for name in SCORES}
+    columns |= {name: values.astype(np.float32) for name, values in scores.items()}
+    return dataclasses.replace(cloud, attributes={**cloud.attributes, **columns})
 
 
 def random_candidates(n: int, candidates: int | None, n_points: int, seed: int) -> Ints:

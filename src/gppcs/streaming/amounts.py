@@ -109,9 +109,9 @@ def _spaced(survey: Survey, spacing: float) -> Chosen:
     algorithm, overview = survey.options.algorithm, survey.overview
     if (count := algorithm.number_at(survey.area, spacing)) is not None:
         return _numbered(survey, min(count, overview.n_places), 0)
-    survey.write_guide(np.zeros(1, dtype=np.int64), np.ones(len(survey.sample)), 0)
     halo = survey.frame.lengths(np.multiply(algorithm.halo, spacing))
     tiling = survey.tiling(halo, n_points=overview.n_usable, spacing=spacing)
+    survey.write_guide(tiling, np.zeros(1, dtype=np.int64), np.ones(len(survey.sample)), 0)
     counts = survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before)
     if not np.sum(counts):
         raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")

@@ -183,10 +183,10 @@ class Survey:
             mass *= ratios
             if finer.scale is not None:
                 selection = replace(finer, scale=selection.scale.refined(finer.scale))
-        self.write_guide(chosen, mass, min(int(FIRST * n_points), len(chosen) // 2))
         halo = self.frame.lengths(np.full(3, HALO * math.sqrt(self.area / n_points)))
         fraction = min(1.0, self.options.algorithm.points_per_kept * n_points / self.overview.n_places)
         tiling = self.tiling(halo, fraction, n_points=n_points, scale=selection.scale)
+        self.write_guide(tiling, chosen, mass, min(int(FIRST * n_points), len(chosen) // 2))
         return tiling, selection.diagnostics
 
     def choose(self, rows: Rows, n_points: int) -> tuple[Ints, Selection]:
@@ -237,7 +237,7 @@ class Survey:
         middle = float(np.median(ratio))
         return selection, np.exp(np.clip(ratio - middle, -MAX_RATIO, MAX_RATIO))[of_sample]
 
-    def write_guide(self, chosen: Ints, mass: Floats, n_first: int) -> None:
+    def write_guide(self, tiling: Tiling, chosen: Ints, mass: Floats, n_first: int) -> None:
         """Write what tiles need to know of the choice in the sample."""
         from gppcs.surface.normals import estimate_normals
 
@@ -246,4 +246,4 @@ class Survey:
         mass = np.where(sample.keep, 0.0, mass)  # where all points stay, none is added
         mass /= mass.sum() or 1.0
         guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
-        guide.write(self.folder / "guide.npz")
+        guide.write(tiling.guide_file)

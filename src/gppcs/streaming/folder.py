@@ -7,7 +7,7 @@ import json
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from gppcs.io.remote import address_of
 from gppcs.io.streams import whole_output
 from gppcs.io.vpc import vpc_of
 from gppcs.io.writing import store_in
+from gppcs.methods.method import with_scores
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import own_version
 from gppcs.streaming.output import take
@@ -136,8 +137,7 @@ def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
     kept = _kept_in(choice, parts)
     cloud = take(parts, kept)
     if choice.tiling.options.scores:
-        scores = {name: values.astype(np.float32) for name, values in kept.scores.items()}
-        cloud = replace(cloud, attributes={**cloud.attributes, **scores})
+        cloud = with_scores(cloud, kept.scores)
     written = target.write(cloud, kept.indices)
     with whole_output(record, force=True) as file:
         file.write(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]).encode())

@@ -60,14 +60,14 @@ class Guide(Stored):
     n_first: int  # number of these, the first, that all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
 
-    def places_of(self, indices: Ints) -> Ints:
-        """Return the place of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
+    def ranks_of(self, indices: Ints) -> Ints:
+        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
         first = self.chosen[: self.n_first]
         by_index = np.argsort(first)
-        places = np.zeros(len(indices), dtype=np.int64)
+        ranks = np.zeros(len(indices), dtype=np.int64)
         is_first = np.isin(indices, first)
-        places[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)] + 1
-        return places
+        ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)] + 1
+        return ranks
 
 
 @lru_cache(maxsize=4)
@@ -130,8 +130,12 @@ class Tiling:
     @property
     def guide(self) -> Guide:
         """What the first choice tells."""
-        path = self.folder / "guide.npz"
-        return _guide_of(path, path.stat().st_mtime_ns)
+        return _guide_of(self.guide_file, self.guide_file.stat().st_mtime_ns)
+
+    @property
+    def guide_file(self) -> Path:
+        """The file of the guide."""
+        return self.folder / f"guide-{self.n_points}-{self.spacing}.npz"
 
     def file(self, number: int) -> Path:
         """Return the file of the kept points of a tile."""
@@ -206,7 +210,7 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     if not tiling.options.algorithm.by_cells:
         earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
         stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
-        first = np.where(stays | is_done, 0, tiling.guide.places_of(rows.indices))
+        first = np.where(stays | is_done, 0, tiling.guide.ranks_of(rows.indices))
         fixed = stays | (first > 0)
         taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
         if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
@@ -225,7 +229,7 @@ def _selection(
 ) -> Selection:
     """Choose among rows in a tile and around it, those that stay first, then those of the first choice.
 
-    Indices are those of rows; among the attributes are the places in the first choice.
+    Indices are those of rows; among the attributes are the ranks in the first choice.
     """
     weights = rows.columns.get("weight")
     constraints = Constraints(
@@ -252,9 +256,9 @@ def _selection(
         selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
-    places = np.zeros(len(selection.indices))
-    places[: task.fixed] = first[indices[: task.fixed]]  # also where others stand for them
-    attributes = {**selection.attributes, "first": places}
+    ranks = np.zeros(len(selection.indices))
+    ranks[: task.fixed] = first[indices[: task.fixed]]  # also where others stand for them
+    attributes = {**selection.attributes, "first": ranks}
     selection = replace(selection, indices=indices[selection.indices], attributes=attributes)
     return selection if tiling.spacing is not None else _with_spare(selection, indices, points, is_own)
 

@@ -120,9 +120,10 @@ def simplify(
         raise ParameterError("expected --ratio or --points with --dry-run, as other options need the points themselves")
     reading = {"format": input_format, "inside": inside or None, "only": only}
     how: dict[str, Any] = {"suffix": output_format, "asked_order": order, "force": force, "lossy": lossy}
-    outputs = [replace(each, **how) for each in outputs_of(inputs, output, reading, len(chosen.sizes), separately)]
-    targets = [target for each in outputs for target in each.targets]
-    sources = [source for each in outputs for source in each.source.paths]
+    results = outputs_of(inputs, output, reading, len(chosen.sizes), separately)
+    outputs = [replace(result, **how) for result in results]
+    targets = [target for result in outputs for target in result.targets]
+    sources = [source for result in outputs for source in result.source.paths]
     check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
     def work(result: Output) -> None:
