@@ -4,6 +4,7 @@ import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import product
 from multiprocessing import get_context
+from time import sleep
 
 import numpy as np
 import pytest
@@ -363,6 +364,7 @@ def test_after_an_error_no_other_task_begins():
         begun.append(number)
         if not number:
             raise ValueError
+        sleep(0.01)  # the error arrives long before the last task could begin
 
     with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError), engine(pool, 1) as run_on:  # noqa: PT011
         run_on.run(task, range(1000))
