@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 import gppcs
-from gppcs.spatial.kdtree import KdTree, nearest_distances
-from gppcs.spatial.spacing import areas_of_points, neighbourhood_radius, paper_radius, surface_area
+from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.spacing import areas_of_points, nearest_distances, neighbourhood_radius, paper_radius, surface_area
 from gppcs.surface.surface_variation import features_in_radius
 
 

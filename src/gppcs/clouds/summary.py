@@ -88,7 +88,8 @@ def info(cloud: CloudLike) -> Summary:
     (4, 1, 3.0)
     """
     from gppcs.spatial.cells import first_occurrences
-    from gppcs.spatial.kdtree import KdTree, nearest_distances
+    from gppcs.spatial.kdtree import KdTree
+    from gppcs.spatial.spacing import nearest_distances
 
     cloud = PointCloud.from_object(cloud)
     points = cloud.points[np.flatnonzero(cloud.is_finite())]

@@ -13,9 +13,10 @@ from gppcs.meshing.coverage import RANK, Cover
 from gppcs.meshing.uneven_noise import FITTED, projected_across, uneven_noise
 from gppcs.spatial.cells import distinct_in_single
 from gppcs.spatial.farthest_points import farthest_points
-from gppcs.spatial.kdtree import KdTree, nearest_distances
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
+from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections, two_sheets
 from gppcs.surface.normals import ACROSS, EDGES, NARROW, SHARP, normals_of, with_signs
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics

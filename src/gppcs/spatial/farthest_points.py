@@ -9,16 +9,9 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.spatial.kdtree import (
-    KdTree,
-    after,
-    first_leaf,
-    greater_child,
-    greatest_in_leaf,
-    greatest_of_all,
-    leaf_range,
-    squared_distance_to_box,
-)
+from gppcs.spatial.box_distances import squared_distance_to_box
+from gppcs.spatial.greatest import greater_child, greatest_in_leaf, greatest_of_all
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
 
 PICKS_PER_CALL = 4096  # progress is reported after each call of the kernel, so after this many points
 

@@ -13,6 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
 
 LEAF_SIZE = 32  # most points in a leaf: few enough to prune well, enough to fill vector registers
 QUERIES_AT_ONCE = 128  # queries that a thread takes at once, at least
@@ -98,14 +99,6 @@ class KdTree:
         queries = np.ascontiguousarray(queries)  # so that the kernel is compiled for one layout only
         on_ranges(_nearest_of_all, len(queries), *self.arrays, queries, positions, squared, minimum=QUERIES_AT_ONCE)
         return self.order[positions], squared
-
-
-def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
-    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
-    n = tree.points.shape[1]
-    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // maximum))])
-    _, squared = tree.nearest_of(chosen, min(k + 1, n))
-    return np.sqrt(squared[:, -1])
 
 
 @kernel(allocates=False, fastmath=False)
@@ -302,15 +295,6 @@ def _move_forward(records, axis, begin, end, pivot, equal):
     return free
 
 
-@kernel(fastmath=False, allocates=False)
-def squared_distance_to_box(lower, upper, x, y, z):
-    """Return the squared distance of (x, y, z) to a box, rounded to at most that to any point in it."""
-    dx = max(lower[0] - x, x - upper[0], 0.0)
-    dy = max(lower[1] - y, y - upper[1], 0.0)
-    dz = max(lower[2] - z, z - upper[2], 0.0)
-    return dx * dx + dy * dy + dz * dz
-
-
 @kernel(allocates=False)
 def nearer_child(node, lower, upper, x, y, z):
     """Return the child of a node whose box is nearer to (x, y, z), the first one if they are equally near."""
@@ -390,24 +374,6 @@ def leaves_near(lower, upper, box_lower, box_upper, squared_radius, near):
     return count
 
 
-@kernel(fastmath=False, allocates=False)
-def squared_distance_of_boxes(lower, upper, other_lower, other_upper):
-    """Return the squared distance between two boxes, rounded to at most that between any two points in them."""
-    dx = max(lower[0] - other_upper[0], other_lower[0] - upper[0], 0.0)
-    dy = max(lower[1] - other_upper[1], other_lower[1] - upper[1], 0.0)
-    dz = max(lower[2] - other_upper[2], other_lower[2] - upper[2], 0.0)
-    return dx * dx + dy * dy + dz * dz
-
-
-@kernel(fastmath=False, allocates=False)
-def squared_span_of_boxes(lower, upper, other_lower, other_upper):
-    """Return the largest squared distance between a point of one box and a point of another; corners are (3,)."""
-    dx = max(upper[0] - other_lower[0], other_upper[0] - lower[0])
-    dy = max(upper[1] - other_lower[1], other_upper[1] - lower[1])
-    dz = max(upper[2] - other_lower[2], other_upper[2] - lower[2])
-    return dx * dx + dy * dy + dz * dz
-
-
 @kernel(fastmath=False)
 def points_near(points, lower, upper, leaves, box_lower, box_upper, squared_radius, positions):
     """Fill `positions` with the points of some leaves, (m,), within a radius of a box; return their number."""
@@ -426,35 +392,3 @@ def points_near(points, lower, upper, leaves, box_lower, box_upper, squared_radi
             positions[count] = begin + j  # always written and then counted or not: a branch would be mispredicted often
             count += 1 if squared[j] <= squared_radius else 0
     return count
-
-
-@kernel
-def greatest_of_all(values, greatest, holder):
-    """Fill each node with the greatest value, (N,), among its points, and the first of these positions, `holder`."""
-    leaves = first_leaf(greatest)
-    for node in range(2 * leaves - 1, 0, -1):
-        if node >= leaves:
-            greatest_in_leaf(node, values, greatest, holder)
-        else:
-            greater_child(node, greatest, holder)
-
-
-@kernel(fastmath={"nnan", "nsz"}, allocates=False)
-def greatest_in_leaf(node, values, greatest, holder):
-    """Update the greatest value of one leaf, and its position."""
-    begin, end = leaf_range(len(values), first_leaf(greatest), node)
-    of_leaf, best = values[begin:end], -np.inf  # loops over slices are vectorised
-    for j in range(len(of_leaf)):
-        best = max(best, of_leaf[j])
-    while values[begin] < best:
-        begin += 1
-    greatest[node], holder[node] = best, begin
-
-
-@kernel(allocates=False)
-def greater_child(node, greatest, holder):
-    """Update the greatest value of one inner node, and its position, from its two children."""
-    a, b = 2 * node, 2 * node + 1
-    if greatest[b] > greatest[a]:
-        a = b
-    greatest[node], holder[node] = greatest[a], holder[a]

@@ -7,16 +7,8 @@ import numpy as np
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    QUERIES_AT_ONCE,
-    KdTree,
-    after,
-    first_leaf,
-    leaf_range,
-    nearer_child,
-    squared_distance_to_box,
-    unvisited_sibling,
-)
+from gppcs.spatial.box_distances import squared_distance_to_box
+from gppcs.spatial.kdtree import QUERIES_AT_ONCE, KdTree, after, first_leaf, leaf_range, nearer_child, unvisited_sibling
 
 
 def others_within(tree: KdTree, queries: Floats, squared: Floats) -> tuple[Ints, Ints]:

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 from gppcs.engine.arrays import Floats
-from gppcs.spatial.kdtree import KdTree, nearest_distances
+from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import AREA_NEIGHBOURS, squared_radii
 
 AREA_QUANTILE = 0.99  # quantile to which larger areas are cut, for outliers
@@ -30,6 +30,14 @@ def paper_radius(points: Floats, k: int = 25) -> float:
     """Return CloudCompare's radius for about k neighbours, which the paper uses (section 3.1): sqrt(k V^(2/3) / N)."""
     volume = np.prod(np.ptp(points, axis=0))
     return float(np.sqrt(k * np.cbrt(volume) ** 2 / len(points)))
+
+
+def nearest_distances(tree: KdTree, k: int, maximum: int = 4096) -> Floats:
+    """Return distances, (n,), to k-th neighbours, of points at equal steps in tree order, as files can be periodic."""
+    n = tree.points.shape[1]
+    chosen = np.ascontiguousarray(tree.points.T[:: max(1, -(-n // maximum))])
+    _, squared = tree.nearest_of(chosen, min(k + 1, n))
+    return np.sqrt(squared[:, -1])
 
 
 def areas_of_points(tree: KdTree) -> Floats:

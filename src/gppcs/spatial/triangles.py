@@ -9,15 +9,8 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    KdTree,
-    first_leaf,
-    leaf_range,
-    measure_boxes,
-    nearer_child,
-    squared_distance_to_box,
-    unvisited_sibling,
-)
+from gppcs.spatial.box_distances import squared_distance_to_box
+from gppcs.spatial.kdtree import KdTree, first_leaf, leaf_range, measure_boxes, nearer_child, unvisited_sibling
 
 
 @kernel(fastmath=False)

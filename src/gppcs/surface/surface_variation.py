@@ -12,17 +12,9 @@ from gppcs.engine.equality import ComparedByValue
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.errors import whole_number
+from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_span_of_boxes
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    after,
-    first_leaf,
-    leaf_range,
-    points_near,
-    squared_distance_of_boxes,
-    squared_span_of_boxes,
-)
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range, points_near
 from gppcs.spatial.leaves import (
     leaves_of_runs,
     look_around_leaf,

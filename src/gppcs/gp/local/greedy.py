@@ -35,7 +35,8 @@ from gppcs.gp.local.greedy_state import (
 )
 from gppcs.gp.local.kernel import LocalField, field_distance
 from gppcs.gp.local.posterior import condition, posterior_of_all
-from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, squared_distance_of_boxes
+from gppcs.spatial.box_distances import squared_distance_of_boxes
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
 
 PART_POINTS = 4096  # Points of a part at least: with fewer, most of them are near others.
 

@@ -9,18 +9,9 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    KdTree,
-    after,
-    first_leaf,
-    greater_child,
-    greatest_in_leaf,
-    greatest_of_all,
-    leaf_range,
-    squared_distance_of_boxes,
-    squared_distance_to_box,
-    squared_span_of_boxes,
-)
+from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box, squared_span_of_boxes
+from gppcs.spatial.greatest import greater_child, greatest_in_leaf, greatest_of_all
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.spacing import surface_area
 

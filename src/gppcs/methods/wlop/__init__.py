@@ -49,8 +49,9 @@ class WLOP(Method):
         import numpy as np
 
         from gppcs.methods.wlop.projection import project
-        from gppcs.spatial.kdtree import KdTree, nearest_distances
+        from gppcs.spatial.kdtree import KdTree
         from gppcs.spatial.queries import nearest_unused
+        from gppcs.spatial.spacing import nearest_distances
 
         points, n_points, timer = task.points, task.n_points, task.timer
         with timer("tree"):

@@ -9,15 +9,8 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    first_leaf,
-    leaf_range,
-    leaves_near,
-    measure_boxes,
-    squared_distance_to_box,
-)
+from gppcs.spatial.box_distances import squared_distance_to_box
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, measure_boxes
 
 SAME_PLACE = 1e-10  # points whose squared distance is below this fraction of the squared radius ignore each other
 
