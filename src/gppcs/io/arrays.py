@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Iterator
 from functools import partial
 from io import BufferedReader
+from threading import Lock
 from typing import BinaryIO
 
 import numpy as np
@@ -21,12 +22,14 @@ from gppcs.io.columns import check_name, columns_of, coordinate_type, default_na
 from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
 from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
 
+header_lock = Lock()  # Python 3.11 may fail if two threads parse the headers of NumPy's files at once
+
 _reported = partial(reported, "numpy", "a whole array of numbers")
 
 
 def open_npy(file: BufferedReader) -> Reader:
     """Open an NPY file: an array of at least three columns, or a structured array with fields x, y and z."""
-    with _reported():
+    with _reported(), header_lock:
         columns = _columns(_mapped(file))
     n_points = len(columns[coordinate_names(columns)[0]])
     return Reader(partial(column_chunks, columns), n_points, spans=partial(equal_spans, n_points))
@@ -52,7 +55,7 @@ def open_npz(file: BufferedReader) -> Reader:
 
 def _read_npz(file: BufferedReader) -> tuple[PointCloud, list[str]]:
     """Return the points of an NPZ file."""
-    with _reported(), np.load(file, allow_pickle=False) as archive:
+    with _reported(), header_lock, np.load(file, allow_pickle=False) as archive:
         arrays = {name: np.asarray(archive[name]) for name in archive.files}
     if "points" not in arrays:
         raise FileFormatError(f"expected an array 'points', found {', '.join(map(repr, arrays)) or 'none'}; rename one")

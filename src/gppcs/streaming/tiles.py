@@ -18,6 +18,7 @@ from gppcs.amounts.options import Options
 from gppcs.clouds.ranges import Details
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
+from gppcs.io.arrays import header_lock
 from gppcs.methods import Selection
 from gppcs.methods.method import SCORES
 from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
@@ -45,7 +46,7 @@ class Stored:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a file."""
-        with np.load(path) as stored:
+        with header_lock, np.load(path) as stored:
             return cls(**{name: stored[name] for name in stored.files})
 
 
