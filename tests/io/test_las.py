@@ -13,9 +13,9 @@ from hypothesis.extra import numpy as hnp
 from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
 
 import gppcs
-from formats import losses
+from formats import losses, overwrite
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError, OutputError
+from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import CloudFiles, las_header, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
@@ -211,9 +211,7 @@ def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
     las.header.vlrs.extend(records)
     las.xyz = np.zeros((2, 3))
     path = save(las, tmp_path / "a.las")
-    content = bytearray(path.read_bytes())
-    content[6] = 16 * uses_wkt  # the global encoding; some versions of laspy set it by themselves
-    path.write_bytes(content)
+    overwrite(path, 6, [16 * uses_wkt])  # the global encoding; some versions of laspy set it by themselves
     cloud = read(path)
     assert cloud.header.crs == expected
     assert gppcs.info(cloud).crs == expected
@@ -402,9 +400,7 @@ def bits(number):
 )
 def test_headers_that_lie(tmp_path, place, value, message):
     path = save(random_las("1.2", 0), tmp_path / "a.las")
-    content = bytearray(path.read_bytes())
-    content[place[0] : sum(place)] = value.to_bytes(place[1], "little")
-    path.write_bytes(content)
+    overwrite(path, place[0], value.to_bytes(place[1], "little"))
     with pytest.raises(FileFormatError, match=message):
         read(path)
 
@@ -418,12 +414,6 @@ def test_a_header_that_is_cut_off_does_not_count_records(tmp_path):
         read(path)
 
 
-def test_points_that_are_unpacked_from_nearly_nothing_need_memory(tmp_path):
-    write(tmp_path / "a.laz", PointCloud(np.zeros((1_000_000, 3))))
-    with pytest.raises(InputError, match="204 MB of memory, as the files are unpacked"):
-        gppcs.simplify(tmp_path / "a.laz", n_points=10, memory="200MB")
-
-
 def test_an_unknown_compressor_is_named(tmp_path):
     path = save(random_las("1.2", 0), tmp_path / "a.laz")
     with laspy.open(path) as opened:
@@ -435,9 +425,8 @@ def test_an_unknown_compressor_is_named(tmp_path):
 
 def test_a_header_may_count_more_records_than_there_are(tmp_path):
     path = save(random_las("1.2", 0), tmp_path / "a.las")
-    cloud, content = read(path), bytearray(path.read_bytes())
-    content[100:104] = (2**32 - 1).to_bytes(4, "little")
-    path.write_bytes(content)
+    cloud = read(path)
+    overwrite(path, 100, b"\xff" * 4)
     assert read(path) == cloud
 
 
@@ -445,18 +434,7 @@ def test_a_header_may_count_more_records_than_there_are(tmp_path):
 def test_what_to_do_with_the_start_of_a_file_is_said(tmp_path, suffix):
     path = save(random_las("1.4", 3), tmp_path / f"a{suffix}")
     content = path.read_bytes()
-    for length in (0, 4, 226, 300, len(content) // 2, len(content) - 1):
+    for length in (0, 4, 226, 300, *range(400, len(content), 7919), len(content) - 1):
         path.write_bytes(content[:length])
         with pytest.raises(FileFormatError, match=r"a\.la[sz]: .*[:;] get "):
-            read(path)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("number", [3, 7])
-def test_truncated_files_are_refused(tmp_path, number, suffix):
-    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
-    content = path.read_bytes()
-    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
-        path.write_bytes(content[:length])
-        with pytest.raises(FileFormatError):
             read(path)

@@ -12,7 +12,6 @@ from formats import lzf
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import read, write
-from gppcs.io.pcd import _decompressed
 
 TYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8"]
 ENCODINGS = ["ascii", "binary", "binary_compressed"]
@@ -76,13 +75,6 @@ def tables(draw):
     return draw(hnp.arrays(dtype, st.integers(0, 5)))
 
 
-def test_all_axes_have_the_digits_of_the_text_if_one_needs_them(tmp_path):
-    header = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n"
-    points = [[289814.15, 4320978.61, 170.76], [289814.64, 4320978.84, 170.76]]
-    (tmp_path / "a.pcd").write_text(header + "".join(" ".join(map(str, point)) + "\n" for point in points))
-    assert read(tmp_path / "a.pcd").points.tolist() == points
-
-
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @given(table=tables())
 def test_every_type_and_count_is_read_bit_for_bit(folder, encoding, table):
@@ -113,24 +105,27 @@ def test_every_type_and_count_is_read_bit_for_bit(folder, encoding, table):
 
 
 @pytest.mark.parametrize(
-    ("data", "size", "expected"),
+    ("data", "expected"),
     [
-        (b"\x02abc\x20\x02", 6, b"abcabc"),  # 3 bytes from 3 bytes before
-        (b"\x00a\xe0\xff\x00", 265, b"a" * 265),  # a copy of its own beginning
-        (b"\x01ab\xe0\x03\x01", 14, b"ab" * 7),
-        (b"\x02ab", 3, None),
-        (b"\x00a\x20", 4, None),
-        (b"\x00a\xe0", 9, None),
-        (b"\x00a", 10**9, None),
-        (b"", 1, None),
+        (b"\x05abcdef\x80\x05", b"abcdef" * 2),  # 6 bytes from 6 bytes before
+        (b"\x00a\xe0\xfe\x00", b"a" * 264),  # a copy of its own beginning
+        (b"\x01ab\xe0\x01\x01", b"ab" * 6),
+        (b"\x02ab", None),
+        (b"\x00a\x20", None),
+        (b"\x00a\xe0", None),
+        (b"\x00a", None),
+        (b"", None),
     ],
 )
-def test_compressed_data_is_expanded_or_refused(data, size, expected):
+def test_compressed_data_is_expanded_or_refused(pcd, data, expected):
+    table = np.frombuffer(expected or bytes(24), XYZ)
+    path = pcd(content(table, "binary_compressed", compress=lambda _: data))
     if expected:
-        assert _decompressed(data, size) == expected
+        columns = np.frombuffer(expected, "<f4").reshape(3, -1)
+        assert np.array_equal(read(path).points, columns.T)
         return
-    with pytest.raises(FileFormatError, match=f"expected {size} bytes of points in LZF compression, found damaged"):
-        _decompressed(data, size)
+    with pytest.raises(FileFormatError, match="expected 24 bytes of points in LZF compression, found damaged"):
+        read(path)
 
 
 @pytest.mark.parametrize("dtype", ["<f4", "<u4", "<i4"])
@@ -214,10 +209,11 @@ def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
 
 @pytest.mark.parametrize(("x", "kind"), [("665187.52", np.float64), ("665187.5", np.float32), ("0.1", np.float32)])
 def test_text_keeps_the_digits_of_coordinates_that_float32_does_not_hold(pcd, x, kind):
-    rows = f"{x} 0.25 0\n{float(x) + 100} 0.5 1\n"
+    """All axes have them if one needs them."""
+    rows = f"{x} 170.76 0\n{float(x) + 100} 0.5 1\n"
     cloud = read(pcd(content(np.zeros(0, XYZ), "ascii", WIDTH=2, POINTS=2) + rows.encode()))
     assert cloud.coordinate_dtype == kind
-    assert cloud.points[0, 0] == kind(x)
+    assert cloud.points[0, :2].tolist() == [kind(x), kind(170.76)]
 
 
 @pytest.mark.parametrize(

@@ -177,17 +177,6 @@ def test_no_two_columns_of_a_file_have_one_name(tmp_path, suffix):
             path.unlink()
 
 
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, suffix):
-    write(tmp_path / "said.ply", [[1.5, 2.5, 3.5]])
-    content = (tmp_path / "said.ply").read_bytes().replace(b"element", b"comment mine\nelement", 1)
-    (tmp_path / "said.ply").write_bytes(content)
-    cloud = read(tmp_path / "said.ply")
-    assert losses(f"a{suffix}", cloud) == ([] if suffix == ".ply" else ["comments (1)"])
-    write(tmp_path / f"a{suffix}", cloud)
-    assert len(read(tmp_path / f"a{suffix}")) == 1
-
-
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".pts"])
 @pytest.mark.parametrize("full", [1, 255])
 def test_floats_that_bytes_hold_become_bytes_as_colours(tmp_path, suffix, full):

@@ -11,6 +11,7 @@ import pytest
 
 import gppcs
 from copc_file import write_copc
+from formats import overwrite
 from gppcs.drawing.web.levels import FIRST, Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.io.copc import CopcNodes, nodes_of
@@ -169,13 +170,11 @@ class TestTheServer:
 
 
 def test_a_damaged_node_is_an_error_and_the_others_are_served(copc, tmp_path):
-    content = bytearray(copc.read_bytes())
+    path = tmp_path / "damaged.copc.laz"
+    path.write_bytes(copc.read_bytes())
     with open(copc, "rb") as file:
         entry = CopcNodes(file).entries[-1]
-    start, size = int(entry["offset"]), int(entry["size"])
-    content[start + 80 : start + size] = b"\xff" * (size - 80)
-    path = tmp_path / "damaged.copc.laz"
-    path.write_bytes(content)
+    overwrite(path, int(entry["offset"]) + 80, b"\xff" * (int(entry["size"]) - 80))
     with open(path, "rb") as file, LevelsServer(Levels(CopcNodes(file), "damaged", [])) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         last = len(server.levels) - 1
