@@ -5,14 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gppcs
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing import mending
 from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import cut_out, mend, relax
-from scans import sample
+from gppcs.meshing.mending import cut_out, mend
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -61,28 +58,6 @@ def test_mending_keeps_the_topology_and_leaves_no_cut(damaged, lost):
     assert len(cutting(mesh, points)) == 0
 
 
-def folded_strip():
-    """A strip of two rows of points, one of which lies so far ahead that its triangles cut those there."""
-    x, y = np.meshgrid(np.arange(12.0), [0.0, 1.0], indexing="ij")
-    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(24)])
-    row = 2 * np.arange(11)[:, None]
-    faces = (row + np.array([[0, 2, 1, 1, 2, 3]])).reshape(-1, 3)
-    points[8] = 9.0, 1.5, 0.0
-    return points, np.tile([0.0, 0.0, 1.0], (24, 1)), faces
-
-
-def test_relaxed_corners_cut_nothing_where_no_patch_does_and_the_mesh_stays_whole():
-    points, normals, faces = folded_strip()
-    mesh, kept = HalfEdges.from_faces(faces, len(points)), no_vertex(points)
-    _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
-    assert topology_of(cut_out(mesh, points, normals)[0].faces()).pieces > 1
-    for _ in range(12):
-        relax(mesh, points, np.unique(mesh.corners()[cut]))
-        _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
-    assert len(cut) == 0
-    assert topology_of(mesh.faces()) == topology_of(faces)
-
-
 def test_a_mesh_without_cuts_is_not_changed():
     points, normals, faces = ball(200)
     mesh = HalfEdges.from_faces(faces, 200)
@@ -123,21 +98,3 @@ def test_a_hole_is_not_closed_through_another_part():
     after = holes_filled(mesh, *both, 0.9).faces()
     assert np.array_equal(after[: len(pierced)], pierced)
     assert topology_of(after).boundary_loops == topology_of(pierced).boundary_loops
-
-
-@pytest.mark.parametrize("n_points", [400, 500])
-def test_vertices_are_added_by_distances_from_triangles_as_they_are_after_relaxation(monkeypatch, n_points):
-    add, calls = mending._add, []
-
-    def checked(draft, assigned, count):
-        covered = assigned.face >= 0
-        a, b, c = draft.vertices[draft.mesh.corners()[assigned.face[covered]]].transpose(1, 0, 2)
-        v, w = assigned.weights[covered].T[:, :, None]
-        steps = a + v * (b - a) + w * (c - a) - draft.dense.positions[covered]
-        np.testing.assert_allclose((steps**2).sum(axis=1), assigned.squared[covered], rtol=1e-9, atol=1e-15)
-        calls.append(count)
-        add(draft, assigned, count)
-
-    monkeypatch.setattr(mending, "_add", checked)
-    gppcs.mesh(sample("room", 10_000), n_points=n_points, moved=True)
-    assert calls
