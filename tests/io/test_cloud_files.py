@@ -5,7 +5,6 @@ import os
 from collections import Counter
 from dataclasses import replace
 
-import laspy
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from gppcs.io.format import Reader
 from gppcs.io.joining import joined
 from gppcs.simplification import simplify_files
 from gppcs.streaming.plan import make_plan
+from las_file import las_of
 
 N = 1000
 IN_CHUNKS = [".csv", ".feather", ".las", ".laz", ".copc.laz", ".npy", ".parquet", ".pcd", ".ply", ".pts"]
@@ -41,11 +41,7 @@ def all_of(part):
 def divisible(tmp_path_factory):
     """Files that can be read from the middle, by their names."""
     folder = tmp_path_factory.mktemp("divisible")
-    rng = np.random.default_rng(0)
-    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
-    las.header.scales = [0.01] * 3
-    las.x, las.y, las.z = rng.uniform(0, 99, (3, LARGE))
-    las.gps_time = np.arange(LARGE)
+    las = las_of(np.random.default_rng(0).uniform(0, 99, (LARGE, 3)), gps_time=np.arange(LARGE))
     las.write(folder / "a.las")
     las.write(folder / "a.laz")
     write_copc(folder / "a.copc.laz", las[:3000], 4, 8.0)

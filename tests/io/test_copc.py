@@ -9,6 +9,7 @@ from copc_file import ENTRY, write_copc
 from formats import overwrite
 from gppcs.errors import FileFormatError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
+from las_file import las_of
 
 N, DEPTH, SPACING = 2000, 3, 8.0
 CORNERS = ([1000.0, 2000.0, 0.0], [1100.0, 2050.0, 20.0])
@@ -19,13 +20,8 @@ BOXES = [None, BOX, [*BOX[:2], 5.0, *BOX[2:], 9.0], [0.0, 0.0, 9e5, 9e5], [0.0, 
 @pytest.fixture(scope="module")
 def las():
     rng = np.random.default_rng(0)
-    header = laspy.LasHeader(point_format=7, version="1.4")
-    header.scales, header.offsets = [0.01] * 3, [1000.0, 2000.0, 0.0]
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = rng.uniform(*CORNERS, (N, 3)).T
-    las.gps_time = np.arange(N)
-    las.intensity, las.red = rng.integers(0, 2**16, (2, N))
-    return las
+    points, (intensity, red) = rng.uniform(*CORNERS, (N, 3)), rng.integers(0, 2**16, (2, N))
+    return las_of(points, 7, offsets=CORNERS[0], gps_time=np.arange(N), intensity=intensity, red=red)
 
 
 @pytest.fixture(scope="module", params=[False, True])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gppcs.gp.local.candidates import gaps_of_isolated, largest_gap, nested_candidates
+from gppcs.gp.local.candidates import gaps_of_isolated, nested_candidates
 from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
@@ -22,19 +22,6 @@ def test_gaps_are_the_distances_to_the_nearest_others(sphere):
         expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
         np.testing.assert_allclose(spacing * gaps_of_isolated(KdTree.build(points / spacing)), expected)
     assert np.isinf(gaps_of_isolated(KdTree.build(points[:1])))
-
-
-def test_largest_gap_lies_where_the_numbers_fall_slowly():
-    for isolated, expected in (
-        ([442, 88, 18, 2], np.inf),  # the far points of a LiDAR sweep
-        ([839, 673, 157, 0], 0.45),
-        ([978, 43, 39, 24], 0.9),  # some are lone by chance, and 43 are outliers
-        ([3_000, 546, 40, 29], 1.8),
-        ([3, 3, 3, 3], np.inf),  # too few to tell
-        ([12_001, 12_000, 5_000, 0], 0.9),  # too many to spare, at first
-    ):
-        assert largest_gap(np.array(isolated), 15_000, 1_000) == expected
-    assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500) == np.inf  # 8 of 7,500 do no harm
 
 
 def test_scattered_outliers_are_no_candidates():

@@ -131,16 +131,3 @@ def test_ties_go_to_the_first_in_the_order_of_the_tree(n):
     np.testing.assert_array_equal(extended, [n - 3, *np.delete(np.arange(n), n - 3)])
     np.testing.assert_allclose(scores, np.sqrt(1 / 1.1) + 0.5 / 1.1, rtol=1e-12)
     np.testing.assert_array_equal(deviations, 1)
-
-
-def test_parts_are_neighbours_where_a_point_of_one_may_affect_the_other():
-    """Where only some parts have chosen points from the start, points of the others reach far, and theirs do not."""
-    tree, field = random_problem(800, 0, 0.5, 0.0, 0.0)
-    state = greedy._begin_state(field, tree, np.arange(100), None, 1, 0.0)
-    parts = greedy._divide(state, 16)
-    affects = dense.local_squared_distances(field) < np.maximum.outer(state.ranges, state.ranges)
-    ends = 800 * np.arange(17) // 16
-    of_parts = np.logical_or.reduceat(np.logical_or.reduceat(affects, ends[:-1], axis=0), ends[:-1], axis=1)
-    for part, affected in enumerate(of_parts):
-        expected = np.setdiff1d(np.flatnonzero(affected), [part])
-        assert set(expected) <= set(parts.neighbours[parts.starts[part] : parts.starts[part + 1]])

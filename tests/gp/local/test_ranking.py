@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.algorithm import Candidates, Criterion, Problem, choose_in_stages, field_of, local_field
-from gppcs.gp.local.candidates import Stage, nested_candidates
+from gppcs.gp.local.algorithm import Candidates, Criterion, Problem, choose_in_stages, local_field
+from gppcs.gp.local.candidates import nested_candidates
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
 from gppcs.spatial.kdtree import KdTree
@@ -79,20 +79,6 @@ def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     _, _, field = field_by(variation)
     np.testing.assert_allclose(field.spacings, 1, rtol=1e-12)
     np.testing.assert_array_equal(field.y, 0)
-
-
-@pytest.mark.parametrize("fraction", [0.0, 0.25, 1.0])
-def test_normals_count_the_less_the_more_candidates_are_beside_another_sheet(fraction):
-    points = np.random.default_rng(0).random((400, 3))
-    stage = Stage(50, np.arange(400), True, 1.0)
-    plain = Candidates(stage.indices, None, np.zeros(400), None, None)
-    sheets = np.where(np.arange(400)[:, np.newaxis] < 400 * fraction, [0.0, 0.0, 1.0], 0.0)
-    weights = [
-        field_of(points, some, stage, criterion(), None)[1].normal_weight
-        for some in (plain, plain._replace(sheets=sheets))
-    ]
-    assert weights[0] > 0.0
-    assert weights[1] == pytest.approx((1.0 - fraction) * weights[0])
 
 
 def test_features_are_those_of_where_points_belong():

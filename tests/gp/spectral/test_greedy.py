@@ -4,7 +4,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import dense
-import gppcs
 from gppcs.gp.spectral import greedy
 from gppcs.gp.spectral.posterior import posterior
 
@@ -39,18 +38,6 @@ def test_ties_go_to_the_smallest_index():
     phi, y, order = np.ones((50, 1)), np.full(50, 2.0), np.random.default_rng(0).permutation(50)
     chosen = greedy.select(phi, y, 0.5, np.array([30]), 50, order=order)
     np.testing.assert_array_equal(order[chosen[1:]], np.delete(np.arange(50), order[30]))
-
-
-@pytest.mark.parametrize("k_add", [1, 100])
-def test_any_number_of_threads_gives_the_same_choice(k_add):
-    rng = np.random.default_rng(0)
-    phi, y = rng.standard_normal((20_000, 7)), rng.standard_normal(20_000)
-    choices = []
-    for threads in (1, 3):
-        gppcs.set_threads(threads)
-        choices.append(greedy.select(phi, y, 0.1, np.arange(50), 1_000, k_add))
-    gppcs.set_threads(None)
-    np.testing.assert_array_equal(*choices)
 
 
 @pytest.mark.slow

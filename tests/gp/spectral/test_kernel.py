@@ -11,6 +11,7 @@ from gppcs.gp.spectral.kernel import (
     spectral_weights,
 )
 from gppcs.gp.spectral.laplacian import eigenpairs, local_triangles, surface_laplacian
+from shapes import on_sphere
 
 EIGENVALUES = np.array([0.0, 25.1, 25.2, 75.0, 260.0])
 
@@ -60,8 +61,7 @@ def test_equals_geometric_kernels(nu):
     """Their Karhunen-Loève Matérn kernel on a mesh, given that mesh's own eigenpairs."""
     kernels = pytest.importorskip("geometric_kernels.kernels", reason="needs geometric-kernels: the extra 'oracles'")
     spaces = pytest.importorskip("geometric_kernels.spaces")
-    directions = np.random.default_rng(0).standard_normal((200, 3))
-    vertices = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    vertices = on_sphere(200)
     mesh = spaces.Mesh(vertices, ConvexHull(vertices).simplices)
     oracle = kernels.MaternKarhunenLoeveKernel(mesh, 20, normalize=True)
     parameters = oracle.init_params()
