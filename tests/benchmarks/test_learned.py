@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.spatial.kdtree import KdTree
@@ -30,22 +29,6 @@ def train(training_set):
     import train
 
     return train
-
-
-@pytest.mark.parametrize(("kind", "count"), [("gears", 17), ("glasses", 2048), ("aircraft", 100_000)])
-def test_any_number_of_points_lies_on_the_surface_of_a_shape(training_set, kind, count):
-    """A step along the normal leaves all parts, a step against it enters one, but for points at concave edges."""
-    number = list(training_set.KINDS).index(kind)
-    rng = np.random.default_rng((number, 5))
-    parts = training_set.KINDS[kind](rng.uniform, rng)
-    points, normals = training_set.draw(number, 5, count, upright=True)
-    assert len(np.unique(points, axis=0)) == count
-    assert training_set.draw(number, 5, count, upright=True)[0].tobytes() == points.tobytes()
-    outside, inside = (
-        np.any([part.holds(points + step * normals) for part in parts], axis=0) for step in (1e-6, -1e-6)
-    )
-    assert outside.mean() < 1e-4
-    assert inside.mean() > 1 - 1e-4
 
 
 @pytest.mark.oracle
@@ -88,31 +71,6 @@ def test_any_number_of_points_is_kept(method):
     for count in (1, 17, 200, 900, 1499):
         kept = gppcs.simplify(CLOUD, n_points=count, method=method).indices
         assert len(set(kept.tolist())) == count
-
-
-def plain_farthest(points, count):
-    nearest, chosen = ((points - points.mean(axis=0)) ** 2).sum(axis=1), []
-    for _ in range(count):
-        chosen.append(int(nearest.argmax()))
-        squared = ((points - points[chosen[-1]]) ** 2).sum(axis=1)
-        nearest = squared if len(chosen) == 1 else np.minimum(nearest, squared)
-    return chosen
-
-
-def test_farthest_latent_points_of_one_part_equal_plain_ones():
-    points = np.random.default_rng(0).random((500, 11)).astype(np.float32)
-    assert latent.farthest(points, 100).tolist() == plain_farthest(points, 100)
-
-
-def test_farthest_latent_points_of_parts_cover_as_plain_ones_do(on_threads):
-    """Parts differ in extent: with equally many points from each, the radius would be 1.77 times as large."""
-    tree = KdTree.build(np.random.default_rng(0).random((10_000, 3)) ** 3)
-    points = np.ascontiguousarray(tree.points.T, dtype=np.float32)
-    one, *several = on_threads(lambda: latent.farthest(points, 1000).tolist())
-    assert all(chosen == one for chosen in several)
-    assert len(one) == len(set(one)) == 1000
-    radius, plain = (cKDTree(points[c]).query(points)[0].max() for c in (one, plain_farthest(points, 1000)))
-    assert radius <= 1.15 * plain
 
 
 def test_potamias_moves_points_within_their_neighbourhood():

@@ -238,24 +238,6 @@ def test_one_outlier_decides_the_largest_distance_but_not_its_percentile():
 # with a mesh
 
 
-@pytest.fixture(scope="module")
-def ball(sphere):
-    """A mesh, points of it, and their report."""
-    pytest.importorskip("pymeshlab")
-    mesh, points = hull_mesh(sphere[-5000:]), sphere[:3000]
-    return mesh, points, gppcs.evaluate(sphere, with_normals(points, points), mesh)
-
-
-@pytest.mark.slow
-def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
-    mesh, points, report = ball
-    assert report.rebuilt_estimated != report.rebuilt_carried
-    assert gppcs.evaluate(sphere, points, mesh).rebuilt_carried is None
-    double = np.tile(points, (2, 1))
-    again = gppcs.evaluate(np.tile(sphere, (2, 1)), with_normals(double, double), mesh)
-    assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()
-
-
 def with_normals(points, normals):
     return gppcs.PointCloud(points, dict(zip(["nx", "ny", "nz"], normals.T, strict=True)))
 
