@@ -1,6 +1,4 @@
-"""The learned methods: the training set, the networks in NumPy beside PyTorch, the choice, and what is refused."""
-
-from pathlib import Path
+"""The learned methods: any number of points, where they move, and what is refused."""
 
 import numpy as np
 import pytest
@@ -8,62 +6,11 @@ import pytest
 import gppcs
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
-from gppcs_learned import APES, APESGlobal, Potamias, latent, layers
-from gppcs_learned.weights import NEIGHBOURS, part
+from gppcs_learned import APES, APESGlobal, Potamias
+from gppcs_learned.weights import NEIGHBOURS
 
 LEARNED = [APES(), APESGlobal(), Potamias()]
 CLOUD = gppcs.sample("bracket", 1500).points
-
-
-@pytest.fixture
-def training_set(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks" / "learned")
-    import training_set
-
-    return training_set
-
-
-@pytest.fixture
-def train(training_set):
-    pytest.importorskip("torch", reason="PyTorch is not installed")
-    import train
-
-    return train
-
-
-@pytest.mark.oracle
-@pytest.mark.parametrize("method", LEARNED, ids=str)
-def test_numpy_equals_pytorch(method, train):
-    torch = train.torch
-    torch.manual_seed(1)
-    points = layers.in_unit_ball(CLOUD[:600]).astype(np.float32).astype(float)
-    cloud = torch.tensor(points[None], dtype=torch.float32)
-    network = train.NETWORKS[method.name][0]()
-    with torch.no_grad():
-        for _ in range(3):  # so that the normalisations have seen something
-            network(
-                cloud.repeat(2, 1, 1),
-                *(() if method.name != "potamias" else (train.neighbours(cloud.repeat(2, 1, 1)), 60)),
-            )
-        index, ours = train.neighbours(cloud), train.arrays_of(network.eval())
-        rows = index[0].numpy()
-        theirs = network.embedding(cloud, index)
-        features = layers.embedding(part(ours, "embedding"), points, rows)
-        np.testing.assert_allclose(features, theirs[0], atol=1e-5)
-        if method.name == "potamias":
-            kept = train.farthest(torch.cat([cloud, train.LATENT * torch.tanh(network.latent(theirs))], 2), 60)
-            assert latent.farthest(latent.coordinates(ours, points, features), 60).tolist() == kept[0].tolist()
-            expected = network(cloud, index, 60)[0]
-            np.testing.assert_allclose(
-                latent.moved(ours, points, features, rows, kept[0].numpy()), expected[0], atol=1e-5
-            )
-            return
-        theirs = network.attentions[0](theirs, index)
-        features = layers.attended(part(ours, "attentions.0"), features, rows)
-        np.testing.assert_allclose(features, theirs[0], atol=1e-5)
-        expected = network.downsamplings[0](theirs, index)[0][0]
-        found = method._scores(part(ours, "downsamplings.0"), features, rows)
-        np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("method", LEARNED, ids=str)

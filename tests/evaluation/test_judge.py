@@ -270,8 +270,7 @@ def test_mesh_figures_equal_their_definitions(bowl):
     # to coarse triangles, MeshLab's distances are too long here and there
     assert (found.back_mean, found.back_max) == pytest.approx((back.mean(), back.max()), rel=0.02)
     astray = back[rebuilt.faces] > 0.05 * report.diagonal
-    areas = np.linalg.norm(np.cross(*(rebuilt.vertices[rebuilt.faces[:, i]] - rebuilt.vertices[rebuilt.faces[:, 0]]
-                                      for i in (1, 2))), axis=1)  # fmt: skip
+    areas = rebuilt.face_areas()
     share = areas[astray.any(axis=1)].sum() / areas.sum()
     assert found.stray_share == pytest.approx(share, rel=0.05)
     others = [areas[astray.all(axis=1)].sum() / areas.sum(), astray.any(axis=1).mean()]
@@ -282,9 +281,8 @@ def test_the_first_figures_are_those_of_points_that_carry_the_normals_of_the_mes
     """Points that moved carry those of the points where they came from."""
     original, simplified, mesh = bowl
     normals = reconstruction.exact_normals(mesh, simplified)
-    for moved in (0.0, 1e-4):
-        report = gppcs.evaluate(original, with_normals(simplified + moved, normals), mesh)
-        assert report.rebuilt == report.rebuilt_carried != report.rebuilt_estimated
+    report = gppcs.evaluate(original, with_normals(simplified + 1e-4, normals), mesh)
+    assert report.rebuilt == report.rebuilt_carried != report.rebuilt_estimated
     unit = [
         normals / np.linalg.norm(normals, axis=1)[:, None] for normals in (mesh.vertex_normals(), mesh.face_normals())
     ]
@@ -347,8 +345,7 @@ def test_a_mesh_is_measured_in_both_directions():
     assert report.mesh_back_max == pytest.approx(0, abs=1e-9)  # its vertices are points of the cloud
     corners = small.vertices[small.faces]
     edges = ((np.roll(corners, 1, axis=1) - corners) ** 2).sum(axis=(1, 2))
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    assert report.slivers == pytest.approx((4 * np.sqrt(3) * areas / edges < 0.2).mean())
+    assert report.slivers == pytest.approx((4 * np.sqrt(3) * small.face_areas() / edges < 0.2).mean())
     assert (report.mesh_pieces, report.boundary_loops, report.genus) == (1, 0, 0)
     shrunk = gppcs.Mesh(0.95 * small.vertices, small.faces)
     with_surface = gppcs.evaluate_mesh(ball, shrunk, surface)

@@ -95,6 +95,7 @@ def test_other_elements_and_properties_of_faces_are_passed_by(ply, encoding, end
     assert np.array_equal(gppcs.read_mesh(path).faces, [[0, 1, 2], [0, 1, 2], [0, 2, 0]])
     assert losses("cloud.ply", cloud) == []
     assert losses("cloud.off", cloud) == ["attribute label (uint8)", "comments (2)"]
+    write(path.with_suffix(".csv"), cloud)  # comments are no values
 
 
 CAMERA = ["element camera 2", "property double focus", "element vertex 1", *XYZ]

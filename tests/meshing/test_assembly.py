@@ -27,6 +27,17 @@ def test_any_triangles_become_a_manifold(seed):
     assert len(np.unique(np.sort(chosen), axis=0)) == len(chosen)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_that_points_cover_is_filled(seed):
+    points, normals, faces = sheet(400, seed)
+    inner = np.argmin(np.linalg.norm(points[:, :2] - 0.5, axis=1))
+    mesh, (cover, _) = HalfEdges.from_faces(faces[(faces != inner).all(axis=1)], 400), cover_of(points, normals)
+    filled = mesh.changed(new=gap_fillings(mesh, points, normals, cover.radii, cover, 12))
+    assert faults(filled) == []
+    assert topology_of(filled.faces()) == topology_of(faces)
+    assert len(filled.faces()) == len(faces) - 2  # of a vertex less
+
+
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     points, normals, faces = sheet(2000, hole=0.3)
     mesh, (cover, _) = HalfEdges.from_faces(faces, len(points)), cover_of(points, normals)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gppcs.meshing.assignment import nearest_vertices
 from gppcs.meshing.collapse import dense_quadrics
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 
@@ -38,3 +39,13 @@ def test_a_quadric_that_moves_to_another_vertex_keeps_its_values(rng):
     place = rng.standard_normal(3)  # relative to the second vertex
     expected = sum(w * (h + n @ (place + step)) ** 2 for n, h, w in planes) + 2 * (0.25 + place[2]) ** 2
     assert value(second, tuple(place)) == pytest.approx(expected)
+
+
+def test_the_nearest_vertex_is_one_with_a_fitting_normal(rng):
+    points, normals, vertices, of_vertices = rng.random((300, 3)), units(rng, 300), rng.random((60, 3)), units(rng, 60)
+    members = np.arange(0, 60, 2)
+    found = nearest_vertices(points, normals, vertices, of_vertices, members)
+    for point, normal, v in zip(points, normals, found, strict=True):
+        near = members[np.argsort(((vertices[members] - point) ** 2).sum(axis=1))[:4]]
+        fitting = [w for w in near if normal @ of_vertices[w] > 0]
+        assert v == (fitting[0] if fitting else -1)

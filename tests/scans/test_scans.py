@@ -91,7 +91,7 @@ def test_outliers_have_the_share_asked_for_and_leave_the_others_alone():
 
 
 def test_uneven_density_falls_with_the_square_of_the_distance():
-    x = sample("sphere", 200_000, uneven=0.9).points[:, 0]
+    x = sample("sphere", 100_000, uneven=0.9).points[:, 0]
     edges = np.linspace(-50.0, 50.0, 9)
     counts, _ = np.histogram(x, edges)
     assert np.all(np.diff(counts) < 0)

@@ -22,7 +22,7 @@ def test_one_in_k_of_the_usable_points_is_chosen(n, step, thickness, seed):
 @pytest.mark.parametrize("step", [20, 200])
 def test_each_part_of_a_sphere_keeps_its_share(step):
     """In caps of 2 % of it, a random sample has the square root of their number of points more or less."""
-    points = on_sphere(200_000)
+    points = on_sphere(80_000)
     chosen = points[even_sample(points, np.ones(len(points), dtype=bool), step)]
     axes = on_sphere(200, seed=1).T
     inside, wanted = ((p @ axes > 0.96).sum(axis=0) for p in (chosen, points))

@@ -66,7 +66,10 @@ def test_outliers_do_not_count_as_noise():
     assert together.radius == pytest.approx(alone.radius, rel=0.08)
 
 
-@pytest.mark.parametrize(("name", "n"), [("horn", 20_000), ("handlebar", 20_000), ("vents", 40_000), ("fan", 20_000)])
+@pytest.mark.parametrize(
+    ("name", "n"),
+    [("horn", 20_000), ("handlebar", 20_000), pytest.param("vents", 40_000, marks=pytest.mark.slow), ("fan", 20_000)],
+)
 def test_sheets_without_noise_have_none(name, n):
     points = sample(name, n_points=n).points
     tree = KdTree.build(points)

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from gppcs.gp.local.candidates import gaps_of_isolated, nested_candidates
-from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
+from gppcs.gp.local.settings import FIRST_STAGE, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from shapes import square
@@ -13,15 +12,6 @@ def finest_of(points, n_points):
     """Rows of the finest candidates, where all points are equally sharp."""
     alike = np.zeros(len(points), dtype=np.uint32)
     return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].indices
-
-
-def test_gaps_are_the_distances_to_the_nearest_others(sphere):
-    points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
-    nearest = cKDTree(points).query(points, 2)[0][:, 1]
-    for spacing in (0.05, 0.2, 1.0):
-        expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
-        np.testing.assert_allclose(spacing * gaps_of_isolated(KdTree.build(points / spacing)), expected)
-    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1])))
 
 
 def test_scattered_outliers_are_no_candidates():

@@ -75,14 +75,6 @@ def test_attributes_go_along_and_normals_are_those_of_the_surface():
     assert np.degrees(np.arccos(cosines.clip(-1, 1))).mean() < 4.0  # 20 degrees or so before
 
 
-def test_a_sample_of_a_large_cloud_is_denoised(monkeypatch):
-    monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
-    scan = noisy(plane(20_000), NOISE)
-    result = gppcs.simplify(scan, n_points=100, method=DENOISE)
-    assert np.linalg.norm(result.cloud.points - scan[result.indices], axis=1).max() < 5 * NOISE
-    assert np.abs(result.cloud.points[:, 2]).mean() < NOISE / 4
-
-
 @pytest.mark.parametrize(("size", "n_points"), [(20_000, 200), (3_000, 2_900)])
 def test_fixed_points_are_chosen_first_and_denoised(monkeypatch, size, n_points):
     """Of a sample in which they are few, and of nearly all points."""
