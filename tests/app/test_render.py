@@ -81,6 +81,7 @@ def test_a_result_is_drawn_beside_its_original_with_the_surface_through_it(print
     assert np.abs(image("b.png")[: len(pair)] - pair).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_mesh_stands_beside_a_cloud(printed, folder):
     mesh = gppcs.mesh(BALL, n_points=100)
     gppcs.write("ball.ply", BALL)

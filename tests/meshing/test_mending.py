@@ -9,7 +9,7 @@ from gppcs.clouds.topology import topology_of
 from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.meshing.mending import cut_out, mend
+from gppcs.meshing.mending import cut_out, mend, relax
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -56,6 +56,28 @@ def test_mending_keeps_the_topology_and_leaves_no_cut(damaged, lost):
     assert len(points) - lost <= len(used) < len(points)
     assert set(into) == set(used)
     assert len(cutting(mesh, points)) == 0
+
+
+def folded_strip():
+    """A strip of two rows of points, one of which lies so far ahead that its triangles cut those there."""
+    x, y = np.meshgrid(np.arange(12.0), [0.0, 1.0], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(24)])
+    row = 2 * np.arange(11)[:, None]
+    faces = (row + np.array([[0, 2, 1, 1, 2, 3]])).reshape(-1, 3)
+    points[8] = 9.0, 1.5, 0.0
+    return points, np.tile([0.0, 0.0, 1.0], (24, 1)), faces
+
+
+def test_relaxed_corners_cut_nothing_where_no_patch_does_and_the_mesh_stays_whole():
+    points, normals, faces = folded_strip()
+    mesh, kept = HalfEdges.from_faces(faces, len(points)), no_vertex(points)
+    _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
+    assert topology_of(cut_out(mesh, points, normals)[0].faces()).pieces > 1
+    for _ in range(12):
+        relax(mesh, points, np.unique(mesh.corners()[cut]))
+        _, cut = mend(mesh, points, normals, kept, TriangleTree.from_mesh(mesh, points))
+    assert len(cut) == 0
+    assert topology_of(mesh.faces()) == topology_of(faces)
 
 
 def test_a_mesh_without_cuts_is_not_changed():
