@@ -16,11 +16,6 @@ SUFFIXES = [".parquet", ".feather"]
 AXES = {axis: pa.array([1.0, 2.0, 3.0], pa.float32()) for axis in "xyz"}
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("arrow")
-
-
 def stored(path, table):
     """Write a table by PyArrow; return the path."""
     if path.suffix == ".parquet":

@@ -48,22 +48,6 @@ def content(table, encoding, lines=(), compress=lzf, **changes):
     return head + struct.pack("<II", len(packed), len(data)) + packed
 
 
-@pytest.fixture
-def pcd(tmp_path):
-    """Write the bytes of a PCD file; return its path."""
-
-    def make(data, name="cloud.pcd"):
-        (tmp_path / name).write_bytes(data)
-        return tmp_path / name
-
-    return make
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("pcd")
-
-
 @st.composite
 def tables(draw):
     """Structured arrays with coordinates, fields of each type and count, and padding."""
@@ -117,9 +101,9 @@ def test_every_type_and_count_is_read_bit_for_bit(folder, encoding, table):
         (b"", None),
     ],
 )
-def test_compressed_data_is_expanded_or_refused(pcd, data, expected):
+def test_compressed_data_is_expanded_or_refused(file_of, data, expected):
     table = np.frombuffer(expected or bytes(24), XYZ)
-    path = pcd(content(table, "binary_compressed", compress=lambda _: data))
+    path = file_of(".pcd", content(table, "binary_compressed", compress=lambda _: data))
     if expected:
         columns = np.frombuffer(expected, "<f4").reshape(3, -1)
         assert np.array_equal(read(path).points, columns.T)
@@ -131,12 +115,12 @@ def test_compressed_data_is_expanded_or_refused(pcd, data, expected):
 @pytest.mark.parametrize("dtype", ["<f4", "<u4", "<i4"])
 @pytest.mark.parametrize("name", ["rgb", "rgba"])
 @pytest.mark.parametrize("encoding", ENCODINGS[1:])
-def test_packed_colours_come_apart_and_together_again(pcd, tmp_path, name, dtype, encoding):
+def test_packed_colours_come_apart_and_together_again(file_of, tmp_path, name, dtype, encoding):
     packed = np.random.default_rng(0).integers(0, 2**32, 50, dtype=np.uint32)
     packed[:4] = [0x7F800001, 0xFFC12345, 0x7FFFFFFF, 0x00000001]  # as floats: NaN with a payload, and denormal
     table = np.zeros(50, [*XYZ.descr, ("a", "u1"), (name, dtype), ("b", "u1")])
     table[name] = packed.view(dtype)
-    cloud = read(pcd(content(table, encoding)))
+    cloud = read(file_of(".pcd", content(table, encoding)))
     channels = ["red", "green", "blue", "alpha"][: len(name)]
     assert list(cloud.attributes) == ["a", *channels, "b"]
     for channel, shift in zip(channels, (16, 8, 0, 24), strict=False):
@@ -172,9 +156,9 @@ def test_colours_are_packed_as_other_programs_expect(tmp_path):
     ],
 )
 @pytest.mark.parametrize("end", [b"\n", b"\r\n"])
-def test_older_headers(pcd, changes, end):
+def test_older_headers(file_of, changes, end):
     data = content(np.arange(6, dtype="f4").view(XYZ), "ascii", **changes)
-    cloud = read(pcd(data.replace(b"\n", end)))
+    cloud = read(file_of(".pcd", data.replace(b"\n", end)))
     assert cloud.points.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
@@ -199,19 +183,19 @@ def test_older_headers(pcd, changes, end):
         ({"EXTRA": "1"}, "expected"),
     ],
 )
-def test_malformed_headers_tell_what_is_wrong(pcd, changes, message):
+def test_malformed_headers_tell_what_is_wrong(file_of, changes, message):
     data = content(np.full(2, 1, XYZ), "binary", **changes)
     if "EXTRA" in changes:
         data = data.replace(b"DATA binary\nEXTRA 1\n", b"EXTRA 1\nDATA binary\n")
     with pytest.raises(FileFormatError, match=message):
-        read(pcd(data))
+        read(file_of(".pcd", data))
 
 
 @pytest.mark.parametrize(("x", "kind"), [("665187.52", np.float64), ("665187.5", np.float32), ("0.1", np.float32)])
-def test_text_keeps_the_digits_of_coordinates_that_float32_does_not_hold(pcd, x, kind):
+def test_text_keeps_the_digits_of_coordinates_that_float32_does_not_hold(file_of, x, kind):
     """All axes have them if one needs them."""
     rows = f"{x} 170.76 0\n{float(x) + 100} 0.5 1\n"
-    cloud = read(pcd(content(np.zeros(0, XYZ), "ascii", WIDTH=2, POINTS=2) + rows.encode()))
+    cloud = read(file_of(".pcd", content(np.zeros(0, XYZ), "ascii", WIDTH=2, POINTS=2) + rows.encode()))
     assert cloud.coordinate_dtype == kind
     assert cloud.points[0, :2].tolist() == [kind(x), kind(170.76)]
 
@@ -226,10 +210,10 @@ def test_text_keeps_the_digits_of_coordinates_that_float32_does_not_hold(pcd, x,
         ("1 2 3 0 0 5", "point 2: expected 5 columns"),
     ],
 )
-def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):
+def test_bad_rows_of_text_tell_what_and_where(file_of, row, message):
     data = content(np.zeros(1, [*XYZ.descr, ("a", "u1"), ("b", "<i8")]), "ascii", WIDTH=2, POINTS=2)
     with pytest.raises(FileFormatError, match=message):
-        read(pcd(data + row.encode() + b"\n"))
+        read(file_of(".pcd", data + row.encode() + b"\n"))
 
 
 @pytest.mark.parametrize(
@@ -240,11 +224,11 @@ def test_bad_rows_of_text_tell_what_and_where(pcd, row, message):
         ((5, 24), "damaged data"),
     ],
 )
-def test_lies_before_compressed_data_are_refused(pcd, sizes, message):
+def test_lies_before_compressed_data_are_refused(file_of, sizes, message):
     data = content(np.zeros(2, XYZ), "binary_compressed", compress=lambda data: lzf(data[:8]))
     head = data[: data.index(b"compressed\n") + 11]
     with pytest.raises(FileFormatError, match=message):
-        read(pcd(head + struct.pack("<II", *sizes) + lzf(bytes(8))))
+        read(file_of(".pcd", head + struct.pack("<II", *sizes) + lzf(bytes(8))))
 
 
 @pytest.mark.parametrize("name", ["rgb", "rgba"])

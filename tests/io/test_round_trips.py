@@ -30,11 +30,6 @@ EXACT = {  # what comes back bit for bit: types of coordinates and of attributes
 }
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("round_trips")
-
-
 def through(folder, cloud, suffix, **options):
     path = folder / f"cloud{suffix}"
     write(path, cloud, force=True, **options)

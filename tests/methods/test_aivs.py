@@ -93,7 +93,9 @@ def test_equals_the_plain_algorithm(shape, n, with_trees, seed, data):
         assert points_of_voxels(points, n_points).tolist() == plain_points_of_voxels(points, n_points)
 
 
-@pytest.mark.parametrize(("n", "along"), [(9_999, 10), (10_000, 20), (100_000, 40), (1_000_000, 50), (1_728_000, 60)])
+@pytest.mark.parametrize(
+    ("n", "along"), [(9_999, 10), (10_000, 20), (100_000, 40), pytest.param(1_728_000, 60, marks=pytest.mark.slow)]
+)
 def test_voxels_part_the_points(n, along):
     points = np.random.default_rng(0).random((n, 3)) * [1.0, 0.2, 0.3] - 5
     voxels = Voxels.build(points)
