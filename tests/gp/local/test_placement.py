@@ -47,7 +47,7 @@ def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least
     nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
     gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
     agree = []
-    for slot, v in enumerate(surface.tree.order):
+    for slot, v in list(enumerate(surface.tree.order))[::3]:
         cell, vertex = np.flatnonzero(nearest[:, 0] == v), chosen[v]
         if not 1 < len(cell) <= DETAIL_TRIED_ON or found[v] == vertex:  # the check sends points back
             continue
@@ -69,7 +69,7 @@ def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least
         farthest = ((points[cell][:, None] - points[cell]) ** 2).sum(axis=2).max(axis=0)
         may = cell[near & (farthest <= GAP_GROWTH**2 * squared.max())]
         agree.append(found[v] == min(may, key=equation_20))
-    assert len(agree) > 300
+    assert len(agree) > 100
     assert np.mean(agree) > 0.9  # normals of the planes are not quite those of the sphere
 
 

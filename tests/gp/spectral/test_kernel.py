@@ -39,10 +39,15 @@ def test_large_nu_tends_to_the_heat_kernel():
             np.testing.assert_allclose(values, limit, rtol=1e-5, atol=1e-5 * np.abs(heat[0]).max())
 
 
+@pytest.fixture(scope="module")
+def pairs(bracket):
+    return eigenpairs(bracket, 20)
+
+
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5, 10_000.0, np.inf])
-def test_the_kernel_is_positive_with_the_variance_asked_for(bracket, nu):
+def test_the_kernel_is_positive_with_the_variance_asked_for(bracket, pairs, nu):
     """The published start, nu = 10,000 and lengthscale 1, is among them."""
-    eigenvalues, functions = eigenpairs(bracket, 20)
+    eigenvalues, functions = pairs
     _, areas = surface_laplacian(bracket, local_triangles(bracket))
     theta = Hyperparameters(variance=0.7, lengthscale=1.0, nu=nu, noise=1e-3)
     weights = spectral_weights(eigenvalues, theta)
