@@ -5,11 +5,12 @@ import pytest
 
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
-from shapes import noisy, on_sphere
+from shapes import noisy
+from shapes import on_sphere as sphere
 
 
 def test_the_step_is_the_mean_of_the_posterior():
-    places = on_sphere(3000)
+    places = sphere(3000)
     observed, kept = noisy(places, 0.02), noisy(places[:80], 0.01)
     steps = inducing.inducing_points(kept, observed, places) - kept
 
@@ -43,7 +44,7 @@ def test_the_step_is_the_mean_of_the_posterior():
 def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
     solve = inducing.cg
     monkeypatch.setattr(inducing, "cg", lambda *arguments, **options: solve(*arguments, **options, maxiter=1))
-    places = on_sphere(3000)
+    places = sphere(3000)
     with pytest.warns(UserWarning, match="not solved to the end"):
         inducing.inducing_points(noisy(places[:80], 0.01), noisy(places, 0.02), places)
 
@@ -57,5 +58,5 @@ def test_many_kept_points_hardly_move_where_noise_alone_explains_the_observation
 
 
 def test_observations_without_noise_leave_the_kept_points_where_they_are():
-    points = on_sphere(2000)
+    points = sphere(2000)
     assert np.array_equal(inducing.inducing_points(points[:100], points, points), points[:100])

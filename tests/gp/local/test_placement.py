@@ -1,11 +1,14 @@
 """Placement, against a plain version and by what it promises."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gppcs
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import Measured
+from gppcs.gp.local.placement.cells import Measured, cells_of
+from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
     DETAIL_NEAREST,
@@ -92,6 +95,34 @@ def test_the_surface_comes_nearer_and_gaps_hardly_grow(seed):
     assert mean_distance(points, points[found]) < 0.9 * mean_distance(points, points[chosen])
     before, after = (np.sqrt(KdTree.build(points[rows]).nearest_of(points, 1)[1].max()) for rows in (chosen, found))
     assert after <= GAP_GROWTH * before * (1 + 1e-12)
+
+
+def surface_in_order(points):
+    """The local surface of points, (m, 3), in this order."""
+    return LocalSurface.over(KdTree.over(points.T))
+
+
+def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
+    points = sphere_cap() * [1.0, 1.0, 0.5]
+    rng = np.random.default_rng(4)
+    vertices = points[rng.choice(len(points), 300, replace=False)]
+    before = LocalSurface.from_points(vertices)
+    before = replace(before, tree=before.tree.in_own_order())
+    vertices = before.tree.points.T
+    owners = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32)
+    moved = rng.random(300) < 0.7
+    partner = np.array([rng.choice(np.append(np.flatnonzero(owners == v), 0)) for v in range(300)])
+    after = surface_in_order(np.where(moved[:, None], points[partner], vertices))
+    sums = [np.bincount(owners, surface.nearest_to(points)[0], 300) for surface in (before, after)]
+    cells, feet, counts = cells_of(owners, 300), np.ascontiguousarray(points.T), np.bincount(owners, minlength=300)
+    found, allowed = np.zeros(300, dtype=bool), np.median((sums[1] - sums[0]) / np.maximum(counts, 1))
+    found[farther(before, after, cells, moved, feet, np.zeros(300))] = True
+    assert not found[~moved].any()
+    assert 0.2 < found[moved].mean() < 1.0
+    assert (found == (sums[1] > sums[0]))[moved].mean() > 0.97  # the nearest fans are searched near the vertex only
+    beyond_allowed = np.zeros(300, dtype=bool)
+    beyond_allowed[farther(before, after, cells, moved, feet, np.full(300, allowed))] = True
+    assert (beyond_allowed == (sums[1] > sums[0] + counts * allowed))[moved].mean() > 0.97
 
 
 def test_points_to_keep_stay():
