@@ -61,7 +61,6 @@ def peak_of_spread():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_memory_is_that_of_a_well_spread_cloud(name, peak_of_spread):
-    """Found 0.5 to 1.3 times as much."""
     assert peak(BAD[name]()) < 1.4 * peak_of_spread
 
 

@@ -207,9 +207,6 @@ def test_sizes_whose_squares_are_no_numbers_are_refused(pair, factor):
         gppcs.evaluate(points, points, mesh)
 
 
-# by area
-
-
 BY_AREA = ("mean_distance", "surface_mean", "surface_p95", "feature_error")  # figures with a form by area
 
 
@@ -233,9 +230,6 @@ def test_one_outlier_decides_the_largest_distance_but_not_its_percentile():
     assert after.covering_p999 == pytest.approx(before.covering_p999, rel=0.1)
     distances = cdist(points, kept).min(axis=1)
     assert before.covering_p999 == pytest.approx(np.quantile(distances, 0.999))
-
-
-# with a mesh
 
 
 def with_normals(points, normals):

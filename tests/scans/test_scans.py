@@ -35,10 +35,6 @@ def test_normals_curvatures_and_areas_are_those_of_the_surface_by_finite_differe
         assert at.area_element.max() <= patch.stretch * (1 + 1e-12)
 
 
-def test_curvature_has_its_closed_form():
-    np.testing.assert_allclose(sample("sphere", 1000).attributes["curvature"], 1.0 / 50.0, rtol=1e-5)
-
-
 @EVERY
 def test_a_scan_has_its_attributes_and_its_box(name):
     count = 20_000 if name == "village" else 5000  # whose pylons are thin

@@ -20,7 +20,6 @@ def rough_plane(sigma, n=20_000):
 
 
 def test_smooth_surfaces_are_quiet(sphere):
-    """Found, in the unit of the sphere's radius: 1.5e-7, and 6e-5 for a twentieth of the points."""
     for points, n_points, spacing, most in (
         (sphere, 500, 0.01, 1e-6), (sphere[::20], 100, 0.05, 5e-4), (rough_plane(0.0), 500, 0.01, 1e-12),
     ):  # fmt: skip
@@ -35,7 +34,7 @@ def test_smooth_surfaces_are_quiet(sphere):
 
 @pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
 def test_the_level_is_about_that_of_the_noise(sigma):
-    """Found: 0.88 to 0.98 of it, as a point pulls its quadric along; balls of 30 points have a radius of 0.022."""
+    """It is a little less, as a point pulls its quadric along."""
     found = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).sigma
     assert 0.85 * sigma < found < 1.1 * sigma
 

@@ -57,7 +57,6 @@ def test_a_torus_and_edges_have_the_signs_of_the_surface():
 
 @pytest.mark.parametrize("sigma", [0.02, 0.05])
 def test_normals_and_signs_hold_where_the_noise_is_thick(sigma, sphere):
-    """Mean angles found: 6 and 9 degrees; with quadrics of 30 points 14 and 37, and 6 % and half of the signs wrong."""
     points = noisy(sphere, sigma)
     found = [estimate_normals(points, points[::20], k) for k in (None, NEIGHBOURS)]
     cosines = [(normals * sphere[::20]).sum(axis=1) for normals in found]

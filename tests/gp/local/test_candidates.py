@@ -15,7 +15,7 @@ def finest_of(points, n_points):
 
 
 def test_scattered_outliers_are_no_candidates():
-    """Only those near the plane are; found 3 %."""
+    """Only those near the plane are."""
     outliers = np.random.default_rng(1).uniform([0, 0, -0.5], [1, 1, 0.5], (400, 3))
     rows = finest_of(np.concatenate([square(40_000), outliers]), 1_000)
     assert 0 < (rows >= 40_000).sum() < 0.05 * 400
