@@ -3,21 +3,11 @@
 import sys
 from pathlib import Path
 
-import gppcs
 from web_page import WebPage
 
 COMMAND = Path(sys.executable).with_name("gppcs")
 FAST = ("--method", "fps")  # for tests in which the method makes no difference
 SIMPLIFY = ("simplify", "scan.ply", "-o", "out.ply", *FAST, "--points")
-
-
-def write_scan_with(points_of):
-    """Write scan.ply after a function has changed its points; return these."""
-    cloud = gppcs.sample("bracket", 400)
-    points = cloud.points.copy()
-    points_of(points)
-    gppcs.write("scan.ply", gppcs.PointCloud(points, cloud.attributes, cloud.coordinate_dtype), force=True)
-    return points
 
 
 def files():

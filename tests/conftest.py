@@ -9,6 +9,8 @@ import pytest
 from hypothesis import settings
 
 import gppcs
+from las_file import las_of
+from shapes import on_sphere
 
 # A busy machine is no failure. Each run draws other examples, so few are enough.
 settings.register_profile("gppcs", deadline=None, max_examples=20, derandomize=False)
@@ -33,8 +35,7 @@ def bracket() -> np.ndarray:
 @pytest.fixture(scope="session")
 def sphere() -> np.ndarray:
     """40,000 random points of the unit sphere."""
-    directions = np.random.default_rng(0).standard_normal((40_000, 3))
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return on_sphere(40_000)
 
 
 @pytest.fixture
@@ -62,8 +63,7 @@ def notebook(monkeypatch) -> list[str]:
 def two_systems(tmp_path) -> list[Path]:
     """The files a.las and b.las of 500 points, of which each names another coordinate system."""
     for name, crs in (("a.las", b"UTM 32N"), ("b.las", b"ETRS89 / UTM 32N")):
-        las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
-        las.x, las.y, las.z = np.random.default_rng(len(crs)).uniform(0, 9, (500, 3)).T
+        las = las_of(np.random.default_rng(len(crs)).uniform(0, 9, (500, 3)))
         las.header.global_encoding.wkt = True
         las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'PROJCS["' + crs + b'"]\0'))
         las.write(tmp_path / name)

@@ -1,5 +1,6 @@
 """What formats leave out and hold."""
 
+import struct
 from collections import namedtuple
 
 from gppcs.io import FORMATS, CloudFiles, format_to_write
@@ -20,7 +21,22 @@ def load(path):
         return Loaded(files.read(), files.n_faces, files.skipped())
 
 
+def overwrite(path, place, values):
+    """Put other bytes at a place of a file."""
+    with open(path, "r+b") as file:
+        file.seek(place)
+        file.write(bytes(values))
+
+
 def lzf(data):
     """Data as LZF holds it without compression: in runs of at most 32 bytes, behind their length less one."""
     runs = (data[i : i + 32] for i in range(0, len(data), 32))
     return b"".join(bytes([len(run) - 1]) + run for run in runs)
+
+
+def compressed_pcd(points):
+    """A PCD file of float32 coordinates in the encoding with compression."""
+    data = points.astype("<f4").T.tobytes()
+    packed, n = lzf(data), len(points)
+    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\nPOINTS {n}\n"
+    return head.encode() + b"DATA binary_compressed\n" + struct.pack("<II", len(packed), len(data)) + packed

@@ -34,6 +34,17 @@ def random_las(version, number, n=300, extra=(*EXTRA_TYPES, "100u1")):
     return las
 
 
+def las_of(points, point_format=6, scales=(0.01,) * 3, offsets=(0,) * 3, **dimensions):
+    """Points, (N, 3), and other dimensions as laspy holds them."""
+    header = laspy.LasHeader(point_format=point_format, version="1.4" if point_format > 5 else "1.2")
+    header.scales, header.offsets = scales, offsets
+    las = laspy.LasData(header)
+    las.xyz = points
+    for name, values in dimensions.items():
+        las[name] = values
+    return las
+
+
 def save(las, path):
     with np.errstate(all="ignore"):  # random floats may be NaN, of which laspy computes minima
         las.write(path)

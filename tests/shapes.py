@@ -6,10 +6,20 @@ from scipy.spatial import ConvexHull, Delaunay
 from gppcs.meshing.halfedges import HalfEdges
 
 
+def on_sphere(n, seed=0):
+    """Random points of the unit sphere."""
+    points = np.random.default_rng(seed).standard_normal((n, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
+def noisy(points, sigma, seed=1):
+    """Points with normal noise of a standard deviation in each coordinate."""
+    return points + sigma * np.random.default_rng(seed).standard_normal(points.shape)
+
+
 def ball(n, seed=0):
     """Points, normals and faces of a triangulated unit sphere."""
-    points = np.random.default_rng(seed).standard_normal((n, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
+    points = on_sphere(n, seed)
     return points, points.copy(), hull(points)
 
 

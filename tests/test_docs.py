@@ -7,7 +7,6 @@ import webbrowser
 from functools import cache
 from pathlib import Path
 
-import laspy
 import pytest
 import typer.main
 
@@ -17,6 +16,7 @@ from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt
 from gppcs.io import FORMATS
 from gppcs.methods import Feature
 from gppcs.methods.parameters import parameters_of
+from las_file import las_of
 from optional import import_or_skip
 
 ROOT = Path(__file__).parents[1]
@@ -75,9 +75,7 @@ def user_folder(tmp_path, monkeypatch):
     cloud = gppcs.sample("medallion", n_points=2000)
     gppcs.write(tmp_path / "scan.ply", cloud)
     gppcs.write(tmp_path / "share.ply", gppcs.simplify(cloud, n_points=500, method="random").cloud)
-    las = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
-    las.xyz = cloud.points
-    las.write(tmp_path / "scan.laz")
+    las_of(cloud.points, 0).write(tmp_path / "scan.laz")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(webbrowser, "open", lambda page: True)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

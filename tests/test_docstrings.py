@@ -12,9 +12,8 @@ from gppcs.amounts.options import Options
 
 # Names without a docstring of their own are explained by that of the package.
 DOCUMENTED = {name: getattr(gppcs, name) for name in gppcs.__all__ if hasattr(getattr(gppcs, name), "__module__")}
-NEEDED = dict.fromkeys(("MeshReport", "evaluate_mesh"), "pymeshlab") | {
-    "Simplifier": "sklearn"
-}  # extras that examples need
+# Packages that examples need.
+NEEDED = {"MeshReport": "pymeshlab", "evaluate_mesh": "pymeshlab", "Simplifier": "sklearn"}
 
 
 @pytest.mark.parametrize("name", ["gppcs", *DOCUMENTED])

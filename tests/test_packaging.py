@@ -4,13 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
-import pytest
-
 import gppcs
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
 
 def test_changelog_and_citation_agree_on_the_release():
@@ -32,19 +29,11 @@ def test_the_source_distribution_has_all_that_pages_link_to():
 
 def test_workflows_try_every_python_that_is_promised():
     pythons = {each.split(" :: ")[-1] for each in PROJECT["project"]["classifiers"] if " :: 3." in each}
-    assert min(pythons, key=lambda version: int(version[2:])) == PROJECT["project"]["requires-python"].removeprefix(
-        ">="
-    )
+    lowest = min(pythons, key=lambda version: int(version[2:]))
+    assert PROJECT["project"]["requires-python"] == f">={lowest}"
     for name in ("tests.yml", "release.yml"):
         matrix = re.search(r"python: \[(.*)\]", (ROOT / ".github" / "workflows" / name).read_text())[1]
         assert set(re.findall(r"[\d.]+", matrix)) == pythons
-
-
-@pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda path: path.name)
-def test_actions_are_pinned_by_hash(workflow):
-    actions = re.findall(r"uses: (\S+)", workflow.read_text())
-    assert actions
-    assert all(re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", action) for action in actions)
 
 
 def test_the_recipe_of_conda_has_the_requirements_of_the_package():

@@ -135,8 +135,3 @@ def test_extreme_lengths(length, factor):
             assert len(np.unique(kept)) == len(kept) >= 1
             if length == "1e-300%":
                 assert len(kept) > 280
-
-
-def test_the_number_of_threads_makes_no_difference(on_threads):
-    results = on_threads(lambda: gppcs.simplify(CLOUD, tolerance=1.0, keep=np.arange(9)).indices.tolist())
-    assert all(each == results[0] for each in results)

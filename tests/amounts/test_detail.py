@@ -38,7 +38,7 @@ def test_points_go_where_an_attribute_jumps():
     assert (errors[1] < [0.48, 0.5] * errors[0]).all()
 
 
-@pytest.mark.parametrize("count", [800, 2400])
+@pytest.mark.parametrize("count", [800, pytest.param(2400, marks=pytest.mark.slow)])
 def test_narrow_stripes_are_kept_at_hardly_any_cost_of_the_shape(count):
     statue = sample("statue", 40_000)
     spacing = np.sqrt(surface_area(KdTree.build(statue.points)) / count)

@@ -36,17 +36,6 @@ def test_compare_writes_tables_and_a_page_and_prints_one(printed, scan):
     assert page()["up"] == "y"
 
 
-def test_attributes_count_in_gp_and_are_measured_for_all(printed, folder):
-    gppcs.write("wall.ply", gppcs.sample("fresco", 8_000))
-    words = ["compare", "wall.ply", "--points", 800, "--methods", "gp,fps", "-o", "side", "--no-picture", "--report"]
-    printed(*words, "--detail", "rgb:1.5")
-    titles, *rows = (line.split("|") for line in table_of("md").splitlines() if "|" in line)
-    column = [title.strip() for title in titles].index("rgb error mean")
-    gp, fps = (float(row[column].strip(" *")) for row in rows[1:])
-    assert gp < 0.8 * fps
-    assert {"error:rgb:1", "error:rgb:2"} <= {each["key"] for each in page()["clouds"][0]["values"]}
-
-
 def test_compare_json_is_one_object_a_method(printed, scan):
     records = [json.loads(line) for line in printed(*COMPARE, "--seed", 3, "--json").splitlines()]
     parameters = [("fps", {}), ("random", {"seed": 3, "even": False})]

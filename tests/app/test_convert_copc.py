@@ -10,6 +10,7 @@ import gppcs
 from command_line import assert_one_line
 from gppcs.io import copc_writing
 from gppcs.streaming import copc
+from las_file import las_of
 
 N, FULL, LARGEST = 30_000, 500, 800
 
@@ -27,10 +28,9 @@ def tiles(names):
     """Two tiles of hilly ground."""
     rng = np.random.default_rng(1)
     for number, name in enumerate(names):
-        las = laspy.LasData(laspy.LasHeader(point_format=3, version="1.2"))
-        las.header.scales, las.header.offsets = [0.01] * 3, [500_000, 0, 0]
         x, y = rng.uniform(0, 100, (2, N // 2))
-        las.x, las.y, las.z = 500_000 + 100 * number + x, y, 5 * np.sin(x / 9) + rng.normal(0, 0.1, len(x))
+        z = 5 * np.sin(x / 9) + rng.normal(0, 0.1, len(x))
+        las = las_of(np.column_stack([500_000 + 100 * number + x, y, z]), 3, offsets=[500_000, 0, 0])
         las.intensity = rng.integers(0, 2**16, len(x))
         las.scan_angle_rank = rng.integers(-90, 90, len(x))
         las.gps_time = number * N + np.arange(len(x)) / 7

@@ -7,16 +7,15 @@ from pathlib import Path
 import numpy as np
 
 import gppcs
-from command_line import rows_of, write_scan_with
+from command_line import rows_of
 from gppcs.io.format import Reader
 
 
 def test_info_prints_the_facts(printed):
-    def spoil(points):
-        points[5] = points[4]
-        points[9, 1] = np.inf
-
-    write_scan_with(spoil)
+    points = gppcs.sample("bracket", 400).points
+    points[5] = points[4]
+    points[9, 1] = np.inf
+    gppcs.write("scan.ply", points)
     out = printed("info", "scan.ply")
     rows = rows_of(out)
     assert rows[:2] == ["scan.ply", "points 400"]

@@ -4,12 +4,12 @@ import json
 import subprocess
 import sys
 
-import laspy
 import numpy as np
 import pytest
 
 import gppcs
 from command_line import FAST, files, rows_of
+from las_file import las_of
 
 LARGE = ("--memory", "1GB")
 
@@ -92,11 +92,9 @@ def test_too_little_memory_is_one_line(refused, scan, large, options, parts_of_m
 def test_the_plan_tells_the_memory_that_is_used(record, tmp_path, count, limit):
     """Within a quarter, and the limit is held."""
     rng = np.random.default_rng(0)
-    scan = laspy.LasData(laspy.LasHeader(point_format=3, version="1.2"))
-    scan.header.scales = [1e-3] * 3
     x, y = 1_000 * rng.random((2, 5_000_000))
-    scan.x, scan.y, scan.z = x, y, 10 * np.sin(x / 50) * np.cos(y / 70)
-    scan.write(tmp_path / "scan.las")
+    points = np.column_stack([x, y, 10 * np.sin(x / 50) * np.cos(y / 70)])
+    las_of(points, 3, [1e-3] * 3).write(tmp_path / "scan.las")
     words = ["simplify", "scan.las", "-o", "out.las", "--points", count, "--memory", limit, "--json", "--quiet"]
 
     def record(*more):

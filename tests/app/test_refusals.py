@@ -26,7 +26,6 @@ sample fan -o - | standard output
 sample bracket -o a.ply --points 1000000000000000 | Unable to allocate
 
 simplify empty.ply -o out.ply --ratio 0.1 | empty.ply
-simplify bytes.ply -o out.ply --ratio 0.1 | bytes.ply
 simplify cut.ply -o out.ply --ratio 0.1 | cut.ply
 simplify broken.ply -o out.ply --ratio 0.1 | index 7
 simplify other -o out.ply --ratio 0.1 | other
@@ -34,12 +33,10 @@ SIMPLIFY | expected one of --ratio, --points, --tolerance, --spacing and --max-g
 compare scan.ply -o both | expected one of --ratio and --points, found none
 SIMPLIFY --tolerance 1% --points 5 | found --points and --tolerance
 SIMPLIFY --tolerance 1% --dry-run | --dry-run
-SIMPLIFY --tolerance 1% --memory 1MB | memory
 SIMPLIFY --levels 5,10% | levels
 SIMPLIFY --levels 5,10 --mark kept | mark
 SIMPLIFY --levels 5,1000 --method fps | ask for fewer
 POINTS --rato 1 | --rato
-POINTS --set neighbours | --set
 POINTS --invalid odd | '--invalid': 'odd'
 POINTS --mark kept --index | index
 POINTS --mark kept --order input | --mark without --order
@@ -50,7 +47,6 @@ POINTS --keep 'z > 5' | --quota, or read no others with --only
 POINTS --threads x | '--threads': Input should be a valid integer
 POINTS --weight red --memory 1MB | memory
 POINTS --denoise --mark kept | mark
-POINTS --method wlop --set snap=false --mark kept | mark
 POINTS -o none/out.ply | none
 POINTS -o scan.ply | scan.ply
 POINTS -o out.foo | '.foo'
@@ -75,18 +71,12 @@ render scan.png -o scan.png --force | scan.png
 render scan.ply -o a.png --size big | --size
 render scan.ply -o a.png --colour curvatur | 'curvature'
 render nan.npy -o a.png | nan.npy
-render notes.md -o a.png | notes.md
-render scan.ply nan.npy -o a.png | nan.npy
-render empty.ply scan.ply -o a.png | empty.ply
-view nan.npy -o a.html --no-open | nan.npy
 render scan.ply small.ply scan.ply -o a.png | found 3
 report scan.ply small.ply -o small.ply --force | small.ply
 report scan.ply small.ply -o r.txt | .html
 report scan.ply -o r.html | SIMPLIFIED
-report scan.ply empty.xyz -o r.html | empty.xyz
 report scan.ply small.ply -o r.html --detail paint | 'paint'
 view scan.ply -o there.html | force
-view notes.md | notes.md
 view scan.ply --view north | --view
 
 evaluate scan.ply | --simplified-mesh
@@ -97,14 +87,11 @@ MESH | --points, --ratio, --faces, --tolerance, points to keep
 MESH --points 9 --faces 9 | found --points and --faces
 MESH --keep-points small.ply | index 0
 MESH --keep-points nothing.ply | nothing.ply: No such file
-MESH --points 9 -o out.las | .las
 MESH --points 9 -o ball.ply | ball.ply
-mesh nan.npy -o out.ply --points 9 | nan.npy
 
 COMPARE scan.ply --points 9 -o side --colour rgb | --no-picture
 COMPARE scan.ply --ratio 0.1 -o side --methods '' | ''
 COMPARE scan.ply --ratio 0.1 -o scan.ply | folder
-COMPARE scan.ply --ratio 0.1 -o - | folder
 COMPARE broken.ply --ratio 0.1 -o side --methods fps | drop them with --invalid drop
 COMPARE missing.ply --ratio 0.1 -o old | old
 COMPARE in/table.csv --ratio 0.1 -o in --force | table.csv

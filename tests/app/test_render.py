@@ -81,6 +81,7 @@ def test_a_result_is_drawn_beside_its_original_with_the_surface_through_it(print
     assert np.abs(image("b.png")[: len(pair)] - pair).max() > 0.1
 
 
+@pytest.mark.slow
 def test_a_mesh_stands_beside_a_cloud(printed, folder):
     mesh = gppcs.mesh(BALL, n_points=100)
     gppcs.write("ball.ply", BALL)
@@ -91,11 +92,3 @@ def test_a_mesh_stands_beside_a_cloud(printed, folder):
     drawn = [image(name).min(axis=2)[150:-150] < 0.97 for name in ("a.png", "b.png")]
     left, right = drawn[0][:, : drawn[0].shape[1] // 2], drawn[1][:, : drawn[1].shape[1] // 2]
     assert left.mean() == pytest.approx(right.mean(), rel=0.1)
-
-
-def test_few_points_are_drawn_as_the_surface_through_them(printed, folder):
-    gppcs.write("few.ply", BALL[:300])
-    printed("render", "few.ply", "-o", "a.png", "--size", "320x240")
-    drawn = image("a.png").min(axis=2) < 0.97
-    rows = np.flatnonzero(drawn.any(axis=1))
-    assert all(np.diff(np.flatnonzero(drawn[row])).max(initial=1) == 1 for row in rows)  # without a gap

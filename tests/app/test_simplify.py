@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from command_line import FAST, files, rows_of, write_scan_with
+from command_line import FAST, files, rows_of
 
 
 @pytest.mark.parametrize("method", ["gp", "voxel"])
@@ -19,18 +19,6 @@ def test_simplify_writes_the_points_asked_for_with_all_they_carry(printed, scan,
     expected, written = gppcs.simplify(scan, ratio=0.1, method=method), gppcs.read("out.ply")
     assert written == scan.take(expected.indices)
     assert list(written.attributes) == list(scan.attributes)
-
-
-def test_invalid_points_are_dropped_when_asked_to(gppcs_command):
-    def spoil(points):
-        points[[3, 8], 0] = np.nan
-
-    points = write_scan_with(spoil)
-    arguments = ("simplify", "scan.ply", "-o", "out.ply", "--points", 400, "--invalid", "drop", "--json")
-    code, out, err = gppcs_command(*arguments)
-    assert (code, json.loads(out)["points_in"], json.loads(out)["points_out"]) == (0, 398, 398)
-    assert "all of its 398 points with finite coordinates were kept, fewer than the 400 asked for" in err
-    assert gppcs.read("out.ply").points.tobytes() == np.delete(points, [3, 8], axis=0).tobytes()
 
 
 def test_simplify_json_is_one_strict_object_a_line(record, scan):

@@ -26,6 +26,12 @@ def piped(monkeypatch):
     return pipe
 
 
+def test_convert_is_a_filter(printed, piped):
+    Path("table").write_text("# x y z label\n0.5 1 2 7\n")
+    piped("table")
+    assert printed("convert", "-", "-", "--from", "xyz", "--to", "csv") == "x,y,z,label\n0.5,1.0,2.0,7\n"
+
+
 def test_a_sample_goes_to_standard_output(printed, folder):
     words = ["sample", "fan", "--points", 30]
     out = printed(*words, "-o", "-", "--to", "csv", "--json")
@@ -35,11 +41,11 @@ def test_a_sample_goes_to_standard_output(printed, folder):
 
 
 @pytest.mark.parametrize("words", [["view", "scan.ply"], ["report", "scan.ply", "scan.ply"], ["view", "-"]])
-def test_pages_go_to_standard_output(gppcs_command, scan, piped, monkeypatch, words):
+def test_pages_go_to_standard_output(printed, scan, piped, monkeypatch, words):
     monkeypatch.setattr("webbrowser.open", lambda page: pytest.fail(f"opens {page}"))
     piped("scan.ply")
-    code, out, err = gppcs_command(*words, "-o", "-")
-    assert (code, err, files()) == (0, "", ["scan.ply"])
+    out = printed(*words, "-o", "-")
+    assert files() == ["scan.ply"]
     assert [each["name"] for each in WebPage(out).described["clouds"]] == words[1:]
 
 

@@ -10,9 +10,6 @@ from scipy.spatial import cKDTree
 
 import gppcs
 from gppcs.methods.hc.clustering import hierarchical_clusters
-from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import neighbourhood_radius
-from gppcs.surface.surface_variation import features_in_radius
 
 PAPER = Path(__file__).parents[2] / "benchmarks" / "paper"
 
@@ -69,19 +66,3 @@ def test_all_points_of_the_dragon_take_little_memory(shared_data):
     dragon = str(shared_data / "dragon.ply")
     done = subprocess.run([sys.executable, "-c", code, dragon], capture_output=True, text=True, check=True)
     assert int(done.stdout) * 1024 < 2e9
-
-
-def test_the_order_of_published_clouds_is_recognised(benchmark):
-    """Of fps-variation, no step goes up; of shuffled points, half of the steps do."""
-    published = benchmark("published")
-    cloud = gppcs.sample("medallion", n_points=20_000).points
-    tree = KdTree.build(cloud)
-    variation = features_in_radius(tree, neighbourhood_radius(tree)).surface_variation
-    method = gppcs.METHODS["gp-pcs-released"](candidates=5_000)
-    kept = gppcs.simplify(cloud, n_points=900, method=method).cloud.points
-    order = published.order_of(kept, cloud, variation)
-    assert order[:4] == (300, 0, 599, 0)
-    assert order.fraction == pytest.approx(0.25, abs=0.05)
-    shuffled = published.order_of(np.random.default_rng(0).permutation(kept), cloud, variation)
-    assert shuffled.farther > 100
-    assert 200 < shuffled.ascents < 400

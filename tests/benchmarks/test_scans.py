@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import gppcs
 from scans import OBJECTS, SCENES, sample
 from scans.implicit import Solid, limbs, scan_of
 from scans.scene import NO_SURFACE, Rays
@@ -14,7 +13,7 @@ SOLIDS = [name for name, scan in OBJECTS.items() if isinstance(scan.patches[0], 
 EVERY = pytest.mark.parametrize("name", SCENES)
 
 
-@pytest.mark.parametrize("name", ["statue", *SOLIDS])
+@pytest.mark.parametrize("name", ["bracket", "fan", "sphere", "statue", *SOLIDS])
 def test_closed_scans_are_closed_and_normals_point_outward(name):
     """Over a closed surface the normals add up to nothing, and their products with the places to the volume (Gauss)."""
     cloud = sample(name, 20_000 if name in SOLIDS else 100_000, seed=3)
@@ -72,14 +71,3 @@ def test_without_noise_the_points_are_where_the_rays_end_and_normals_look_back(n
     back = Rays(points + 1e-3 * normals, -normals)
     distances = np.min([surface.meet(*back, np.random.default_rng(0)) for surface in scene.surfaces], axis=0)
     assert np.mean(np.abs(distances - 1e-3) < 1e-4) > 0.98
-
-
-def test_a_scene_of_several_blocks_is_the_same_for_any_number_of_threads(monkeypatch):
-    monkeypatch.setattr("scans.scene.BLOCK", 500)
-    clouds = []
-    for threads in (1, 3):
-        gppcs.set_threads(threads)
-        clouds.append(sample("forest", 2_001))
-    gppcs.set_threads(None)
-    assert len(clouds[0]) == 2_001
-    assert clouds[0].points.tobytes() == clouds[1].points.tobytes()

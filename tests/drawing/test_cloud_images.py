@@ -3,6 +3,7 @@ import pytest
 
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
+from shapes import on_sphere
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 RADIUS = 3.0
@@ -10,8 +11,7 @@ RADIUS = 3.0
 
 def ellipsoid(count=20_000, seed=0):
     """Return points of an ellipsoid that is seen from -y, and its normals."""
-    direction = np.random.default_rng(seed).standard_normal((count, 3))
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    direction = on_sphere(count, seed)
     semi_axes = np.array([2.0, 1.0, 1.5])
     normals = direction / semi_axes
     return direction * semi_axes, normals / np.linalg.norm(normals, axis=1, keepdims=True)

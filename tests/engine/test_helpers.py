@@ -11,7 +11,6 @@ import pytest
 
 import gppcs
 from gppcs.engine import helpers
-from gppcs.engine.kernel_cache import lock
 
 
 @pytest.fixture
@@ -122,17 +121,3 @@ def test_workers_start_no_processes(alone, parts):
     worker.start()
     assert not results.get()
     worker.join()
-
-
-def test_a_second_process_starts_no_helpers(alone, parts, monkeypatch):
-    code = "from gppcs.engine.kernel_cache import lock\nwith lock('helpers'):\n    print(1, flush=True)\n    input()"
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        other.stdout.readline()
-        with lock("helpers", 0.0) as is_held:
-            assert not is_held
-        monkeypatch.setattr(helpers, "_Helper", lambda: pytest.fail("a helper was started"))
-        with helpers.helped((parts.record, "never")):
-            helpers.call_helpers()
-        other.kill()
-    with lock("helpers", 0.0) as is_held:
-        assert is_held  # a process that dies holds nothing

@@ -100,25 +100,6 @@ def test_a_change_that_a_kernel_reaches_is_noticed_and_switching_back_costs_noth
 
 
 @pytest.mark.slow
-def test_a_kernel_that_others_call_is_compiled_once_for_all_of_them(package):
-    assert call(package) == COMPILED
-    path = package / "caller.py"
-    path.write_text(path.read_text() + "@kernel\ndef another(x):\n    return 5 * inner(x)\n")
-    code = "from gppcs.caller import another\nprint(another(3), another(0.25))"
-
-    def for_callers():
-        return {file.name: file.stat().st_ino for file in kept(package) if ".inner." in file.name}
-
-    before = for_callers()
-    assert len(before) == 2
-    assert call(package, code) == "80 52.5\n"
-    assert for_callers() == before
-    change(package, "constant", "10", "20")
-    assert call(package, code) == "130 102.5\n"
-    assert len(for_callers()) == 4
-
-
-@pytest.mark.slow
 def test_code_that_came_with_the_package_is_asked_first(package, tmp_path):
     processor = {"NUMBA_CPU_NAME": SHIPPED_FOR, "NUMBA_CPU_FEATURES": FEATURES}
     assert call(package, NUMBA_CACHE_DIR=str(tmp_path / "built"), **processor) == COMPILED
@@ -208,19 +189,6 @@ def test_code_of_several_processes_works_together(package):
     both = "from gppcs.engine.kernels import kernel\nfrom gppcs.max import max_of\nfrom gppcs.min import min_of\n"
     (package / "both.py").write_text(both + "@kernel\ndef span(x, y):\n    return max_of(x, y) - min_of(x, y)\n")
     assert call(package, "from gppcs.both import span\nprint(span(1.0, 4.0), span(7.0, 5.0))") == "3.0 2.0\n"
-
-
-def test_numba_numbers_the_functions_of_others_as_ever(package):
-    code = """
-import gppcs.engine.numba_internals
-import numba
-@numba.njit
-def own(x):
-    return x
-own(1)
-print(next(iter(own.overloads.values())).fndesc.unique_name)
-"""
-    assert int(call(package, code).rpartition("$")[2]) < 1000
 
 
 @pytest.mark.slow

@@ -16,13 +16,13 @@ def kernels():
     """Each kernel's name with the options of its decorator and the names of what it calls."""
     found = {}
     for path in SOURCE.rglob("*.py"):
-        for function in ast.walk(ast.parse(path.read_text())):
+        for function in ast.parse(path.read_text()).body:
             for decorator in getattr(function, "decorator_list", []):
                 if ast.unparse(decorator).partition("(")[0] == "kernel":
                     keywords = getattr(decorator, "keywords", [])
                     options = {keyword.arg: ast.unparse(keyword.value) for keyword in keywords}
                     calls = [node.func for node in ast.walk(function) if isinstance(node, ast.Call)]
-                    found[function.name, path.stem] = options, {ast.unparse(call) for call in calls}
+                    found[function.name, path.stem] = options, {call.id for call in calls if hasattr(call, "id")}
     return found
 
 

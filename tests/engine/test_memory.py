@@ -61,12 +61,6 @@ def test_memory_that_the_system_does_not_tell_is_unknown(tmp_path, monkeypatch):
         ),
     ],
 )
-def test_the_limit_of_a_container_counts(tmp_path, groups, files, expected):
-    (tmp_path / "proc/self").mkdir(parents=True)
-    (tmp_path / "proc/self/cgroup").write_text(groups)
-    for name, content in files.items():
-        file = tmp_path / "sys/fs/cgroup" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(content)
-    free = memory.available_memory(tmp_path)
+def test_the_limit_of_a_container_counts(container, groups, files, expected):
+    free = memory.available_memory(container(groups, files))
     assert free == expected if expected is not None else free > 10_000

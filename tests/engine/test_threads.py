@@ -106,14 +106,8 @@ def test_threads_that_work_on_parts_share_the_cores():
         ("nonsense\n", {"cpu.max": "nonsense"}, np.inf),
     ],
 )
-def test_the_quota_of_a_container_counts(tmp_path, groups, files, expected):
-    (tmp_path / "proc/self").mkdir(parents=True)
-    (tmp_path / "proc/self/cgroup").write_text(groups)
-    for name, content in files.items():
-        file = tmp_path / "sys/fs/cgroup" / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(content)
-    assert threads._quota(tmp_path) == expected
+def test_the_quota_of_a_container_counts(container, groups, files, expected):
+    assert threads._quota(container(groups, files)) == expected
 
 
 INTERRUPTED = """

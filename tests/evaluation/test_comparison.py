@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import gppcs
+from gppcs.evaluation import reconstruction
 from gppcs.evaluation.comparison import rebuilt_mesh, trimmed_mesh
 from gppcs.evaluation.reconstruction import without_membranes
 from meshes import hull_mesh, moved
@@ -33,9 +34,10 @@ def test_all_methods_by_default():
     assert [entry.method.name for entry in entries] == list(gppcs.METHODS)
 
 
-def test_a_mesh_to_look_at_ends_where_the_points_end(sphere):
+def test_a_mesh_to_look_at_ends_where_the_points_end(sphere, monkeypatch):
     """Screened Poisson reconstruction closes the open half of a sphere by a membrane."""
     pytest.importorskip("pymeshlab")
+    monkeypatch.setattr(reconstruction, "OCTREE_DEPTH", 6)
     half = sphere[sphere[:, 2] > 0.0]
     place = np.array([500_000.0, 5_400_000.0, 0.0])
     outward = dict(zip(("nx", "ny", "nz"), half.T, strict=True))

@@ -207,9 +207,6 @@ def test_sizes_whose_squares_are_no_numbers_are_refused(pair, factor):
         gppcs.evaluate(points, points, mesh)
 
 
-# by area
-
-
 BY_AREA = ("mean_distance", "surface_mean", "surface_p95", "feature_error")  # figures with a form by area
 
 
@@ -233,27 +230,6 @@ def test_one_outlier_decides_the_largest_distance_but_not_its_percentile():
     assert after.covering_p999 == pytest.approx(before.covering_p999, rel=0.1)
     distances = cdist(points, kept).min(axis=1)
     assert before.covering_p999 == pytest.approx(np.quantile(distances, 0.999))
-
-
-# with a mesh
-
-
-@pytest.fixture(scope="module")
-def ball(sphere):
-    """A mesh, points of it, and their report."""
-    pytest.importorskip("pymeshlab")
-    mesh, points = hull_mesh(sphere[-5000:]), sphere[:3000]
-    return mesh, points, gppcs.evaluate(sphere, with_normals(points, points), mesh)
-
-
-@pytest.mark.slow
-def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
-    mesh, points, report = ball
-    assert report.rebuilt_estimated != report.rebuilt_carried
-    assert gppcs.evaluate(sphere, points, mesh).rebuilt_carried is None
-    double = np.tile(points, (2, 1))
-    again = gppcs.evaluate(np.tile(sphere, (2, 1)), with_normals(double, double), mesh)
-    assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()
 
 
 def with_normals(points, normals):
@@ -288,8 +264,7 @@ def test_mesh_figures_equal_their_definitions(bowl):
     # to coarse triangles, MeshLab's distances are too long here and there
     assert (found.back_mean, found.back_max) == pytest.approx((back.mean(), back.max()), rel=0.02)
     astray = back[rebuilt.faces] > 0.05 * report.diagonal
-    areas = np.linalg.norm(np.cross(*(rebuilt.vertices[rebuilt.faces[:, i]] - rebuilt.vertices[rebuilt.faces[:, 0]]
-                                      for i in (1, 2))), axis=1)  # fmt: skip
+    areas = rebuilt.face_areas()
     share = areas[astray.any(axis=1)].sum() / areas.sum()
     assert found.stray_share == pytest.approx(share, rel=0.05)
     others = [areas[astray.all(axis=1)].sum() / areas.sum(), astray.any(axis=1).mean()]
@@ -300,9 +275,8 @@ def test_the_first_figures_are_those_of_points_that_carry_the_normals_of_the_mes
     """Points that moved carry those of the points where they came from."""
     original, simplified, mesh = bowl
     normals = reconstruction.exact_normals(mesh, simplified)
-    for moved in (0.0, 1e-4):
-        report = gppcs.evaluate(original, with_normals(simplified + moved, normals), mesh)
-        assert report.rebuilt == report.rebuilt_carried != report.rebuilt_estimated
+    report = gppcs.evaluate(original, with_normals(simplified + 1e-4, normals), mesh)
+    assert report.rebuilt == report.rebuilt_carried != report.rebuilt_estimated
     unit = [
         normals / np.linalg.norm(normals, axis=1)[:, None] for normals in (mesh.vertex_normals(), mesh.face_normals())
     ]
@@ -365,8 +339,7 @@ def test_a_mesh_is_measured_in_both_directions():
     assert report.mesh_back_max == pytest.approx(0, abs=1e-9)  # its vertices are points of the cloud
     corners = small.vertices[small.faces]
     edges = ((np.roll(corners, 1, axis=1) - corners) ** 2).sum(axis=(1, 2))
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    assert report.slivers == pytest.approx((4 * np.sqrt(3) * areas / edges < 0.2).mean())
+    assert report.slivers == pytest.approx((4 * np.sqrt(3) * small.face_areas() / edges < 0.2).mean())
     assert (report.mesh_pieces, report.boundary_loops, report.genus) == (1, 0, 0)
     shrunk = gppcs.Mesh(0.95 * small.vertices, small.faces)
     with_surface = gppcs.evaluate_mesh(ball, shrunk, surface)

@@ -1,13 +1,10 @@
 """NumPy files of other makers, and what is refused."""
 
-import zipfile
-
 import numpy as np
 import pytest
 
-from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
-from gppcs.io import read, write
+from gppcs.io import read
 
 
 @pytest.mark.parametrize("dtype", ["<f4", ">f4", "<f8", ">i2"])
@@ -92,12 +89,3 @@ def test_bare_records_that_are_no_metres_are_refused(tmp_path, content):
     (tmp_path / "scan.bin").write_bytes(content)
     with pytest.raises(FileFormatError, match="metres"):
         read(tmp_path / "scan.bin", "kitti")
-
-
-def test_attributes_with_awkward_names(tmp_path):
-    path = tmp_path / "cloud.npz"
-    names = ["file", "allow_pickle", "a", "a.npy", "with space"]
-    write(path, PointCloud(np.zeros((1, 3)), {name: np.zeros(1) for name in names}))
-    assert list(read(path).attributes) == names
-    with zipfile.ZipFile(path) as archive:
-        assert archive.namelist()[0] == "points.npy"

@@ -6,8 +6,10 @@ import pytest
 
 import gppcs
 from copc_file import ENTRY, write_copc
+from formats import overwrite
 from gppcs.errors import FileFormatError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
+from las_file import las_of
 
 N, DEPTH, SPACING = 2000, 3, 8.0
 CORNERS = ([1000.0, 2000.0, 0.0], [1100.0, 2050.0, 20.0])
@@ -18,13 +20,8 @@ BOXES = [None, BOX, [*BOX[:2], 5.0, *BOX[2:], 9.0], [0.0, 0.0, 9e5, 9e5], [0.0, 
 @pytest.fixture(scope="module")
 def las():
     rng = np.random.default_rng(0)
-    header = laspy.LasHeader(point_format=7, version="1.4")
-    header.scales, header.offsets = [0.01] * 3, [1000.0, 2000.0, 0.0]
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = rng.uniform(*CORNERS, (N, 3)).T
-    las.gps_time = np.arange(N)
-    las.intensity, las.red = rng.integers(0, 2**16, (2, N))
-    return las
+    points, (intensity, red) = rng.uniform(*CORNERS, (N, 3)), rng.integers(0, 2**16, (2, N))
+    return las_of(points, 7, offsets=CORNERS[0], gps_time=np.arange(N), intensity=intensity, red=red)
 
 
 @pytest.fixture(scope="module", params=[False, True])
@@ -112,12 +109,6 @@ def test_what_is_no_box_or_no_resolution_is_refused(query, message):
         gppcs.open("a.laz", **query)
 
 
-def damaged(path, place, values):
-    content = bytearray(path.read_bytes())
-    content[place : place + len(values)] = values
-    path.write_bytes(content)
-
-
 INFO = 375 + 54  # where the record with the index begins
 
 
@@ -131,7 +122,7 @@ INFO = 375 + 54  # where the record with the index begins
 def test_a_damaged_index_is_refused(copc, tmp_path, place, values, message):
     path = tmp_path / "a.copc.laz"
     path.write_bytes(copc.read_bytes())
-    damaged(path, place, values)
+    overwrite(path, place, values)
     with pytest.raises(FileFormatError, match=message):
         gppcs.open(path, inside=BOX).read()
     assert len(gppcs.read(path)) == N  # which needs no index
@@ -159,9 +150,9 @@ def test_an_index_that_leads_to_itself_or_twice_to_the_same_points_is_refused(la
         (negative, "expected a COPC index of all 2,000 points, found one of"),
     ):
         path.write_bytes(content)
-        damaged(path, place, entries.tobytes())
+        overwrite(path, place, entries.tobytes())
         if entries is many or entries is more:
-            damaged(path, 247, np.uint64(entries["count"].sum()).tobytes())  # the number of points in the header
+            overwrite(path, 247, np.uint64(entries["count"].sum()).tobytes())  # the number of points in the header
         with pytest.raises(FileFormatError, match=message):
             gppcs.open(path, resolution=1e-9).read()
 
@@ -170,7 +161,7 @@ def test_a_page_that_leads_to_itself_is_visited_once(las, tmp_path):
     path = tmp_path / "a.copc.laz"
     write_copc(path, las, DEPTH, SPACING)
     place = path.stat().st_size
-    damaged(path, INFO + 40, np.array([place, ENTRY.itemsize], "<u8").tobytes())
+    overwrite(path, INFO + 40, np.array([place, ENTRY.itemsize], "<u8").tobytes())
     with open(path, "r+b") as file:
         file.seek(place)
         file.write(np.array([(0, (0, 0, 0), place, ENTRY.itemsize, -1)], ENTRY).tobytes())
@@ -185,7 +176,7 @@ def test_a_layer_that_would_crash_lazrs_is_refused(las, tmp_path):
     index = write_copc(path, las[:800], 3, SPACING)
     layers = int(index["offset"][np.argmax(index["count"])]) + las.header.point_format.size + 4
     sizes = np.frombuffer(path.read_bytes(), "<u4", 10, layers)  # 9 of points, the last the times; 1 of colours
-    damaged(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
+    overwrite(path, layers + 40 + int(sizes[:8].sum()), b"\xff" * 8)
     for query in ({"inside": [0, 0, 9e5, 9e5]}, {}):
         with pytest.raises(FileFormatError, match=r"copc\.laz: expected whole compressed points, found damaged ones"):
             gppcs.open(path, **query).read()

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-import gppcs
 from formats import load, losses
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, GppcsError, InputError, OutputError
+from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io import read, write
 from gppcs.io.e57 import E57Header
 
@@ -175,13 +174,6 @@ def test_scaled_integers_and_fields_of_extensions(by_libe57):
     assert np.array_equal(cloud.points[:, 0], metres)
     assert cloud.attributes["other_class"].tolist() == [300, 2]
     assert cloud.attributes["other_class"].dtype == np.uint16
-
-
-def test_a_scan_without_points_is_an_empty_cloud(tmp_path):
-    write(tmp_path / "cloud.e57", np.empty((0, 3)))
-    assert len(read(tmp_path / "cloud.e57")) == 0
-    with pytest.raises(InputError, match="the cloud is empty"):
-        gppcs.simplify(tmp_path / "cloud.e57", ratio=0.5)
 
 
 def test_coordinate_systems_are_kept(tmp_path):

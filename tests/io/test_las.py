@@ -13,10 +13,10 @@ from hypothesis.extra import numpy as hnp
 from laspy.vlrs.known import GeoAsciiParamsVlr, GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr
 
 import gppcs
-from formats import losses
+from formats import losses, overwrite
 from gppcs.clouds.cloud import PointCloud
-from gppcs.errors import FileFormatError, InputError, OutputError
-from gppcs.io import CloudFiles, las_header, read, to_laspy, write
+from gppcs.errors import FileFormatError, OutputError
+from gppcs.io import CloudFiles, read, to_laspy, write
 from las_file import EXTRA_TYPES, WKT, random_las, save
 
 SUFFIXES = [".las", ".laz"]
@@ -64,34 +64,21 @@ def test_a_part_of_a_file_has_the_bytes_of_the_kept_points(tmp_path, version, nu
         assert read(tmp_path / f"out{target}") == cloud.take(indices)
 
 
-@pytest.fixture
-def on_day(monkeypatch):
-    """A function that sets the date of today."""
-
-    def set_day(day):
-        today = type("Day", (date,), {"today": classmethod(lambda cls: day)})
-        for module in (laspy.header, las_header):
-            monkeypatch.setattr(module, "date", today)
-
-    return set_day
-
-
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".copc.laz"])
-def test_the_day_changes_neither_files_nor_what_is_read(tmp_path, monkeypatch, on_day, suffix):
-    source = save(random_las("1.4", 6, extra=()), tmp_path / "in.las")
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "981173106")  # of February 3, 2001
-    for name, day in (("a", date(2026, 1, 31)), ("b", date(2026, 2, 1))):
-        on_day(day)
-        write(tmp_path / f"{name}{suffix}", source)
-        write(tmp_path / f"new {name}{suffix}", np.eye(3))
-    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
-    assert (tmp_path / f"new a{suffix}").read_bytes() == (tmp_path / f"new b{suffix}").read_bytes()
-    with laspy.open(tmp_path / f"new a{suffix}") as file:
-        assert file.header.creation_date == date(2001, 2, 3)
+def test_new_files_are_of_today_or_of_the_day_that_the_environment_sets(tmp_path, monkeypatch, suffix):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "981173106")
+    write(tmp_path / f"a{suffix}", np.eye(3))
     monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    write(tmp_path / f"today{suffix}", np.eye(3))
-    assert (tmp_path / f"today{suffix}").read_bytes()[90:94] == b"\x20\x00\xea\x07"  # day 32 of 2026
-    assert read(tmp_path / f"today{suffix}") == read(tmp_path / f"new a{suffix}")
+    days = [date.today()]
+    write(tmp_path / f"b{suffix}", np.eye(3))
+    days.append(date.today())  # midnight may have passed
+    found = []
+    for name in "ab":
+        with laspy.open(tmp_path / f"{name}{suffix}") as file:
+            found.append(file.header.creation_date)
+    assert found[0] == date(2001, 2, 3)
+    assert found[1] in days
+    assert read(tmp_path / f"a{suffix}") == read(tmp_path / f"b{suffix}")
 
 
 def bytes_of(records):
@@ -211,9 +198,7 @@ def test_the_coordinate_system_is_named(tmp_path, records, uses_wkt, expected):
     las.header.vlrs.extend(records)
     las.xyz = np.zeros((2, 3))
     path = save(las, tmp_path / "a.las")
-    content = bytearray(path.read_bytes())
-    content[6] = 16 * uses_wkt  # the global encoding; some versions of laspy set it by themselves
-    path.write_bytes(content)
+    overwrite(path, 6, [16 * uses_wkt])  # the global encoding; some versions of laspy set it by themselves
     cloud = read(path)
     assert cloud.header.crs == expected
     assert gppcs.info(cloud).crs == expected
@@ -402,9 +387,7 @@ def bits(number):
 )
 def test_headers_that_lie(tmp_path, place, value, message):
     path = save(random_las("1.2", 0), tmp_path / "a.las")
-    content = bytearray(path.read_bytes())
-    content[place[0] : sum(place)] = value.to_bytes(place[1], "little")
-    path.write_bytes(content)
+    overwrite(path, place[0], value.to_bytes(place[1], "little"))
     with pytest.raises(FileFormatError, match=message):
         read(path)
 
@@ -418,12 +401,6 @@ def test_a_header_that_is_cut_off_does_not_count_records(tmp_path):
         read(path)
 
 
-def test_points_that_are_unpacked_from_nearly_nothing_need_memory(tmp_path):
-    write(tmp_path / "a.laz", PointCloud(np.zeros((1_000_000, 3))))
-    with pytest.raises(InputError, match="204 MB of memory, as the files are unpacked"):
-        gppcs.simplify(tmp_path / "a.laz", n_points=10, memory="200MB")
-
-
 def test_an_unknown_compressor_is_named(tmp_path):
     path = save(random_las("1.2", 0), tmp_path / "a.laz")
     with laspy.open(path) as opened:
@@ -435,9 +412,8 @@ def test_an_unknown_compressor_is_named(tmp_path):
 
 def test_a_header_may_count_more_records_than_there_are(tmp_path):
     path = save(random_las("1.2", 0), tmp_path / "a.las")
-    cloud, content = read(path), bytearray(path.read_bytes())
-    content[100:104] = (2**32 - 1).to_bytes(4, "little")
-    path.write_bytes(content)
+    cloud = read(path)
+    overwrite(path, 100, b"\xff" * 4)
     assert read(path) == cloud
 
 
@@ -445,18 +421,7 @@ def test_a_header_may_count_more_records_than_there_are(tmp_path):
 def test_what_to_do_with_the_start_of_a_file_is_said(tmp_path, suffix):
     path = save(random_las("1.4", 3), tmp_path / f"a{suffix}")
     content = path.read_bytes()
-    for length in (0, 4, 226, 300, len(content) // 2, len(content) - 1):
+    for length in (0, 4, 226, 300, *range(400, len(content), 7919), len(content) - 1):
         path.write_bytes(content[:length])
         with pytest.raises(FileFormatError, match=r"a\.la[sz]: .*[:;] get "):
-            read(path)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("number", [3, 7])
-def test_truncated_files_are_refused(tmp_path, number, suffix):
-    path = save(random_las("1.4", number), tmp_path / f"a{suffix}")
-    content = path.read_bytes()
-    for length in (*range(4, 1500, 97), *range(1500, len(content), 7919), len(content) - 1):
-        path.write_bytes(content[:length])
-        with pytest.raises(FileFormatError):
             read(path)

@@ -16,19 +16,10 @@ def scan(rows, columns=1, pose=IDENTITY):
     return "\n".join([str(columns), str(len(rows) // columns), "0 0 0", "1 0 0", "0 1 0", "0 0 1", pose, *rows, ""])
 
 
-@pytest.fixture
-def ptx(tmp_path):
-    def make(text, name="cloud.ptx"):
-        (tmp_path / name).write_bytes(text.encode())
-        return tmp_path / name
-
-    return make
-
-
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("name", ["cloud.ptx", "cloud.xyz", "cloud"])
-def test_points_come_without_rows_that_have_no_return(ptx, end, name):
-    path = ptx(scan(ROWS, 2).replace("\n", end), name)
+def test_points_come_without_rows_that_have_no_return(file_of, end, name):
+    path = file_of(name, scan(ROWS, 2).replace("\n", end))
     cloud = read(path)
     assert np.array_equal(cloud.points, [[1, 2, 3], [4, 5, 6], [0, 0, 7.5], [np.nan, 0, 0]], equal_nan=True)
     assert cloud.attributes["intensity"].tolist() == [0.5, 0.25, 1, 1]
@@ -36,19 +27,19 @@ def test_points_come_without_rows_that_have_no_return(ptx, end, name):
     assert load(path)[-1] == ["rows without a return (2)"]
 
 
-def test_scans_are_merged_with_their_poses(ptx):
+def test_scans_are_merged_with_their_poses(file_of):
     coloured = [f"{row} {i} 0 255" for i, row in enumerate(ROWS[:3])]
-    cloud = read(ptx(scan(coloured) + scan(coloured, pose=TURN)))
+    cloud = read(file_of(".ptx", scan(coloured) + scan(coloured, pose=TURN)))
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6], [8, 21, 33], [5, 24, 36]]
     assert cloud.attributes["scan"].tolist() == [0, 0, 1, 1]
     assert cloud.attributes["red"].tolist() == [0, 2, 0, 2]
     assert cloud.attributes["blue"].dtype == np.uint8
 
 
-def test_scans_without_points(ptx):
-    assert len(read(ptx(scan([])))) == 0
-    assert read(ptx(scan([]) + scan(ROWS))).attributes["scan"].tolist() == [1] * 4
-    assert len(read(ptx(scan(["0 0 0 0.5"])))) == 0
+def test_scans_without_points(file_of):
+    assert len(read(file_of(".ptx", scan([])))) == 0
+    assert read(file_of(".ptx", scan([]) + scan(ROWS))).attributes["scan"].tolist() == [1] * 4
+    assert len(read(file_of(".ptx", scan(["0 0 0 0.5"])))) == 0
 
 
 @pytest.mark.parametrize(
@@ -69,6 +60,6 @@ def test_scans_without_points(ptx):
         (scan(ROWS).replace("1\n6\n", "999999999\n999999999\n"), "ends in point 7 of 999999998000000001"),
     ],
 )
-def test_malformed_files_tell_what_and_where(ptx, text, message):
+def test_malformed_files_tell_what_and_where(file_of, text, message):
     with pytest.raises(FileFormatError, match=message):
-        read(ptx(text))
+        read(file_of(".ptx", text))

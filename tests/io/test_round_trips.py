@@ -30,11 +30,6 @@ EXACT = {  # what comes back bit for bit: types of coordinates and of attributes
 }
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("round_trips")
-
-
 def through(folder, cloud, suffix, **options):
     path = folder / f"cloud{suffix}"
     write(path, cloud, force=True, **options)
@@ -146,7 +141,7 @@ def test_attributes_are_kept_or_named(folder, suffix, name, values):
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".csv", ".npy", ".npz"])
-@pytest.mark.parametrize("name", ["", "a\0b", "\ud800", "n" * 70_000, "../up", "a/", ".npy", "#", "new\nline"])
+@pytest.mark.parametrize("name", ["", "a\0b", "\ud800", "n" * 70_000, "../up", "a/", ".npy", "file", "#", "new\nline"])
 def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name):
     cloud = PointCloud(np.zeros((2, 3)), {name: np.arange(2)})
     written = re.sub(r"\s", "_", name) or "_" if suffix in (".ply", ".csv") else name
@@ -165,7 +160,7 @@ def test_strange_names_of_attributes_are_kept_or_refused(tmp_path, suffix, name)
 def test_no_two_columns_of_a_file_have_one_name(tmp_path, suffix):
     one, two = np.zeros(1), np.zeros((1, 2))
     path = tmp_path / f"cloud{suffix}"
-    for attributes in ({"x": one}, {"a b": one, "a_b": one}, {"n": two, "n_0": one}):
+    for attributes in ({"x": one}, {"a b": one, "a_b": one}, {"n": two, "n_0": one}, {"a": one, "a.npy": one}):
         try:
             write(path, PointCloud(np.zeros((1, 3)), attributes))
         except OutputError as error:
@@ -175,17 +170,6 @@ def test_no_two_columns_of_a_file_have_one_name(tmp_path, suffix):
             assert "x" not in attributes
             assert set(read(path).attributes) >= set(attributes)
             path.unlink()
-
-
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_what_is_said_of_the_whole_cloud_is_no_value(tmp_path, suffix):
-    write(tmp_path / "said.ply", [[1.5, 2.5, 3.5]])
-    content = (tmp_path / "said.ply").read_bytes().replace(b"element", b"comment mine\nelement", 1)
-    (tmp_path / "said.ply").write_bytes(content)
-    cloud = read(tmp_path / "said.ply")
-    assert losses(f"a{suffix}", cloud) == ([] if suffix == ".ply" else ["comments (1)"])
-    write(tmp_path / f"a{suffix}", cloud)
-    assert len(read(tmp_path / f"a{suffix}")) == 1
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".pts"])

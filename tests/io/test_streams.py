@@ -4,7 +4,6 @@ import gzip
 import io
 import os
 import stat
-import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -74,14 +73,6 @@ def test_standard_streams_need_a_known_format_and_to_be_open(stdin, monkeypatch)
         read("-", "xyz")
     with pytest.raises(OutputError, match="expected standard output"):
         write("-", CLOUD, "ply")
-
-
-def test_convert_is_a_filter():
-    arguments = ["convert", "-", "-", "--from", "xyz", "--to", "csv"]
-    program = "from gppcs.app.cli import main; main()"
-    run = subprocess.run([sys.executable, "-c", program, *arguments], input=TEXT, capture_output=True, check=True)
-    assert run.stdout == b"x,y,z,label\n0.5,1.0,2.0,7\n3.0,4.0,5.0,8\n"
-    assert run.stderr == b""
 
 
 @pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt, SystemExit, OSError])

@@ -11,23 +11,11 @@ from gppcs.errors import FileFormatError, OutputError, ParameterError
 from gppcs.io import CloudFiles, read, rows, write
 
 
-@pytest.fixture
-def table(tmp_path):
-    """Write text to a file; return its path."""
-
-    def make(text, suffix=".xyz"):
-        path = tmp_path / f"cloud{suffix}"
-        path.write_bytes(text.encode("utf-8", "surrogateescape"))
-        return path
-
-    return make
-
-
 @pytest.mark.parametrize("delimiter", [",", ", ", ";", " ", "   ", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_delimiters_and_line_ends(table, delimiter, end):
+def test_delimiters_and_line_ends(file_of, delimiter, end):
     lines = [delimiter.join(row) for row in (["1.5", "2.5", "3.5", "7"], ["-1e3", ".5", "6.", "8"])]
-    cloud = read(table(end.join(lines)))
+    cloud = read(file_of(".xyz", end.join(lines)))
     assert cloud.points.tolist() == [[1.5, 2.5, 3.5], [-1000, 0.5, 6]]
     assert cloud.attributes["column_4"].tolist() == [7, 8]
     assert cloud.attributes["column_4"].dtype == np.int64
@@ -46,8 +34,8 @@ def test_delimiters_and_line_ends(table, delimiter, end):
         ("# x y z z\n1 2 3 4\n", ["column_4"]),
     ],
 )
-def test_names_come_from_a_header_or_a_comment(table, text, names):
-    cloud = read(table(text))
+def test_names_come_from_a_header_or_a_comment(file_of, text, names):
+    cloud = read(file_of(".xyz", text))
     assert cloud.points.tolist() == [[1, 2, 3]]
     assert list(cloud.attributes) == names
     assert cloud.attributes[names[0]].tolist() == [4]
@@ -75,8 +63,8 @@ def test_coordinates_have_the_digits_of_the_scale_of_their_las_file(tmp_path):
     ],
 )
 @pytest.mark.parametrize("count", ["2\n", ""])
-def test_columns_of_pts_files(table, extra, names, count):
-    cloud = read(table(f"{count}1.5 2 3{extra}\n4.5 5 6{extra}\n", ".pts"))
+def test_columns_of_pts_files(file_of, extra, names, count):
+    cloud = read(file_of(".pts", f"{count}1.5 2 3{extra}\n4.5 5 6{extra}\n"))
     assert cloud.points.tolist() == [[1.5, 2, 3], [4.5, 5, 6]]
     assert list(cloud.attributes) == names
 
@@ -110,11 +98,11 @@ def test_single_coordinates_far_from_zero_have_the_digits_of_double_ones(tmp_pat
 
 
 @pytest.mark.parametrize("column", [["18446744073709551615", "-1"], ["1" * 500, "1"]])
-def test_whole_numbers_that_no_type_holds_exactly_stay_text(table, column):
-    values = read(table("".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
+def test_whole_numbers_that_no_type_holds_exactly_stay_text(file_of, column):
+    values = read(file_of(".xyz", "".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
     assert values.tolist() == column
     with pytest.raises(FileFormatError, match=r"below 2\^53, found larger ones in y; subtract an offset"):
-        read(table("1 9007199254740993 3\n"))
+        read(file_of(".xyz", "1 9007199254740993 3\n"))
 
 
 @pytest.mark.parametrize(
@@ -125,8 +113,8 @@ def test_whole_numbers_that_no_type_holds_exactly_stay_text(table, column):
         (["1e300", "nan"], np.float64),
     ],
 )
-def test_large_numbers_keep_their_values(table, column, dtype):
-    values = read(table("".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
+def test_large_numbers_keep_their_values(file_of, column, dtype):
+    values = read(file_of(".xyz", "".join(f"1 2 3 {value}\n" for value in column))).attributes["column_4"]
     assert values.dtype == dtype
     np.testing.assert_array_equal(values, np.array(list(map(float if dtype == np.float64 else int, column)), dtype))
 
@@ -151,15 +139,15 @@ def test_large_numbers_keep_their_values(table, column, dtype):
         ("1,5;2,5;3,5\n", "line 1: expected numbers such as 1.5, or names of columns, each once"),
     ],
 )
-def test_bad_rows_are_shown(table, monkeypatch, text, message):
+def test_bad_rows_are_shown(file_of, monkeypatch, text, message):
     monkeypatch.setattr(rows, "BLOCK", 4)
     with pytest.raises(FileFormatError, match=message):
-        read(table(text))
+        read(file_of(".xyz", text))
 
 
 @pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "x,y,z\n", "0\n"])
-def test_tables_without_rows_are_empty_clouds(table, text):
-    assert len(read(table(text))) == 0
+def test_tables_without_rows_are_empty_clouds(file_of, text):
+    assert len(read(file_of(".xyz", text))) == 0
 
 
 @pytest.mark.parametrize(
@@ -175,16 +163,16 @@ def test_tables_without_rows_are_empty_clouds(table, text):
         ("x,y,z,label\n1,2,3,5\" pipe\n4,5,6,'b'\n", ['5" pipe', "'b'"]),
     ],
 )
-def test_columns_of_text_are_kept(table, text, labels):
-    cloud = read(table(text))
+def test_columns_of_text_are_kept(file_of, text, labels):
+    cloud = read(file_of(".xyz", text))
     assert cloud.points[1].tolist() == [4, 5, 6]
     (values,) = cloud.attributes.values()
     assert values.dtype.kind == "U"
     assert values.tolist() == labels
 
 
-def test_text_may_stand_before_the_coordinates(table):
-    cloud = read(table("label,x,note,z,y,class,X\na,1,b c,3,2,7,0\nd,4,,6,5,8,0\n"))
+def test_text_may_stand_before_the_coordinates(file_of):
+    cloud = read(file_of(".xyz", "label,x,note,z,y,class,X\na,1,b c,3,2,7,0\nd,4,,6,5,8,0\n"))
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert {name: values.tolist() for name, values in cloud.attributes.items()} == {
         "label": ["a", "d"],
@@ -227,22 +215,22 @@ def test_text_that_no_line_holds_is_refused(tmp_path, suffix, text):
         ("X,Y,Z,B,G,R,Intensity", ["blue", "green", "red", "Intensity"]),
     ],
 )
-def test_letters_of_colours_become_their_names(table, header, names):
+def test_letters_of_colours_become_their_names(file_of, header, names):
     mark = "," if "," in header else " "
     row = mark.join(map(str, range(3 + len(names))))
-    assert list(read(table(f"{header}\n{row}\n")).attributes) == names
+    assert list(read(file_of(".xyz", f"{header}\n{row}\n")).attributes) == names
 
 
 @pytest.mark.parametrize(("row", "kind"), [("0 255 7", "uint8"), ("0 256 7", "int64"), ("0.5 0.1 1.0", "float64")])
-def test_colours_of_one_byte_are_of_type_uint8(table, row, kind):
-    cloud = read(table(f"x y z red green blue\n1 2 3 {row}\n"))
+def test_colours_of_one_byte_are_of_type_uint8(file_of, row, kind):
+    cloud = read(file_of(".xyz", f"x y z red green blue\n1 2 3 {row}\n"))
     assert {str(values.dtype) for values in cloud.attributes.values()} == {kind}
 
 
 @pytest.mark.parametrize("text", ["1 2 3 4 a\n", "lon lat alt i n\n1 2 3 4 a\n", "1\n# x y z a b\n1 2 3 4 a\n"])
 @pytest.mark.parametrize("suffix", [".txt", ".pts"])
-def test_columns_take_the_names_that_are_given(table, text, suffix):
-    cloud = read(table(text, suffix), columns=["y", "x", "z", "R", "note"])
+def test_columns_take_the_names_that_are_given(file_of, text, suffix):
+    cloud = read(file_of(suffix, text), columns=["y", "x", "z", "R", "note"])
     assert cloud.points.tolist() == [[2, 1, 3]]
     assert {name: values.tolist() for name, values in cloud.attributes.items()} == {"R": [4], "note": ["a"]}
 
@@ -250,14 +238,14 @@ def test_columns_take_the_names_that_are_given(table, text, suffix):
 @pytest.mark.parametrize(
     "columns", ["xyz", ["x", "y"], ["x", "y", "z", ""], ["x", "y", "z", 4], ["x", "y", "z", "x"], []]
 )
-def test_names_that_are_none_are_refused(table, columns):
+def test_names_that_are_none_are_refused(file_of, columns):
     with pytest.raises(ParameterError, match="names of columns"):
-        read(table("1 2 3 4\n"), columns=columns)
+        read(file_of(".xyz", "1 2 3 4\n"), columns=columns)
 
 
 @pytest.mark.parametrize("cell", ["", "NA", "nan"])
-def test_missing_numbers_are_nan_in_whichever_row(table, cell):
-    cloud = read(table(f"x,y,z,v,w\n0,{cell},0,{cell},5\n{cell},1,1,7,6\n2,2,2,9,{cell}\n"))
+def test_missing_numbers_are_nan_in_whichever_row(file_of, cell):
+    cloud = read(file_of(".xyz", f"x,y,z,v,w\n0,{cell},0,{cell},5\n{cell},1,1,7,6\n2,2,2,9,{cell}\n"))
     assert np.array_equal(cloud.attributes["v"], [np.nan, 7, 9], equal_nan=True)
     assert np.array_equal(cloud.attributes["w"], [5, 6, np.nan], equal_nan=True)
     assert np.array_equal(cloud.points[:2], [[0, np.nan, 0], [np.nan, 1, 1]], equal_nan=True)

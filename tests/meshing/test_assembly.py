@@ -1,7 +1,5 @@
 """What is put together is an oriented manifold; gaps are filled, holes are not."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
 from gppcs.meshing.assembly import are_taken, bridged, gap_fillings
-from gppcs.meshing.filling import BEND, LENGTH, boundary_loops, holes_filled
+from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
 from shapes import ball, faults, sheet
@@ -29,68 +27,15 @@ def test_any_triangles_become_a_manifold(seed):
     assert len(np.unique(np.sort(chosen), axis=0)) == len(chosen)
 
 
-def test_triangles_of_a_manifold_are_all_taken():
-    _, _, faces = ball(100)
-    assert np.array_equal(
-        are_taken(np.concatenate([faces, faces[:, [0, 2, 1]]]), 100), np.arange(2 * len(faces)) < len(faces)
-    )
-
-
-@pytest.mark.parametrize("hole", [0.0, 0.2])
-def test_borders_run_around_the_mesh_and_its_holes(hole):
-    points, _, faces = sheet(300, hole=hole)
-    loops = boundary_loops(HalfEdges.from_faces(faces, len(points)))
-    edges = {(a, b) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
-    for loop in loops:
-        for a, b in zip(loop, np.roll(loop, -1), strict=True):
-            assert (b, a) in edges
-            assert (a, b) not in edges
-    assert len(loops) == topology_of(faces).boundary_loops == (2 if hole else 1)
-
-
-def triangulations(corners):
-    """All triangulations of a polygon."""
-    if len(corners) < 3:
-        yield []
-        return
-    for m in range(1, len(corners) - 1):
-        for left, right in itertools.product(triangulations(corners[: m + 1]), triangulations(corners[m:])):
-            yield [*left, *right, (corners[0], corners[m], corners[-1])]
-
-
-def cost(points, triangle):
-    a, b, c = (points[v] for v in triangle)
-    product = np.cross(b - a, c - a)
-    doubled = np.linalg.norm(product)
-    bend = (1 - min(product[2] / doubled, 1)) ** 2
-    return doubled / 2 * (1 + BEND * bend) + LENGTH * max(((b - a) ** 2).sum(), ((a - c) ** 2).sum())
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_gap_is_filled_by_the_cheapest_triangles(seed):
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_that_points_cover_is_filled(seed):
     points, normals, faces = sheet(400, seed)
-    points[:, 2] += 0.03 * np.random.default_rng(seed).random(len(points))
     inner = np.argmin(np.linalg.norm(points[:, :2] - 0.5, axis=1))
-    around = faces[(faces == inner).any(axis=1)]
-    left = faces[(faces != inner).all(axis=1)]
-    cover, _ = cover_of(points, normals)
-    mesh = HalfEdges.from_faces(left, len(points))
-    new = gap_fillings(mesh, points, normals, cover.radii, cover, 12)
-    assert len(new) == len(around) - 2
-    loops = boundary_loops(mesh)
-    loop = next(part for part in loops if set(part) == set(around.ravel()) - {inner})
-    edges = {frozenset(pair) for face in left for pair in itertools.combinations(face, 2)}
-    costs = [
-        sum(cost(points, t) for t in triangles)
-        for triangles in triangulations(loop.tolist())
-        if not any(
-            frozenset(pair) in edges
-            and abs(list(loop).index(pair[0]) - list(loop).index(pair[1])) not in (1, len(loop) - 1)
-            for t in triangles
-            for pair in itertools.combinations(t, 2)
-        )
-    ]
-    assert sum(cost(points, t) for t in new) == pytest.approx(min(costs))
+    mesh, (cover, _) = HalfEdges.from_faces(faces[(faces != inner).all(axis=1)], 400), cover_of(points, normals)
+    filled = mesh.changed(new=gap_fillings(mesh, points, normals, cover.radii, cover, 12))
+    assert faults(filled) == []
+    assert topology_of(filled.faces()) == topology_of(faces)
+    assert len(filled.faces()) == len(faces) - 2  # of a vertex less
 
 
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():

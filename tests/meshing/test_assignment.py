@@ -6,14 +6,13 @@ import pytest
 from dense import distances_to_triangles
 from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.halfedges import HalfEdges
-from shapes import ball
+from shapes import ball, on_sphere
 
 
 def test_walks_find_the_nearest_triangle_of_all(threads):
     points, _, faces = ball(300)
     mesh = HalfEdges.from_faces(faces, 300)
-    normals = np.random.default_rng(1).standard_normal((500, 3))
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals = on_sphere(500, seed=1)
     dense = normals * np.random.default_rng(2).uniform(0.98, 1.02, (500, 1))
     start = np.argmax(normals @ points.T, axis=1)
     found = Assignment.on_same_sheet(mesh, points, dense, normals, start)

@@ -5,9 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.collapse import collapse, is_allowed, move_triangles
-from gppcs.meshing.dense import DensePoints
-from gppcs.meshing.draft import Draft
+from gppcs.meshing.collapse import is_allowed, move_triangles
 from gppcs.meshing.halfedges import HalfEdges, neighbours, room_for_ring
 from shapes import faults, random_mesh
 
@@ -54,25 +52,3 @@ def test_collapses_that_change_the_topology_are_not_allowed():
                 same = same and len(np.unique(np.sort(left), axis=0)) == len(left)
                 others, beyond = room_for_ring()
                 assert is_allowed(mesh, v, slot, count, edges, closed, halves, found, others, beyond) == same, (v, u)
-
-
-def test_flat_parts_go_first():
-    """Of a square with a raised half, the points on the fold stay in a line while the flat parts go."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 11), np.linspace(0, 1, 11)))
-    points = np.column_stack([x, y, np.maximum(0, x - 0.5)])
-    i = np.arange(100) + np.arange(100) // 10
-    faces = np.concatenate([np.column_stack([i, i + 1, i + 12]), np.column_stack([i, i + 12, i + 11])])
-    mesh = HalfEdges.from_faces(faces, 121)
-    a, b, c = (points[corner] for corner in faces.T)
-    upright = np.cross(b - a, c - a)
-    upright /= np.linalg.norm(upright, axis=1)[:, None]
-    draft = Draft(
-        DensePoints(None, None, np.tile((a + b + c) / 3, (3, 1)), np.tile(upright, (3, 1)), None, None, 0.0), False,
-        mesh, np.arange(121), np.zeros(121, dtype=bool), points, np.tile([0.0, 0.0, 1.0], (121, 1)), faces.T.ravel(),
-    )  # fmt: skip
-    collapse(draft, 30)
-    a, b, c = (points[corner] for corner in mesh.faces().T)
-    left = np.cross(b - a, c - a)
-    left /= np.linalg.norm(left, axis=1)[:, None]
-    assert len(np.unique(mesh.faces())) == 30
-    assert np.abs(left @ upright[[0, 9]].T - 1).min(axis=1).max() < 1e-9  # all in one of the two planes

@@ -41,11 +41,3 @@ def test_triangles_over_a_hole_are_not_covered(with_hole):
     assert (inside > 2 * reach).sum() > 50
     assert covered[outside].mean() > 0.999  # random samples have gaps, but hardly any of this size
     assert not covered[inside > 2 * reach].any()
-
-
-def test_a_triangle_far_above_the_points_is_not_covered(with_hole):
-    _, cover = with_hole
-    low, reaches = np.array([[0.1, 0.1, 0], [0.15, 0.1, 0], [0.1, 0.15, 0]]), np.zeros(3)
-    triangle = np.array([[0, 1, 2]])
-    assert are_covered(cover, triangle, low, reaches)[0]
-    assert not are_covered(cover, triangle, low + np.array([0, 0, 0.2]), reaches)[0]

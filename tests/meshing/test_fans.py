@@ -70,15 +70,6 @@ def test_the_smaller_patch_is_turned_and_points_that_no_triangle_joins_follow_th
     assert np.array_equal(actual, turned)
 
 
-def test_patches_that_meet_nowhere_keep_their_signs():
-    points, _, faces = sheet(100)
-    n = len(points)
-    both = np.concatenate([points, points + np.array([3.0, 0.0, 0.0])])
-    normals = np.repeat([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], n, axis=0)
-    near, _ = KdTree.build(both).nearest_of(both, 9)
-    assert not turned_patches(np.concatenate([faces, faces + n]), both, normals, near[:, 1:]).any()
-
-
 @pytest.mark.parametrize("outside", [1.0, -1.0])
 def test_fans_join_the_sides_of_a_sharp_edge(outside):
     """A right angle, seen from both sides: no cosine between the normals of its sides is above 0."""

@@ -11,7 +11,7 @@ from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
 from scans import sample
-from shapes import faults, plate, torus
+from shapes import faults, on_sphere, plate, torus
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +58,12 @@ def test_moved_vertices_fit_better(ball):
 
 
 @pytest.mark.parametrize(
-    ("scan", "n_points", "share"), [("sphere", 4, 1.01), ("bracket", 60, 1.0), ("bracket", 300, 0.9)]
+    ("scan", "n_points", "share"),
+    [("sphere", 4, 1.01), pytest.param("bracket", 60, 1.0, marks=pytest.mark.slow), ("bracket", 300, 0.9)],
 )
 def test_effort_gives_as_many_vertices_nearer_to_the_points(scan, n_points, share):
     """A mesh of four vertices has nothing to exchange."""
-    cloud = gppcs.sample(scan, n_points=8000)
+    cloud = gppcs.sample(scan, n_points=5000)
     before = gppcs.mesh(cloud, n_points=n_points, moved=True)
     for effort in (1, 2):
         result = gppcs.mesh(cloud, n_points=n_points, effort=effort)
@@ -94,14 +95,6 @@ def test_the_mean_distance_is_that_of_the_points(ball):
     result = gppcs.mesh(ball, n_points=100)
     expected = distances_to_triangles(ball.points, result.mesh.vertices[result.mesh.faces]).mean()
     assert result.diagnostics.mean_distance == pytest.approx(expected, rel=1e-6)
-
-
-def test_a_flat_grid_and_a_curved_one_are_surfaces():
-    x, y = np.meshgrid(np.arange(50.0), np.arange(50.0))
-    for z in (np.zeros_like(x), np.sqrt(4000 - (x - 25) ** 2)):
-        result = gppcs.mesh(np.column_stack([x.ravel(), y.ravel(), z.ravel()]), n_points=100)
-        assert is_sound(result.mesh)
-        assert topology_of(result.mesh.faces) == (0, 0, 1, 1, 0)
 
 
 @pytest.mark.parametrize(
@@ -147,9 +140,11 @@ def largest_distance(result, points):
 
 
 @pytest.mark.parametrize("tolerance", [pytest.param("0.1%", marks=pytest.mark.slow), "0.5%"])
-@pytest.mark.parametrize("name", ["sphere", "bracket", "medallion", "statue"])
+@pytest.mark.parametrize(
+    "name", ["bracket", "medallion", *(pytest.param(n, marks=pytest.mark.slow) for n in ("sphere", "statue"))]
+)
 def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(name, tolerance):
-    points = sample(name, n_points=4000).points
+    points = sample(name, n_points=2500).points
     result = gppcs.mesh(points, tolerance=tolerance)
     bound = float(tolerance[:-1]) / 100.0 * np.linalg.norm(np.ptp(points, axis=0))
     assert is_sound(result.mesh)
@@ -165,12 +160,12 @@ def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(name, 
     assert topology_of(result.mesh.faces) == topology_of(every.mesh.faces)
 
 
-@pytest.mark.parametrize("tolerance", [pytest.param("0.1%", marks=pytest.mark.slow), "0.3%"])
-def test_a_cube_within_a_tolerance_has_the_vertices_of_its_corners(tolerance):
+@pytest.mark.parametrize(("n", "tolerance"), [(3_000, "0.5%"), pytest.param(12_000, "0.1%", marks=pytest.mark.slow)])
+def test_a_cube_within_a_tolerance_has_the_vertices_of_its_corners(n, tolerance):
     """From the middle of an edge between a corner and a vertex on a flat side, the fit does not find the corner."""
     rng = np.random.default_rng(0)
-    points = rng.uniform(size=(12_000, 3))
-    points[np.arange(12_000), rng.integers(3, size=12_000)] = rng.integers(2, size=12_000)
+    points = rng.uniform(size=(n, 3))
+    points[np.arange(n), rng.integers(3, size=n)] = rng.integers(2, size=n)
     result = gppcs.mesh(points, tolerance=tolerance)
     assert is_sound(result.mesh)
     assert (len(result.mesh.vertices), len(result.mesh.faces)) == (8, 12)
@@ -192,7 +187,7 @@ def test_a_mean_tolerance_counts_the_points_of_parts_that_vertices_have_left():
 )
 def test_a_tolerance_below_the_noise_is_an_error(tolerance, message):
     with pytest.raises(gppcs.ParameterError, match=message):
-        gppcs.mesh(noisy_ball(0.0075), tolerance=tolerance)
+        gppcs.mesh(noisy_ball(0.0075, 5_000), tolerance=tolerance)
 
 
 def test_chosen_points_become_the_vertices(ball):
@@ -206,9 +201,7 @@ def test_chosen_points_become_the_vertices(ball):
 
 
 def test_vertices_that_are_no_chosen_points_are_counted():
-    rng = np.random.default_rng(1)
-    points = rng.standard_normal((500, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
+    rng, points = np.random.default_rng(1), on_sphere(500, seed=1)
     points[250:, 0] += 0.7  # two balls that cross, with holes and handles between them
     chosen = rng.choice(500, 16, replace=False)
     result = gppcs.mesh(points, keep=chosen)
@@ -242,7 +235,8 @@ def test_points_that_are_not_finite_are_an_error_or_dropped(ball):
 
 
 @pytest.mark.parametrize("options", [{"n_points": 200, "effort": 1}, {"tolerance": 2.0}])
-def test_the_same_cloud_gives_the_same_mesh_for_any_number_of_threads_and_is_not_changed(ball, on_threads, options):
+def test_the_same_cloud_gives_the_same_mesh_for_any_number_of_threads_and_is_not_changed(on_threads, options):
+    ball = gppcs.sample("sphere", n_points=1500)
     points = ball.points.copy()
     one, *several = on_threads(lambda: gppcs.mesh(ball, **options).mesh)
     for mesh in several:
@@ -282,10 +276,9 @@ def test_the_smallest_pieces_are_left_out_if_there_are_too_few_vertices_for_all(
     assert result.diagnostics.excluded == pytest.approx(25 / 110)
 
 
-@pytest.mark.parametrize(("size", "n_points"), [(8_000, 100), (8_000, 1000), (20_000, 200), (20_000, 1000)])
+@pytest.mark.parametrize(("size", "n_points"), [(8_000, 100), (20_000, 1000)])
 @pytest.mark.parametrize("thickness", [2.0, 3.0])
 def test_a_plate_keeps_both_sheets(thickness, size, n_points):
-    """Below 2.5 spacings, both sheets were taken for a layer of noise, or normals were wrong, and slits stayed."""
     points, _, area = plate(size, thickness)
     result = gppcs.mesh(points, n_points=n_points)
     assert result.mesh.face_areas().sum() == pytest.approx(area, rel=0.025)
@@ -293,8 +286,9 @@ def test_a_plate_keeps_both_sheets(thickness, size, n_points):
     assert result.diagnostics.boundary_loops <= 2
 
 
+@pytest.mark.slow
 def test_a_horn_is_one_closed_surface_whose_sheets_are_apart():
-    """Its wall is 2.6 spacings thick. It had 94 % of its area, in 10 pieces with 17 holes."""
+    """Its wall is 2.6 spacings thick."""
     result = gppcs.mesh(sample("horn", n_points=50_000), n_points=500)
     assert result.diagnostics.pieces == 1
     assert result.diagnostics.genus == 1
@@ -328,36 +322,24 @@ def noisy_ball(level, n=10_000):
 @pytest.mark.parametrize(
     ("level", "n", "n_points", "most"),
     [
-        (0.0025, 30_000, 500, 0.7),
-        (0.005, 30_000, 500, 0.7),
-        pytest.param(0.029, 3_000, 100, 0.8, marks=pytest.mark.slow),
+        (0.005, 10_000, 500, 0.7),
+        (0.013, 10_000, 260, 0.8),
+        *(pytest.param(*row, marks=pytest.mark.slow) for row in ((0.029, 3_000, 100, 0.8), (0.016, 10_000, 800, 0.8))),
     ],
 )
 def test_a_noisy_ball_stays_a_ball(level, n, n_points, most):
-    """Also where the noise is several times as thick as the spacing."""
+    """Also where the noise is several times as thick as the spacing.
+
+    Of a first mesh of 260 vertices, 40 % of the triangles agree; it is not taken, as noise is the reason.
+    """
     result = gppcs.mesh(noisy_ball(level, n), n_points=n_points, moved=True)
     radius = np.linalg.norm(gppcs.sample("sphere", n_points=1).points[0])
     sigma = level * 2 * np.sqrt(3) * radius
     assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
     assert result.diagnostics.noise == pytest.approx(sigma, rel=0.3)
+    assert result.diagnostics.excluded < 0.01
     off = np.abs(np.linalg.norm(result.mesh.vertices, axis=1) - radius)
     assert off.mean() < most * sigma
-
-
-@pytest.mark.parametrize(
-    ("level", "n_points"),
-    [
-        pytest.param(level, n_points, marks=() if (level, n_points) == (0.013, 260) else pytest.mark.slow)
-        for level in (0.005, 0.012, 0.013, 0.016)
-        for n_points in (60, 260, 800)
-    ],
-)
-def test_a_ball_stays_closed_whatever_its_noise_and_the_number_of_vertices(level, n_points):
-    """Of a first mesh of 260 vertices, 40 % of the triangles agree; it is not taken, as noise is the reason."""
-    result = gppcs.mesh(noisy_ball(level), n_points=n_points)
-    assert topology_of(result.mesh.faces) == (0, 0, 0, 1, 0)
-    assert result.diagnostics.noise > 0
-    assert result.diagnostics.excluded < 0.01
 
 
 @pytest.mark.parametrize(
@@ -404,7 +386,7 @@ def test_bad_parameters_are_errors(ball, arguments, message):
         gppcs.mesh(ball, **arguments)
 
 
-@pytest.mark.parametrize(("name", "most"), [("medallion", 1.4), ("bracket", 1.6)])
+@pytest.mark.parametrize(("name", "most"), [("medallion", 1.4), pytest.param("bracket", 1.6, marks=pytest.mark.slow)])
 def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least(name, most):
     """No other points tell how they are joined: without flips, the error is 1.46 times that of the scan's mesh.
 

@@ -5,8 +5,6 @@ import pytest
 
 from gppcs.meshing.assignment import nearest_vertices
 from gppcs.meshing.collapse import dense_quadrics
-from gppcs.meshing.energy import add_boundaries
-from gppcs.meshing.halfedges import HalfEdges
 from gppcs.surface.error_quadrics import NUMBERS, add_moved, add_plane, value
 
 
@@ -51,13 +49,3 @@ def test_the_nearest_vertex_is_one_with_a_fitting_normal(rng):
         near = members[np.argsort(((vertices[members] - point) ** 2).sum(axis=1))[:4]]
         fitting = [w for w in near if normal @ of_vertices[w] > 0]
         assert v == (fitting[0] if fitting else -1)
-
-
-def test_a_boundary_holds_its_vertices_in_its_line():
-    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    mesh = HalfEdges.from_faces(np.array([[0, 1, 2], [1, 3, 2]]), 4)
-    quadrics = np.zeros((4, NUMBERS))
-    add_boundaries(mesh, vertices, 3.0, quadrics)
-    assert value(quadrics[0], (0.5, 0.0, 0.0)) == pytest.approx(3 * 0.5**2)  # off the boundary along y
-    assert value(quadrics[0], (0.0, 0.0, 0.7)) == 0  # upright on the triangle
-    assert value(quadrics[3], (0.2, 0.1, 0.0)) == pytest.approx(3 * (0.2**2 + 0.1**2))

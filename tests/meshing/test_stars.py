@@ -37,34 +37,3 @@ def test_fits_lower_the_energy_as_they_say_and_points_are_at_their_triangles(ext
     assert ((dense - feet) ** 2).sum(axis=1) == pytest.approx(fitted.assigned.squared)
     nearest = distances_to_triangles(dense, fitted.vertices[fitted.mesh.faces()])
     assert np.quantile(np.sqrt(fitted.assigned.squared) - nearest, 0.95) < 1e-3
-
-
-def cone(apex):
-    """A pyramid of six sides without a base, and points of that with its apex at height 1."""
-    angles = np.arange(6) * np.pi / 3
-    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(6)])
-    faces = np.array([[6, k, (k + 1) % 6] for k in range(6)])
-    rng = np.random.default_rng(0)
-    shares = rng.dirichlet([1, 1, 1], 600)
-    dense = np.einsum("ij,ijk->ik", shares, np.vstack([rim, [0, 0, 1]])[faces[rng.integers(0, 6, 600)]])
-    return np.vstack([rim, apex]), faces, dense, dense - [0, 0, -1.0]
-
-
-@pytest.mark.parametrize("apex", [(0, 0, 0.6), (0.2, 0.1, 0.8), (0, 0, 1.3)])
-def test_a_vertex_finds_the_corner_of_the_points(apex):
-    fitted = fitted_mesh(*cone(np.array(apex, dtype=float)))
-    for _ in range(4):
-        refit(fitted, 6, 0.0)
-    assert fitted.vertices[6] == pytest.approx([0, 0, 1], abs=2e-3)
-
-
-def test_no_fit_folds_the_triangles_around():
-    """The points of one triangle are as if they lay far beyond its other side."""
-    points, faces, dense, normals = cone(np.array([0, 0, 0.1]))
-    fitted = fitted_mesh(points, faces, dense, normals)
-    fitted.points[fitted.assigned.face == 0] += [-5.0, 0.0, -1.0]
-    refit(fitted, 6, 0.0)
-    a, b, c = (fitted.vertices[corner] for corner in faces.T)
-    upright = np.cross(b - a, c - a)
-    upright /= np.linalg.norm(upright, axis=1, keepdims=True)
-    assert (np.einsum("ij,ij->i", upright, np.roll(upright, 1, axis=0)) > -0.31).all()

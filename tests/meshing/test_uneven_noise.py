@@ -59,7 +59,6 @@ def test_a_wall_of_steps_is_one_piece_however_many_points_there_are(n):
 
 @pytest.mark.slow
 def test_a_slot_about_as_narrow_as_joined_points_are_apart_has_no_ragged_bridges():
-    """Points far closer to each other see the slot, and left 7 borders."""
     points = wall(160_000)[0]
     points = points[(np.abs(points[:, 0] - 0.5) > 0.008) | (points[:, 1] < 0.2)]
     topology = topology_of(gppcs.mesh(points, n_points=2500).mesh.faces)
@@ -67,7 +66,6 @@ def test_a_slot_about_as_narrow_as_joined_points_are_apart_has_no_ragged_bridges
 
 
 def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(shared_data):
-    """No noise was found in every 4th point."""
     points = gppcs.read(shared_data / "nyu_basement.ply").points
     levels = [np.sqrt((uneven_noise(KdTree.build(points[::k]))[0] ** 2).mean()) for k in (4, 2, 1)]
     assert max(levels) < 1.4 * min(levels)
@@ -77,6 +75,5 @@ def test_noise_of_a_scan_is_about_the_same_however_many_of_its_points_there_are(
 @pytest.mark.parametrize("step", [4, 2, 1])
 @pytest.mark.parametrize(("scan", "pieces"), [("nyu_basement", 5), ("redwood_livingroom_frame", 4), ("tum_desk", 10)])
 def test_a_scan_has_few_pieces_however_many_of_its_points_there_are(shared_data, scan, pieces, step):
-    """There were 6, 6, 9 pieces, 6, 3, 5 and 10, 13, 14: signs of normals differed, and borders in contact stayed."""
     points = gppcs.read(shared_data / f"{scan}.ply").points[::step]
     assert topology_of(gppcs.mesh(points, n_points=5_000, moved=True).mesh.faces).pieces <= pieces

@@ -24,11 +24,7 @@ def covering_radius(points, indices):
 
 
 def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan, monkeypatch):
-    """As good as one that is not placed: a prefix gains by the placement of the whole, but less than by its own.
-
-    Found for 750, 500 and 250 of 1,000: mean distances .99 to 1.02 of the direct ones, to surfaces .79 to 1.05. If a
-    stage ended with its best points, 750 would have 1.05 to 1.1; the other two end a stage.
-    """
+    """As good as one that is not placed: a prefix gains by the placement of the whole, but less than by its own."""
     whole = chosen(scan, 1_000)
     monkeypatch.setattr("gppcs.gp.local.algorithm.place", lambda points, chosen, *_: chosen)
     for size in (750, 500, 250):
@@ -40,11 +36,6 @@ def test_each_prefix_is_as_good_as_a_choice_of_its_size(scan, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLES)
 def test_the_feature_weight_goes_from_an_even_cover_to_features(name):
-    """Of 2,000 points of 20,000, enough to show the detail, found for weights of 0, .25, .5, .75 and 1:
-
-    mean surface variation of those kept  bracket .074, .075, .077, .094, .100  medallion .017, .019, .020, .023, .024
-    covering radius by that of fps        bracket 1.17, 1.24, 1.29, 1.64, 3.30  medallion 1.28, 1.35, 1.65, 2.17, 2.81
-    """
     scan = gppcs.sample(name, n_points=20_000).points
     kept = [chosen(scan, 2_000, LocalGP(feature_weight=weight)) for weight in (0, 0.25, 0.5, 0.75, 1)]
     variation = [gppcs.evaluate(scan, scan[indices]).mean_surface_variation for indices in kept]
@@ -60,7 +51,6 @@ def off_the_sphere(points):
 
 @pytest.mark.parametrize(("sigma", "at_most"), [(0.01, 0.85), (0.02, 0.74)])
 def test_noise_is_left_out(sphere, sigma, at_most):
-    """600 of 20,000 points, whose spacing is 0.14; found 0.78 and 0.67 of all points' distance off the sphere."""
     noisy = sphere[::2] * (1 + sigma * np.random.default_rng(0).standard_normal((20_000, 1)))
     result = gppcs.simplify(noisy, n_points=600)
     assert off_the_sphere(noisy[result.indices]) < at_most * off_the_sphere(noisy)
@@ -101,7 +91,6 @@ def test_scores_are_carried_by_the_points():
 
 @pytest.mark.slow
 def test_the_bunny_is_rebuilt_closer_than_from_other_methods(shared_data):
-    """Of a twentieth of the points; found H means of 0.93 to 0.95 that of hc, which turns change by 1 %."""
     pytest.importorskip("pymeshlab", reason="needs PyMeshLab: the extra 'evaluate'")
     cloud, mesh = gppcs.read(shared_data / "bunny.ply"), gppcs.read_mesh(shared_data / "bunny.ply")
     distance = {}

@@ -69,11 +69,6 @@ def test_most_varied_first_gives_the_clusters_of_the_plain_algorithm(n, seed, da
     assert_central(points, plain_best_first(points, n_points), hierarchical_clusters(points, maximum=n_points))
 
 
-def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):
-    points = gppcs.read(shared_data / "dragon.ply").points
-    assert len(hierarchical_clusters(points, 1000, 0.01)) == 12_544
-
-
 @pytest.mark.oracle
 @pytest.mark.parametrize(
     ("name", "size", "variation"),

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from gppcs.spatial.samples import even_sample, point_hashes, short_hashes
+from shapes import on_sphere
 
 
 @given(st.integers(1, 3000), st.integers(1, 40), st.sampled_from([0.0, 1e-6, 1.0]), st.integers(0, 10**6))
@@ -21,12 +22,10 @@ def test_one_in_k_of_the_usable_points_is_chosen(n, step, thickness, seed):
 @pytest.mark.parametrize("step", [20, 200])
 def test_each_part_of_a_sphere_keeps_its_share(step):
     """In caps of 2 % of it, a random sample has the square root of their number of points more or less."""
-    rng = np.random.default_rng(0)
-    points = rng.standard_normal((200_000, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
+    points = on_sphere(80_000)
     chosen = points[even_sample(points, np.ones(len(points), dtype=bool), step)]
-    axes = rng.standard_normal((3, 200))
-    inside, wanted = ((p @ axes > 0.96 * np.linalg.norm(axes, axis=0)).sum(axis=0) for p in (chosen, points))
+    axes = on_sphere(200, seed=1).T
+    inside, wanted = ((p @ axes > 0.96).sum(axis=0) for p in (chosen, points))
     assert np.std(inside - wanted / step) < 0.8 * np.sqrt(wanted.mean() / step)
 
 

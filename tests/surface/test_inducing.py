@@ -2,19 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
-
-
-def sphere(n):
-    points = np.random.default_rng(0).standard_normal((n, 3))
-    return points / np.linalg.norm(points, axis=1)[:, None]
-
-
-def noisy(points, noise):
-    return points + noise * np.random.default_rng(1).standard_normal(points.shape)
+from shapes import noisy
+from shapes import on_sphere as sphere
 
 
 def test_the_step_is_the_mean_of_the_posterior():
@@ -55,22 +47,6 @@ def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
     places = sphere(3000)
     with pytest.warns(UserWarning, match="not solved to the end"):
         inducing.inducing_points(noisy(places[:80], 0.01), noisy(places, 0.02), places)
-
-
-def test_the_prior_of_the_steps_follows_from_the_observations():
-    rng, places = np.random.default_rng(2), sphere(8000)
-    kept = places[:400]
-    surface = LocalSurface.from_points(kept)
-    _, corners, weights, *_ = surface.find(places)
-    a, b, c = (surface.tree.points.T[corner] for corner in corners.T)
-    normals = np.cross(b - a, c - a)
-    normals[400:] /= np.linalg.norm(normals[400:], axis=1)[:, None]
-    weights = np.column_stack([1 - weights.sum(axis=1), weights])
-    rows = np.arange(0, corners.size + 1, 3)
-    design = inducing.Design(csr_array((weights.ravel(), corners.ravel(), rows), shape=(8000, 400)), normals)
-    for true in (0.01, 0.02):
-        heights = design.times(true * rng.standard_normal(1200)) + 0.02 * rng.standard_normal(8000)
-        assert inducing._likely(design, design.transposed(heights), 0.02) == pytest.approx(true, rel=0.3)
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])

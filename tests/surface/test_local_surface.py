@@ -92,29 +92,3 @@ def test_points_of_a_line_span_no_more_than_the_line(n):
     distances = LocalSurface.from_points(points).nearest_to(queries)[0]
     assert (distances >= line - 1e-9).all()
     assert (distances <= cdist(queries, points).min(axis=1)).all()
-
-
-# one point and its neighbours: half a lattice in the plane, the other half without points but for a few
-
-
-def corners_of_the_origin(*others):
-    half = [(-x / 2, y / 2, 0) for x in range(4) for y in range(-3, 4)]
-    surface = LocalSurface.from_points(np.array([*half, *others]))
-    order = surface.tree.order
-    place = int(np.flatnonzero(order == half.index((0, 0, 0)))[0])
-    return {int(order[j]) - len(half) for j in surface.corners[place].ravel() if j >= 0}
-
-
-@pytest.mark.parametrize(("degrees", "joined"), [(59, True), (61, False)])
-def test_a_neighbour_too_steep_is_none(degrees, joined):
-    angle = np.radians(degrees)
-    assert (0 in corners_of_the_origin((3 * np.cos(angle), 0, 3 * np.sin(angle)))) is joined
-
-
-@pytest.mark.parametrize(("distance", "joined"), [(1.9, True), (2.1, False)])
-def test_neighbours_are_laid_out_at_their_true_distance(distance, joined):
-    """The circle through the origin and two neighbours in the plane reaches to 2; in the plane, both would be in it."""
-    angle = np.radians(50)
-    corners = corners_of_the_origin((1, 1, 0), (1, -1, 0), (distance * np.cos(angle), 0, distance * np.sin(angle)))
-    assert {0, 1} <= corners
-    assert (2 in corners) is joined

@@ -5,22 +5,13 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import (
     CLEAN,
-    FEWEST,
     NEIGHBOURS,
     Noise,
-    feet_of,
     layer_of,
     two_sheets,
 )
-from gppcs.surface.quadrics import fit_quadrics
 from scans import sample
 from shapes import plate
-
-
-def observed(noise, places):
-    """Feet and variances of places, (m, 3), in their order."""
-    feet, variances = noise.observe(places)
-    return places if feet is None else feet, variances
 
 
 def rough_plane(sigma, n=20_000):
@@ -29,7 +20,6 @@ def rough_plane(sigma, n=20_000):
 
 
 def test_smooth_surfaces_are_quiet(sphere):
-    """Found, in the unit of the sphere's radius: 1.5e-7, and 6e-5 for a twentieth of the points."""
     for points, n_points, spacing, most in (
         (sphere, 500, 0.01, 1e-6), (sphere[::20], 100, 0.05, 5e-4), (rough_plane(0.0), 500, 0.01, 1e-12),
     ):  # fmt: skip
@@ -44,54 +34,9 @@ def test_smooth_surfaces_are_quiet(sphere):
 
 @pytest.mark.parametrize("sigma", [0.001, 0.002, 0.005, 0.01])
 def test_the_level_is_about_that_of_the_noise(sigma):
-    """Found: 0.88 to 0.98 of it, as a point pulls its quadric along; balls of 30 points have a radius of 0.022."""
+    """It is a little less, as a point pulls its quadric along."""
     found = Noise.measure(KdTree.build(rough_plane(sigma)), 400, 0.02).sigma
     assert 0.85 * sigma < found < 1.1 * sigma
-
-
-def test_each_point_has_the_square_of_its_residual_whatever_the_order_of_the_tree():
-    """Half the target spacing counts as one, and two is the most; correlation with the true distance: 0.88."""
-    rng = np.random.default_rng(0)
-    points = rough_plane(0.005)
-    tree = KdTree.build(points)
-    noise = Noise.measure(tree, 500, 0.02)
-    found = observed(noise, points)[1]
-    of_each = np.linalg.norm(feet_of(tree, points, noise.neighbours) - points, axis=1)
-    np.testing.assert_allclose(
-        of_each[tree.order], np.abs(fit_quadrics(tree, tree, noise.neighbours).heights), atol=1e-9
-    )
-    np.testing.assert_allclose(found, np.minimum((of_each / 0.5) ** 2, 2 * 0.02**2), rtol=1e-12)
-    assert 0 < (found == 2 * 0.02**2).mean() < 0.1
-    assert np.corrcoef(of_each, np.abs(points[:, 2]))[0, 1] > 0.8
-    shuffled = rng.permutation(len(points))
-    other = Noise.measure(KdTree.build(points[shuffled]), 500, 0.02)
-    np.testing.assert_allclose(observed(other, points)[1], found, rtol=1e-5)
-
-
-def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
-    points = rough_plane(0.01, 4_000)
-    most = int(np.pi * len(points) / FEWEST)
-    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).is_negligible
-    assert Noise.measure(KdTree.build(points), most + 5, 0.02).sigma == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sigma", [0.01, 0.02, 0.03])
-def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(sigma, sphere):
-    """Half of the 30 points of a first fit lie on one side of the layer."""
-    surface = sphere[::2] / np.sqrt(4 * np.pi)
-    rng = np.random.default_rng(1)  # another seed than that of the sphere
-    points = surface * (1 + sigma * np.sqrt(4 * np.pi) * rng.standard_normal((len(surface), 1)))
-    tree = KdTree.build(points)
-    noise = Noise.measure(tree, 500, 0.045)
-    assert noise.thick
-    assert noise.neighbours > NEIGHBOURS
-    across, within = (
-        np.sqrt(np.mean(((feet - surface) ** 2).sum(axis=1)))
-        for feet in (observed(noise, points)[0], feet_of(tree, points, NEIGHBOURS))
-    )
-    assert across < 0.8 * within
-    assert layer_of(tree, NEIGHBOURS).sigma < noise.sigma < 1.1 * sigma
 
 
 def test_detail_as_small_as_the_target_spacing_is_not_smoothed_away():
@@ -120,9 +65,11 @@ def test_outliers_do_not_count_as_noise():
     assert together.radius == pytest.approx(alone.radius, rel=0.08)
 
 
-@pytest.mark.parametrize(("name", "n"), [("horn", 20_000), ("handlebar", 20_000), ("vents", 40_000), ("fan", 20_000)])
+@pytest.mark.parametrize(
+    ("name", "n"),
+    [("horn", 20_000), ("handlebar", 20_000), pytest.param("vents", 40_000, marks=pytest.mark.slow), ("fan", 20_000)],
+)
 def test_sheets_without_noise_have_none(name, n):
-    """The two sheets of a wall were noise of 0.06 to 0.28 target spacings."""
     points = sample(name, n_points=n).points
     tree = KdTree.build(points)
     noise = Noise.measure(tree, n // 20, np.sqrt(surface_area(tree) / (n // 20)))

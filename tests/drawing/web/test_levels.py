@@ -5,15 +5,16 @@ import re
 import socket
 from threading import Thread
 
-import laspy
 import numpy as np
 import pytest
 
 import gppcs
 from copc_file import write_copc
+from formats import overwrite
 from gppcs.drawing.web.levels import FIRST, Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.io.copc import CopcNodes, nodes_of
+from las_file import las_of
 from web_page import ServedNode, WebPage
 
 N, DEPTH = 200_000, 4
@@ -26,11 +27,9 @@ RARE = 17  # a class that no point of the first levels has
 def copc(tmp_path_factory):
     """A COPC file of three levels with colours, and one below them."""
     rng = np.random.default_rng(0)
-    header = laspy.LasHeader(point_format=7, version="1.4")
-    header.scales, header.offsets = [0.01, 0.01, 0.001], [500_000.0, 5_400_000.0, 0.0]
-    las = laspy.LasData(header)
     x, y = rng.uniform(0, 100, (2, N))
-    las.x, las.y, las.z = 500_000 + x, 5_400_000 + y, 10 * np.sin(x / 20)
+    corner = np.array([500_000.0, 5_400_000.0, 0.0])
+    las = las_of(corner + np.column_stack([x, y, 10 * np.sin(x / 20)]), 7, [0.01, 0.01, 0.001], corner)
     las.intensity, las.red, las.green, las.blue = rng.integers(0, 2**16 - 1, (4, N))
     las.gps_time = np.sort(rng.uniform(0, 9, N))
     las.classification = rng.choice([2, 6], N)
@@ -169,13 +168,11 @@ class TestTheServer:
 
 
 def test_a_damaged_node_is_an_error_and_the_others_are_served(copc, tmp_path):
-    content = bytearray(copc.read_bytes())
+    path = tmp_path / "damaged.copc.laz"
+    path.write_bytes(copc.read_bytes())
     with open(copc, "rb") as file:
         entry = CopcNodes(file).entries[-1]
-    start, size = int(entry["offset"]), int(entry["size"])
-    content[start + 80 : start + size] = b"\xff" * (size - 80)
-    path = tmp_path / "damaged.copc.laz"
-    path.write_bytes(content)
+    overwrite(path, int(entry["offset"]) + 80, b"\xff" * (int(entry["size"]) - 80))
     with open(path, "rb") as file, LevelsServer(Levels(CopcNodes(file), "damaged", [])) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         last = len(server.levels) - 1

@@ -10,7 +10,6 @@ import subprocess
 from pathlib import Path
 from threading import Thread
 
-import laspy
 import numpy as np
 import pytest
 
@@ -21,6 +20,7 @@ from gppcs.drawing.web.contents import Named, report_page, view_page
 from gppcs.drawing.web.levels import Levels
 from gppcs.drawing.web.serving import LevelsServer
 from gppcs.io.copc import CopcNodes
+from las_file import las_of
 from scans import sample
 
 ROOT = Path(__file__).parents[3]
@@ -318,11 +318,9 @@ class TestInTheBrowser:
 @pytest.fixture(scope="module")
 def copc(tmp_path_factory):
     """A COPC file of 300,000 points on four levels, of which the page holds three; it says that they are dense."""
-    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0, 100, (2, 300_000))
-    las.x, las.y, las.z = x, y, 5 * np.sin(x / 9) * np.cos(y / 7)
-    las.intensity = rng.integers(0, 1000, 300_000)
+    las = las_of(np.column_stack([x, y, 5 * np.sin(x / 9) * np.cos(y / 7)]), intensity=rng.integers(0, 1000, 300_000))
     path = tmp_path_factory.mktemp("copc") / "scan.copc.laz"
     write_copc(path, las, depth=4, spacing=0.2)
     return path

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-from gppcs.gp.local.candidates import gaps_of_isolated, largest_gap, nested_candidates
-from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
+from gppcs.gp.local.candidates import gaps_of_isolated, nested_candidates
+from gppcs.gp.local.settings import FIRST_STAGE, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from shapes import square
@@ -15,30 +14,8 @@ def finest_of(points, n_points):
     return nested_candidates(points, alike, n_points, surface_area(KdTree.build(points)), 8.0)[-1].indices
 
 
-def test_gaps_are_the_distances_to_the_nearest_others(sphere):
-    points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
-    nearest = cKDTree(points).query(points, 2)[0][:, 1]
-    for spacing in (0.05, 0.2, 1.0):
-        expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
-        np.testing.assert_allclose(spacing * gaps_of_isolated(KdTree.build(points / spacing)), expected)
-    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1])))
-
-
-def test_largest_gap_lies_where_the_numbers_fall_slowly():
-    for isolated, expected in (
-        ([442, 88, 18, 2], np.inf),  # the far points of a LiDAR sweep
-        ([839, 673, 157, 0], 0.45),
-        ([978, 43, 39, 24], 0.9),  # some are lone by chance, and 43 are outliers
-        ([3_000, 546, 40, 29], 1.8),
-        ([3, 3, 3, 3], np.inf),  # too few to tell
-        ([12_001, 12_000, 5_000, 0], 0.9),  # too many to spare, at first
-    ):
-        assert largest_gap(np.array(isolated), 15_000, 1_000) == expected
-    assert largest_gap(np.array([488, 29, 8, 4]), 56_000, 7_500) == np.inf  # 8 of 7,500 do no harm
-
-
 def test_scattered_outliers_are_no_candidates():
-    """Only those near the plane are; found 3 %."""
+    """Only those near the plane are."""
     outliers = np.random.default_rng(1).uniform([0, 0, -0.5], [1, 1, 0.5], (400, 3))
     rows = finest_of(np.concatenate([square(40_000), outliers]), 1_000)
     assert 0 < (rows >= 40_000).sum() < 0.05 * 400

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gppcs
-from dense import distances_to_triangles
 from gppcs.gp.local.placement import place
 from gppcs.gp.local.placement.cells import Measured, cells_of
 from gppcs.gp.local.placement.check import farther
@@ -17,22 +16,20 @@ from gppcs.gp.local.settings import (
     GAP_GROWTH,
     MAX_STEP,
     PULL,
-    TRIALS,
 )
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_of_each
 from gppcs.spatial.samples import short_hashes
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
+from shapes import noisy, on_sphere
 
 QUIET = Noise(None, 12, False, 0.0, True, True, 1.0)
 
 
 def sphere_cap(n=4_000, seed=0):
     """A cap of the unit sphere."""
-    rng = np.random.default_rng(seed)
-    points = rng.standard_normal((4 * n, 3))
-    points /= np.linalg.norm(points, axis=1)[:, None]
+    points = on_sphere(4 * n, seed)
     return points[points[:, 2] > 0.5][:n]
 
 
@@ -44,34 +41,6 @@ def placed(points, chosen, fixed=0, noise=QUIET, passes=2, detail=None):
     return place(points, chosen, fixed, Measured(2 * np.pi * 0.5, noise, short_hashes(points, 16), detail), passes)
 
 
-def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():
-    """One pass, in NumPy, on cells all of whose points are judged."""
-    points = sphere_cap()
-    chosen = np.random.default_rng(1).choice(len(points), 800, replace=False)
-    found, surface = placed(points, chosen, passes=1), LocalSurface.from_points(points[chosen])
-    nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
-    gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
-    normals = points  # of the sphere
-    agree = []
-    for slot, v in enumerate(surface.tree.order):
-        cell = np.flatnonzero(nearest[:, 0] == v)
-        assert found[v] in cell
-        if not 1 < len(cell) <= 10:
-            continue
-        fan = surface.tree.order[surface.corners[slot][surface.corners[slot][:, 0] >= 0]]
-        steps = points[cell][:, None] - points[cell]
-        errors = (np.einsum("ijk,ik->ij", steps, normals[cell]) ** 2).sum(axis=0)
-        errors += PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
-        farthest = (steps**2).sum(axis=2).max(axis=0)
-        near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (MAX_STEP * gaps[v]) ** 2
-        errors[~near | (farthest > GAP_GROWTH**2 * squared.max())] = np.inf
-        better = [x for x in np.argsort(errors)[:TRIALS] if errors[x] < errors[cell == chosen[v]][0]]
-        tried = [chosen[v], *cell[better]]
-        agree.append(found[v] == min(tried, key=lambda x: off_fan(points[cell], points[x], points[chosen[fan]])))
-    assert len(agree) > 500
-    assert np.mean(agree) > 0.9  # normals of the planes are not quite those of the sphere
-
-
 def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least_sum_of_equation_20():
     """One pass, in NumPy, on cells all of whose points are judged, before the check."""
     points = sphere_cap()
@@ -81,7 +50,7 @@ def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least
     nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
     gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
     agree = []
-    for slot, v in enumerate(surface.tree.order):
+    for slot, v in list(enumerate(surface.tree.order))[::3]:
         cell, vertex = np.flatnonzero(nearest[:, 0] == v), chosen[v]
         if not 1 < len(cell) <= DETAIL_TRIED_ON or found[v] == vertex:  # the check sends points back
             continue
@@ -103,7 +72,7 @@ def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least
         farthest = ((points[cell][:, None] - points[cell]) ** 2).sum(axis=2).max(axis=0)
         may = cell[near & (farthest <= GAP_GROWTH**2 * squared.max())]
         agree.append(found[v] == min(may, key=equation_20))
-    assert len(agree) > 300
+    assert len(agree) > 100
     assert np.mean(agree) > 0.9  # normals of the planes are not quite those of the sphere
 
 
@@ -115,12 +84,6 @@ def nearest_values(points, triangles, values):
     on_triangles, value = (weights @ triangles).reshape(-1, 3), (weights @ values[..., None]).ravel()
     squared = ((points[:, None] - on_triangles) ** 2).sum(axis=2)
     return np.sqrt(squared.min(axis=1)), value[squared.argmin(axis=1)]
-
-
-def off_fan(points, apex, corners):
-    """The summed distance of points, (n, 3), from the triangles between an apex and other corners, (t, 2, 3)."""
-    triangles = np.concatenate([np.broadcast_to(apex, (len(corners), 1, 3)), corners], axis=1)
-    return distances_to_triangles(points, triangles).sum()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -162,55 +125,12 @@ def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
     assert (beyond_allowed == (sums[1] > sums[0] + counts * allowed))[moved].mean() > 0.97
 
 
-def test_fewer_points_go_back_beside_a_parallel_sheet():
-    rng = np.random.default_rng(8)
-    one, two = (rng.random((2_000, 3)) * [1.0, 1.0, 0.0] + [0.0, 0.0, z] for z in (0.0, 0.04))
-    points = np.concatenate([one, two])
-    before = LocalSurface.from_points(points[::20])
-    before = replace(before, tree=before.tree.in_own_order())
-    after = surface_in_order(before.tree.points.T + 0.004 * rng.standard_normal((200, 3)))
-    owners, moved = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32), np.ones(200, dtype=bool)
-    assert (
-        len(farther(before, after, cells_of(owners, 200), moved, np.ascontiguousarray(points.T), np.zeros(200))) < 100
-    )  # planes of some reach across
-    single = LocalSurface.from_points(one[::20])
-    single = replace(single, tree=single.tree.in_own_order())
-    after = surface_in_order(single.tree.points.T + 0.004 * rng.standard_normal((100, 3)))
-    owners = single.tree.nearest_of(one, 1)[0][:, 0].astype(np.int32)
-    assert (
-        len(farther(single, after, cells_of(owners, 100), moved[:100], np.ascontiguousarray(one.T), np.zeros(100))) > 80
-    )
-
-
 def test_points_to_keep_stay():
     points = sphere_cap()
     chosen = np.random.default_rng(2).choice(len(points), 150, replace=False)
     np.testing.assert_array_equal(placed(points, chosen, fixed=60)[:60], chosen[:60])
     kept = np.arange(0, 4_000, 100)
     assert set(gppcs.simplify(points, n_points=100, keep=kept).indices[:40]) == set(kept)
-
-
-def test_any_number_of_threads_places_alike(on_threads):
-    points = sphere_cap(20_000)
-    chosen = np.random.default_rng(3).choice(len(points), 1_000, replace=False)
-    one, *several = on_threads(lambda: placed(points, chosen))
-    for other in several:
-        np.testing.assert_array_equal(other, one)
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.arange(12.0)[:, None] * [1.0, 0.0, 0.0],  # on a line
-        np.random.default_rng(0).random((40, 3)) * [1.0, 1.0, 0.0],  # in a plane
-        np.random.default_rng(0).random((5, 3)),
-    ],
-)
-@pytest.mark.parametrize("m", [1, 2, 4])
-def test_cells_without_a_surface_keep_their_points_in_the_cloud(points, m):
-    found = placed(points, np.arange(m))
-    assert len(np.unique(found)) == m
-    assert ((found >= 0) & (found < len(points))).all()
 
 
 def test_points_on_dense_curves_stay():
@@ -234,13 +154,13 @@ def test_no_point_goes_through_a_thin_wall():
 def test_noise_is_placed_by_the_feet():
     """Places come nearer to the clean surface, which points off it cannot tell."""
     points = sphere_cap(12_000)
-    noisy = points + 0.02 * np.random.default_rng(5).standard_normal(points.shape)
-    tree = KdTree.build(noisy)
+    scan = noisy(points, 0.02, seed=5)
+    tree = KdTree.build(scan)
     noise = Noise.measure(tree, 300, np.sqrt(np.pi / 300))
     assert not noise.is_negligible
     chosen = np.random.default_rng(6).choice(len(points), 300, replace=False)
-    with_feet, without = placed(noisy, chosen, noise=noise), placed(noisy, chosen)
-    assert mean_distance(points, noisy[with_feet]) < 0.9 * mean_distance(points, noisy[without])
+    with_feet, without = placed(scan, chosen, noise=noise), placed(scan, chosen)
+    assert mean_distance(points, scan[with_feet]) < 0.9 * mean_distance(points, scan[without])
 
 
 @pytest.mark.parametrize(("queries", "points"), [(1, 1), (5, 3), (20_000, 700), (700, 5_000), (3_000, 1)])

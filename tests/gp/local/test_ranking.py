@@ -5,40 +5,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gppcs.engine.timer import Timer
-from gppcs.gp.local.algorithm import Candidates, Criterion, Problem, choose_in_stages, field_of, local_field
-from gppcs.gp.local.candidates import Stage, nested_candidates
+import gppcs
+from gppcs.gp.local.algorithm import Criterion, local_field
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.spacing import surface_area
 from gppcs.surface.surface_variation import Features
-from shapes import square
 
 
 def criterion(**changes):
     return replace(Criterion(1.0, 1.4, 0.03, 1.5, 4, 8.0), **changes)
 
 
-def clean(places):
-    """Say that all places lie on the surface: where they belong, and the variances of their observations."""
-    return None, np.zeros(len(places))
-
-
-def ranked(points, n_points, seen=clean):
-    """Choose as `algorithm.choose` does, but for survey and placement."""
-    area = surface_area(KdTree.build(points))
-    stages = nested_candidates(points, np.zeros(len(points), dtype=np.uint32), n_points, area, 8.0)
-    indices = stages[-1].indices
-    candidates = Candidates(indices, *seen(points[indices]), None, None)
-    return choose_in_stages(Problem(points, n_points), candidates, stages, criterion(), Timer())
-
-
 def test_points_on_a_curve_are_spread_over_all_of_it():
     """Discs around dense points of a line cover next to nothing: by that area, all places were alike."""
     rng = np.random.default_rng(0)
     line = np.sort(rng.random(50_000))
-    places = np.sort(line[ranked(np.outer(line, [1.0, 0, 0]), 20).indices])
+    places = np.sort(line[gppcs.simplify(np.outer(line, [1.0, 0, 0]), n_points=20).indices])
     assert np.diff(places, prepend=0, append=1).max() < 0.1
 
 
@@ -79,29 +62,3 @@ def test_a_cloud_alike_everywhere_has_one_spacing_and_no_error(variation):
     _, _, field = field_by(variation)
     np.testing.assert_allclose(field.spacings, 1, rtol=1e-12)
     np.testing.assert_array_equal(field.y, 0)
-
-
-@pytest.mark.parametrize("fraction", [0.0, 0.25, 1.0])
-def test_normals_count_the_less_the_more_candidates_are_beside_another_sheet(fraction):
-    points = np.random.default_rng(0).random((400, 3))
-    stage = Stage(50, np.arange(400), True, 1.0)
-    plain = Candidates(stage.indices, None, np.zeros(400), None, None)
-    sheets = np.where(np.arange(400)[:, np.newaxis] < 400 * fraction, [0.0, 0.0, 1.0], 0.0)
-    weights = [
-        field_of(points, some, stage, criterion(), None)[1].normal_weight
-        for some in (plain, plain._replace(sheets=sheets))
-    ]
-    assert weights[0] > 0.0
-    assert weights[1] == pytest.approx((1.0 - fraction) * weights[0])
-
-
-def test_features_are_those_of_where_points_belong():
-    """One half is rough; told where its points came from, the choice has fewer there. Candidates lie denser there."""
-    rng, points = np.random.default_rng(1), square(20_000)
-    rough = points + np.where(points[:, [0]] < 0.5, [0.0, 0.0, 0.005], 0.0) * rng.standard_normal((20_000, 1))
-
-    def seen(places):
-        return places * [1.0, 1.0, 0.0], np.zeros(len(places))
-
-    left = [(points[ranked(rough, 300, told).indices, 0] < 0.5).mean() for told in (clean, seen)]
-    assert left[1] < left[0] - 0.05

@@ -40,14 +40,6 @@ def test_a_point_without_neighbours_has_no_sheet():
         assert not toward_other_sheet(tree, tree, 1.0).any()
 
 
-def test_two_sheets_are_no_noise():
-    """The layer of both about quadrics is as thick as one of noise, but nothing lies in its middle."""
-    points, outward, _ = plate(N, 0.4 * FINE)
-    noisy = points + outward * np.random.default_rng(0).normal(0.0, 0.2 * SPACING, (N, 1))
-    assert Noise.measure(KdTree.build(points), 800, SPACING).is_negligible
-    assert not Noise.measure(KdTree.build(noisy), 800, SPACING).is_negligible
-
-
 @pytest.mark.parametrize(("name", "count"), [("case", 2_000), ("plate", 2_500), ("plate", 3_500)])
 def test_sheets_are_no_noise_in_any_order_of_the_rows(name, count):
     """Within the target spacing are fewer points than a quadric needs to lie in the middle of both sheets."""

@@ -11,6 +11,7 @@ from gppcs.gp.spectral.kernel import (
     spectral_weights,
 )
 from gppcs.gp.spectral.laplacian import eigenpairs, local_triangles, surface_laplacian
+from shapes import on_sphere
 
 EIGENVALUES = np.array([0.0, 25.1, 25.2, 75.0, 260.0])
 
@@ -38,10 +39,15 @@ def test_large_nu_tends_to_the_heat_kernel():
             np.testing.assert_allclose(values, limit, rtol=1e-5, atol=1e-5 * np.abs(heat[0]).max())
 
 
+@pytest.fixture(scope="module")
+def pairs(bracket):
+    return eigenpairs(bracket, 20)
+
+
 @pytest.mark.parametrize("nu", [0.5, 1.5, 2.5, 10_000.0, np.inf])
-def test_the_kernel_is_positive_with_the_variance_asked_for(bracket, nu):
+def test_the_kernel_is_positive_with_the_variance_asked_for(bracket, pairs, nu):
     """The published start, nu = 10,000 and lengthscale 1, is among them."""
-    eigenvalues, functions = eigenpairs(bracket, 20)
+    eigenvalues, functions = pairs
     _, areas = surface_laplacian(bracket, local_triangles(bracket))
     theta = Hyperparameters(variance=0.7, lengthscale=1.0, nu=nu, noise=1e-3)
     weights = spectral_weights(eigenvalues, theta)
@@ -60,8 +66,7 @@ def test_equals_geometric_kernels(nu):
     """Their Karhunen-Loève Matérn kernel on a mesh, given that mesh's own eigenpairs."""
     kernels = pytest.importorskip("geometric_kernels.kernels", reason="needs geometric-kernels: the extra 'oracles'")
     spaces = pytest.importorskip("geometric_kernels.spaces")
-    directions = np.random.default_rng(0).standard_normal((200, 3))
-    vertices = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    vertices = on_sphere(200)
     mesh = spaces.Mesh(vertices, ConvexHull(vertices).simplices)
     oracle = kernels.MaternKarhunenLoeveKernel(mesh, 20, normalize=True)
     parameters = oracle.init_params()
