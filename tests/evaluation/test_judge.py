@@ -355,3 +355,21 @@ def test_triangles_that_cut_each_other_are_counted():
     faces = np.concatenate([hull_mesh(ball.points[:1000]).faces, [[1000, 1001, 1002], [1003, 1004, 1005]]])
     assert gppcs.evaluate_mesh(ball, gppcs.Mesh(points, faces)).self_intersections == 2
     assert gppcs.evaluate_mesh(ball, hull_mesh(ball.points)).self_intersections == 0
+
+
+@pytest.fixture(scope="module")
+def ball(sphere):
+    """A mesh, points of it, and their report."""
+    pytest.importorskip("pymeshlab")
+    mesh, points = hull_mesh(sphere[-5000:]), sphere[:3000]
+    return mesh, points, gppcs.evaluate(sphere, with_normals(points, points), mesh)
+
+
+@pytest.mark.slow
+def test_normals_are_carried_and_points_that_repeat_count_once(ball, sphere):
+    mesh, points, report = ball
+    assert report.rebuilt_estimated != report.rebuilt_carried
+    assert gppcs.evaluate(sphere, points, mesh).rebuilt_carried is None
+    double = np.tile(points, (2, 1))
+    again = gppcs.evaluate(np.tile(sphere, (2, 1)), with_normals(double, double), mesh)
+    assert {**again.figures(), "points_in": 15_000, "points_out": 3000} == report.figures()

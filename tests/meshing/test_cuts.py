@@ -30,3 +30,18 @@ def test_on_a_lattice_the_triangles_found_are_exactly_those_that_meet_or_have_no
         if not flat.all():
             faces = faces[~flat]
             assert set(cutting(loose(vertices, faces), vertices)) == faulty_triangles(gppcs.Mesh(lattice, faces))
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_triangles_that_cut_are_those_that_pymeshlab_finds(seed, shared):
+    pymeshlab = pytest.importorskip("pymeshlab")
+    rng = np.random.default_rng(seed)
+    vertices = rng.random((60, 3))
+    faces = np.array([rng.permutation(30)[:3] for _ in range(12)]) if shared else np.arange(60).reshape(20, 3)
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    meshes.compute_selection_by_self_intersections_per_face()
+    expected = np.flatnonzero(meshes.current_mesh().face_selection_array())
+    assert len(expected) > 0
+    assert np.array_equal(cutting(loose(vertices, faces), vertices), expected)

@@ -2,11 +2,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gppcs.methods.aivs import voxels
-from gppcs.methods.aivs.voxels import Voxels, points_of_voxels
+from gppcs.methods.aivs.voxels import Voxels, points_of_voxels, trimmed
 from shapes import KINDS
 
 
@@ -103,3 +103,12 @@ def test_voxels_part_the_points(n, along):
     np.testing.assert_array_equal(np.sort(voxels.order), np.arange(n))
     away = np.abs(voxels.points - (np.repeat(voxels.cells, np.diff(voxels.begins), axis=0).T + 0.5) * voxels.edge)
     assert away.max() <= 0.5 * voxels.edge * (1 + 1e-9)
+
+
+@settings(max_examples=200)
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=30), st.data())
+def test_trimming_equals_the_plain_algorithm(counts, data):
+    n_points = data.draw(st.integers(1, sum(counts) + 2))
+    kept = trimmed(np.array(counts), n_points)
+    np.testing.assert_array_equal(kept, plain_trimmed(counts, n_points))
+    assert kept.sum() == min(sum(counts), n_points)

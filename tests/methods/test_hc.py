@@ -90,3 +90,8 @@ def test_clusters_are_those_of_cgal(shared_data, name, size, variation):
     assert len(theirs) == len(ours)
     assert len(np.setdiff1d(theirs, ours)) <= 0.005 * len(ours)
     assert_central(points, plain_clusters(points, size, variation), theirs)
+
+
+def test_the_dragon_gives_as_many_points_as_in_the_paper(shared_data):
+    points = gppcs.read(shared_data / "dragon.ply").points
+    assert len(hierarchical_clusters(points, 1000, 0.01)) == 12_544

@@ -6,6 +6,7 @@ from scipy.spatial.distance import cdist
 from gppcs.methods.pc_simp.graph_filter import (
     NeighbourGraph,
     Programme,
+    eigenvalue_bound,
     high_pass_strength,
     solve,
 )
@@ -82,3 +83,10 @@ def test_a_far_point_does_not_spoil_the_solution():
     assert gap <= 1e-4
     assert solution[np.argmax(programme.strength)] == 1
     assert ((solution > 0) & (solution < 1)).sum() > 10
+
+
+@pytest.mark.parametrize("n", [2, 50, 500])
+def test_the_largest_eigenvalue_is_bounded_closely(n):
+    adjacency = programme_of(np.random.default_rng(n).random((n, 3)), 1).adjacency
+    largest_eigenvalue = np.linalg.eigvalsh(adjacency.toarray())[-1]
+    assert largest_eigenvalue * (1 - 1e-12) <= eigenvalue_bound(adjacency) <= 1.1 * largest_eigenvalue

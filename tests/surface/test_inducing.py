@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
@@ -60,3 +61,19 @@ def test_many_kept_points_hardly_move_where_noise_alone_explains_the_observation
 def test_observations_without_noise_leave_the_kept_points_where_they_are():
     points = sphere(2000)
     assert np.array_equal(inducing.inducing_points(points[:100], points, points), points[:100])
+
+
+def test_the_prior_of_the_steps_follows_from_the_observations():
+    rng, places = np.random.default_rng(2), sphere(8000)
+    kept = places[:400]
+    surface = LocalSurface.from_points(kept)
+    _, corners, weights, *_ = surface.find(places)
+    a, b, c = (surface.tree.points.T[corner] for corner in corners.T)
+    normals = np.cross(b - a, c - a)
+    normals[400:] /= np.linalg.norm(normals[400:], axis=1)[:, None]
+    weights = np.column_stack([1 - weights.sum(axis=1), weights])
+    rows = np.arange(0, corners.size + 1, 3)
+    design = inducing.Design(csr_array((weights.ravel(), corners.ravel(), rows), shape=(8000, 400)), normals)
+    for true in (0.01, 0.02):
+        heights = design.times(true * rng.standard_normal(1200)) + 0.02 * rng.standard_normal(8000)
+        assert inducing._likely(design, design.transposed(heights), 0.02) == pytest.approx(true, rel=0.3)

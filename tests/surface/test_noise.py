@@ -5,8 +5,10 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import (
     CLEAN,
+    FEWEST,
     NEIGHBOURS,
     Noise,
+    feet_of,
     layer_of,
     two_sheets,
 )
@@ -89,3 +91,29 @@ def test_the_noise_of_two_sheets_is_that_of_each(level):
 def test_noise_and_smooth_surfaces_are_no_sheets(sigma, sphere):
     assert two_sheets(KdTree.build(rough_plane(sigma))) is None
     assert two_sheets(KdTree.build(sphere[::4])) is None
+
+
+def test_noise_is_not_told_from_detail_where_few_points_lie_within_the_target_spacing():
+    points = rough_plane(0.01, 4_000)
+    most = int(np.pi * len(points) / FEWEST)
+    assert not Noise.measure(KdTree.build(points), most - 5, 0.02).is_negligible
+    assert Noise.measure(KdTree.build(points), most + 5, 0.02).sigma == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sigma", [0.01, 0.02, 0.03])
+def test_feet_lie_nearer_to_the_surface_where_neighbourhoods_grow(sigma, sphere):
+    """Half of the 30 points of a first fit lie on one side of the layer."""
+    surface = sphere[::2] / np.sqrt(4 * np.pi)
+    rng = np.random.default_rng(1)  # another seed than that of the sphere
+    points = surface * (1 + sigma * np.sqrt(4 * np.pi) * rng.standard_normal((len(surface), 1)))
+    tree = KdTree.build(points)
+    noise = Noise.measure(tree, 500, 0.045)
+    assert noise.thick
+    assert noise.neighbours > NEIGHBOURS
+    across, within = (
+        np.sqrt(np.mean(((feet - surface) ** 2).sum(axis=1)))
+        for feet in (noise.observe(points)[0], feet_of(tree, points, NEIGHBOURS))
+    )
+    assert across < 0.8 * within
+    assert layer_of(tree, NEIGHBOURS).sigma < noise.sigma < 1.1 * sigma

@@ -123,3 +123,22 @@ def test_a_fit_that_sees_two_sheets_is_that_of_the_own_one():
     assert two.sum() > 0.7 * inner.sum()
     assert np.quantile(np.abs(own.heights[two]), 0.99) < 0.004
     assert np.median(np.abs(both.heights[two])) == pytest.approx(0.04, rel=0.1)
+
+
+@given(
+    st.tuples(*[st.floats(-0.25, 0.25)] * 3),
+    st.floats(-0.5, 0.5),
+    st.tuples(*[st.floats(-0.6, 0.6)] * 2),
+    st.integers(0, 99),
+)
+def test_a_quadric_is_met_exactly_on_and_off_the_surface(bends, off, foot, seed):
+    """Over a lattice without slope on the whole, so that the plane fitted is the quadric's; then turned."""
+    (d, e, f), (u, v), turn = bends, foot, rotation(seed)
+    surface = np.column_stack([LATTICE, d * LATTICE[:, 0] ** 2 + e * LATTICE.prod(axis=1) + f * LATTICE[:, 1] ** 2])
+    exact_normal = np.array([-2 * d * u - e * v, -e * u - 2 * f * v, 1])
+    steepness = np.linalg.norm(exact_normal)
+    place = np.array([u, v, d * u * u + e * u * v + f * v * v + off])
+    height, normal = fitted(surface @ turn.T, turn @ place)
+    sign = np.sign(normal @ turn @ exact_normal)
+    np.testing.assert_allclose(sign * normal, turn @ exact_normal / steepness, atol=1e-6)
+    assert sign * height == pytest.approx(-off / steepness, abs=1e-6)

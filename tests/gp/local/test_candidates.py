@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from gppcs.gp.local.candidates import gaps_of_isolated, nested_candidates
-from gppcs.gp.local.settings import FIRST_STAGE, MAX_CELLS, MIN_CANDIDATES
+from gppcs.gp.local.settings import FIRST_STAGE, ISOLATION, MAX_CELLS, MIN_CANDIDATES
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from shapes import square
@@ -76,3 +77,12 @@ def test_stages_are_those_of_a_step_at_a_time_over_all_points(sphere, dot, area,
     for found, expected in zip(stages, plain, strict=True):
         np.testing.assert_array_equal(found.indices, expected[1])
         assert (found.target, found.thinned, found.area) == (expected[0], *expected[2:])
+
+
+def test_gaps_are_the_distances_to_the_nearest_others(sphere):
+    points = np.concatenate([sphere[:2_000], 3.0 * sphere[2_000:2_100]])
+    nearest = cKDTree(points).query(points, 2)[0][:, 1]
+    for spacing in (0.05, 0.2, 1.0):
+        expected = np.where(nearest > ISOLATION[0] * spacing, nearest, 0.0)
+        np.testing.assert_allclose(spacing * gaps_of_isolated(KdTree.build(points / spacing)), expected)
+    assert np.isinf(gaps_of_isolated(KdTree.build(points[:1])))

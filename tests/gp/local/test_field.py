@@ -2,12 +2,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse import diags, eye, kron
+from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 import dense
 from gppcs.gp.local.kernel import LANES, LocalField, correlate
 from gppcs.gp.local.posterior import Conditioning, condition, posterior_of_all
+from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 
 
@@ -128,3 +131,77 @@ def test_leaves_of_chosen_points_do_not_stop_the_search_of_the_next():
     found = condition(field, tree, chosen, 1)
     nearest = cKDTree(tree.points[:, chosen].T).query(tree.points.T)[0]
     np.testing.assert_allclose(found.squared[:, 0], nearest**2, atol=1e-12)
+
+
+def stochastic_equation(side, step, alpha, kappa):
+    """Precision on a square grid of the solution of (kappa^2 - Laplace)^(alpha / 2) u = white noise.
+
+    Lumped mass, second differences, and borders across which nothing flows (Lindgren, Rue and Lindström 2011).
+    """
+    path = diags([-np.ones(side - 1), np.r_[1, np.full(side - 2, 2), 1], -np.ones(side - 1)], offsets=(-1, 0, 1))
+    stiffness = kron(path, eye(side)) + kron(eye(side), path)
+    mass = step**2
+    shifted = kappa**2 * mass * eye(side**2) + stiffness
+    precision = shifted
+    for _ in range(alpha - 1):
+        precision = shifted @ precision / mass
+    return precision.tocsc()
+
+
+def posterior_by_precision(precision, variance, chosen, y, noise, queries):
+    """Mean and variance at the queries, in units of the prior's variance."""
+    observed = np.zeros(precision.shape[0])
+    observed[chosen] = 1 / noise
+    factors = splu(precision * variance + diags(observed).tocsc())
+    unit = np.zeros((precision.shape[0], len(queries)))
+    unit[queries, np.arange(len(queries))] = 1
+    mean = factors.solve(observed * y)
+    return mean[queries], factors.solve(unit)[queries, np.arange(len(queries))]
+
+
+def beside_the_equation(alpha, neighbours):
+    """Relative root mean square error of our mean, and our mean deviation by the equation's; a row for each K.
+
+    In the middle of a square of 9 spacings, of which the equation's variance is higher at the border.
+    """
+    side, step, lengthscale = 61, 0.15, 1.5
+    places = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2) * step
+    n, flat = side**2, np.vstack([places.T, np.zeros(side**2)])
+    y = np.sin(places[:, 0]) * np.cos(0.7 * places[:, 1])
+    upright, noise = np.tile([[0.0], [0], [1]], n), np.full(n, 1e-4)
+    field = LocalField(flat, upright, np.ones(n), y, noise, np.empty((0, n)), lengthscale, 1.6)
+    chosen, _ = farthest_points(np.ascontiguousarray(field.positions.T), 80)
+    kappa = np.sqrt(2 * (alpha - 1)) / lengthscale  # so that the ranges sqrt(8 nu) / kappa are the same
+    precision = stochastic_equation(side, step, alpha, kappa)
+    middle = np.zeros(side**2)
+    middle[side**2 // 2] = 1
+    variance = splu(precision).solve(middle)[side**2 // 2]
+    inside = np.flatnonzero((np.abs(places - 4.5) <= 2.5).all(axis=1))
+    queries = np.setdiff1d(inside, chosen)
+    exact_mean, exact_variance = posterior_by_precision(precision, variance, chosen, field.y, 1e-4, queries)
+    rows = []
+    for k in neighbours:
+        mean, variance = np.array(of_posterior(field, conditioned(field, chosen, k)))[:, queries]
+        error = np.sqrt(np.mean((mean - exact_mean) ** 2) / np.mean(exact_mean**2))
+        rows.append((error, np.mean(np.sqrt(variance)) / np.mean(np.sqrt(exact_variance))))
+    return np.array(rows)
+
+
+@pytest.mark.slow
+def test_the_posterior_lies_between_those_of_stochastic_equations_of_smoothness_2_and_3():
+    """In the plane (kappa^2 - Laplace)^(alpha / 2) gives smoothness alpha - 1, and ours is 5/2. Found:
+
+    K                             2      4      8      16
+    error of mean, smoothness 2   0.238  0.070  0.046  0.040
+    error of mean, smoothness 3   0.239  0.074  0.047  0.040
+    deviation, by smoothness 2's  1.15   0.96   0.82   0.78
+    deviation, by smoothness 3's  1.77   1.47   1.26   1.20
+    """
+    rougher, smoother = (beside_the_equation(alpha, (2, 4, 8, 16)) for alpha in (3, 4))
+    for errors in (rougher[:, 0], smoother[:, 0]):
+        assert (np.diff(errors) < 0).all()
+        assert (errors < [0.28, 0.085, 0.055, 0.048]).all()
+    assert (np.diff(rougher[:, 1]) < 0).all()  # a posterior of fewer is less certain
+    assert 0.7 < rougher[-1, 1] < 0.9
+    assert 1.1 < smoother[-1, 1] < 1.3
+    assert np.sqrt(rougher[-1, 1] * smoother[-1, 1]) == pytest.approx(1, abs=0.07)  # found: 0.966

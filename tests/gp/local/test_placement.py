@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
+from dense import distances_to_triangles
 from gppcs.gp.local.placement import place
 from gppcs.gp.local.placement.cells import Measured, cells_of
 from gppcs.gp.local.placement.check import farther
@@ -16,6 +17,7 @@ from gppcs.gp.local.settings import (
     GAP_GROWTH,
     MAX_STEP,
     PULL,
+    TRIALS,
 )
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_of_each
@@ -172,3 +174,37 @@ def test_the_nearest_point_of_each_query_is_that_of_brute_force(queries, points)
     expected = ((asked.points.T[some, None] - tree.points.T[None]) ** 2).sum(axis=2)
     np.testing.assert_allclose(squared[some], expected.min(axis=1), rtol=1e-12)
     np.testing.assert_allclose(expected[np.arange(len(expected)), positions[some]], expected.min(axis=1), rtol=1e-12)
+
+
+def off_fan(points, apex, corners):
+    """The summed distance of points, (n, 3), from the triangles between an apex and other corners, (t, 2, 3)."""
+    triangles = np.concatenate([np.broadcast_to(apex, (len(corners), 1, 3)), corners], axis=1)
+    return distances_to_triangles(points, triangles).sum()
+
+
+def test_each_place_goes_to_a_point_of_its_cell_with_a_small_error_whose_triangles_are_the_nearest():
+    """One pass, in NumPy, on cells all of whose points are judged."""
+    points = sphere_cap()
+    chosen = np.random.default_rng(1).choice(len(points), 800, replace=False)
+    found, surface = placed(points, chosen, passes=1), LocalSurface.from_points(points[chosen])
+    nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
+    gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
+    normals = points  # of the sphere
+    agree = []
+    for slot, v in enumerate(surface.tree.order):
+        cell = np.flatnonzero(nearest[:, 0] == v)
+        assert found[v] in cell
+        if not 1 < len(cell) <= 10:
+            continue
+        fan = surface.tree.order[surface.corners[slot][surface.corners[slot][:, 0] >= 0]]
+        steps = points[cell][:, None] - points[cell]
+        errors = (np.einsum("ijk,ik->ij", steps, normals[cell]) ** 2).sum(axis=0)
+        errors += PULL * len(cell) * ((points[cell] - points[cell].mean(axis=0)) ** 2).sum(axis=1)
+        farthest = (steps**2).sum(axis=2).max(axis=0)
+        near = ((points[cell] - points[chosen[v]]) ** 2).sum(axis=1) <= (MAX_STEP * gaps[v]) ** 2
+        errors[~near | (farthest > GAP_GROWTH**2 * squared.max())] = np.inf
+        better = [x for x in np.argsort(errors)[:TRIALS] if errors[x] < errors[cell == chosen[v]][0]]
+        tried = [chosen[v], *cell[better]]
+        agree.append(found[v] == min(tried, key=lambda x: off_fan(points[cell], points[x], points[chosen[fan]])))
+    assert len(agree) > 500
+    assert np.mean(agree) > 0.9  # normals of the planes are not quite those of the sphere

@@ -6,6 +6,7 @@ from gppcs.gp.local.candidates import RANDOM_BITS, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_in_radius
+from shapes import rotation, square
 
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
@@ -36,3 +37,10 @@ def test_the_sharpest_points_of_cells_are_those_on_the_edge():
             off.append(distance[distance < edge].mean() / edge)
     assert np.mean(by_chance) > 0.45
     assert max(chosen) < 0.2  # found 0.12 to 0.18
+
+
+def test_faces_have_no_sharp_points():
+    """Rounding, which changes with where the cloud lies, would tell points on a face that is along no axis apart."""
+    points = square(20_000) @ rotation(0)
+    variation = features_in_radius(KdTree.build(points), 0.016).surface_variation
+    np.testing.assert_array_equal(sharpness_of(variation), 0.0)

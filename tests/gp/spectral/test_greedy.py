@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 import dense
 from gppcs.gp.spectral import greedy
+from gppcs.gp.spectral.posterior import posterior
 
 
 @given(
@@ -37,3 +38,28 @@ def test_ties_go_to_the_smallest_index():
     phi, y, order = np.ones((50, 1)), np.full(50, 2.0), np.random.default_rng(0).permutation(50)
     chosen = greedy.select(phi, y, 0.5, np.array([30]), 50, order=order)
     np.testing.assert_array_equal(order[chosen[1:]], np.delete(np.arange(50), order[30]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k_init", "noise"), [(1, 1e-6), (1, 1.0), (30, 1e-3), (6_500, 1e-6)])
+def test_after_13000_updates_the_posterior_equals_one_computed_anew(k_init, noise, monkeypatch):
+    """Also from one observation on, where the first updates shrink the variance by up to ten orders of magnitude."""
+    rng = np.random.default_rng(0)
+    n_points, states = 13_000 + k_init, []
+    phi = 100 * rng.standard_normal((n_points + 100, 20))
+    y = phi @ rng.standard_normal(20) + np.sqrt(noise) * rng.standard_normal(len(phi))
+    choose = greedy._choose
+
+    def listening(points, buckets, mean, covariance, *others):
+        states[:] = [mean, covariance]
+        return choose(points, buckets, mean, covariance, *others)
+
+    monkeypatch.setattr(greedy, "_choose", listening)
+    indices = greedy.select(phi, y, noise, np.arange(k_init), n_points, k_add=20)  # fewer scans, as many updates
+    anew = posterior(phi[indices], y[indices], noise)
+    mean, covariance = states
+    np.testing.assert_allclose(mean, anew[0], rtol=1e-8)
+    np.testing.assert_allclose(covariance, anew[1], rtol=0, atol=1e-8 * np.abs(anew[1]).max())
+    np.testing.assert_allclose(phi @ mean, phi @ anew[0], rtol=1e-8)
+    variances = [((phi @ np.linalg.cholesky(each)) ** 2).sum(axis=1) for each in (covariance, anew[1])]
+    np.testing.assert_allclose(*variances, rtol=1e-8)

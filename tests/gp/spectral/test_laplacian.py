@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from gppcs.gp.spectral.laplacian import eigenpairs, local_triangles, surface_laplacian
+import gppcs
+from gppcs.gp.spectral.laplacian import Eigenfunctions, eigenpairs, local_triangles, surface_laplacian
 from gppcs.spatial.farthest_points import farthest_points
 
 DEGREES = np.repeat(np.arange(5), 2 * np.arange(5) + 1)  # l of the 25 lowest eigenfunctions of a sphere
@@ -91,3 +92,21 @@ def test_clusters_far_from_each_other_have_finite_eigenpairs(distance):
         eigenvalues, functions = eigenpairs(points, 20)
         assert np.isfinite(eigenvalues).all()
         assert np.isfinite(functions.at(points)).all()
+
+
+def test_lifting_from_landmarks_stays_near_the_full_solution():
+    """The kernel of the lifted eigenpairs differs from that of the full ones by a few percent."""
+    points = gppcs.sample("fan", n_points=9_000).points
+
+    def heat_kernel(pairs):
+        eigenvalues, functions = pairs[0], pairs[1].at(points)
+        return (functions * np.exp(-0.01 * eigenvalues)) @ functions[:300].T
+
+    full = heat_kernel(eigenpairs(points, 20))
+    lifted = heat_kernel(eigenpairs(points, 20, farthest_points(points, 4_000)[0]))
+    assert np.linalg.norm(lifted - full) < 0.1 * np.linalg.norm(full)
+
+
+def test_landmarks_that_are_all_equally_far_have_the_same_weight():
+    corners = np.indices((2, 2, 2)).reshape(3, -1).T + 0.0
+    np.testing.assert_allclose(Eigenfunctions(corners, corners, 8).at(np.full((1, 3), 0.5)), 0.5, rtol=1e-9)
