@@ -55,14 +55,14 @@ def test_the_step_is_the_mean_of_the_posterior():
 def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
     solve = inducing.cg
     monkeypatch.setattr(inducing, "cg", lambda *arguments, **options: solve(*arguments, **options, maxiter=1))
-    cloud, denoise = gppcs.sample("bracket", n_points=5000, noise=0.005), gppcs.LocalGP(denoise=True)
+    cloud, denoise = gppcs.sample("bracket", n_points=20_000, noise=0.005), gppcs.LocalGP(denoise=True)
     with pytest.warns(UserWarning, match="not solved to the end"):
-        assert gppcs.simplify(cloud, n_points=80, method=denoise).diagnostics["unconverged"] == 1.0
+        assert gppcs.simplify(cloud, n_points=300, method=denoise).diagnostics["unconverged"] == 1.0
     with pytest.warns(UserWarning, match="not solved to the end"):
-        assert gppcs.mesh(cloud, n_points=80, moved=True).diagnostics.unconverged
+        assert gppcs.mesh(cloud, n_points=300, moved=True).diagnostics.unconverged
     monkeypatch.undo()
-    assert "unconverged" not in gppcs.simplify(cloud, n_points=80, method=denoise).diagnostics
-    assert not gppcs.mesh(cloud, n_points=80, moved=True).diagnostics.unconverged
+    assert "unconverged" not in gppcs.simplify(cloud, n_points=300, method=denoise).diagnostics
+    assert not gppcs.mesh(cloud, n_points=300, moved=True).diagnostics.unconverged
 
 
 def test_the_prior_of_the_steps_follows_from_the_observations():
