@@ -19,7 +19,7 @@ from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
 from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
-from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
+from gppcs.io.rows import bytes_left, check_unpacked, column_chunks, equal_spans, read_records, reported
 
 _reported = partial(reported, "numpy", "a whole array of numbers")
 
@@ -46,8 +46,11 @@ def _mapped(file: BufferedReader) -> Column:
 
 def open_npz(file: BufferedReader) -> Reader:
     """Open an NPZ file: the array `points`, as NPY files have it, and all other arrays as attributes."""
+    size = bytes_left(file)
     with _reported(), zipfile.ZipFile(file) as archive:
-        return read_at_once(file, _read_npz, sum(member.file_size for member in archive.infolist()))
+        unpacked = sum(member.file_size for member in archive.infolist())
+    check_unpacked(unpacked, size)
+    return read_at_once(file, _read_npz, unpacked)
 
 
 def _read_npz(file: BufferedReader) -> tuple[PointCloud, list[str]]:
