@@ -77,7 +77,7 @@ def size_of_repeats(count: int, size: int) -> int:
     return 24 * count if count > 8 * size else 0
 
 
-def check_unpacked(unpacked: int, size: int, spare: int = 1 << 30) -> None:
+def check_unpacked(unpacked: int, size: int, spare: int = 1 << 28) -> None:
     """Raise an error if a file of `size` bytes unpacks to so many that it would fill the memory, or take minutes."""
     if unpacked > 100 * size + spare:
         raise FileFormatError(
