@@ -345,3 +345,38 @@ def test_the_same_points_come_in_the_order_asked_for(tmp_path, beyond_memory):
         assert not result.ranked
     with pytest.raises(gppcs.InputError, match="no attribute 'gps_time'"):
         gppcs.simplify(cloud, n_points=300, order="gps_time")
+
+
+@pytest.mark.parametrize("method", ["gp", "fps"])
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_batch_gets_the_result_of_each_cloud(method, axes):
+    batch = np.random.default_rng(0).random((5, 300, axes))
+    expected = [gppcs.simplify(points, n_points=40, method=method) for points in batch]
+    steps = []
+    timer = gppcs.Timer(on_progress=lambda stage, done, total: steps.append((stage, done, total)))
+    results = gppcs.simplify_batch(batch, n_points=40, method=method, timer=timer)
+    assert [result.indices.tolist() for result in results] == [result.indices.tolist() for result in expected]
+    assert results.indices.shape == (5, 40)
+    chosen = np.take_along_axis(batch, results.indices[..., np.newaxis], axis=1)
+    assert np.array_equal(results.points[..., :axes], chosen)
+    assert steps[-1] == ("clouds", 5, 5)
+
+
+def test_a_list_of_clouds_of_any_kind_is_a_batch(tmp_path, bracket):
+    gppcs.write(tmp_path / "a.ply", bracket)
+    results = gppcs.simplify_batch([bracket, tmp_path / "a.ply", bracket[:100]], ratio=0.1, method="fps")
+    assert results[0].indices.tolist() == results[1].indices.tolist()
+    assert len(results[2]) == 10
+    with pytest.raises(gppcs.InputError, match=f"found 10, {len(bracket) // 10};"):
+        results.indices  # noqa: B018
+
+
+@pytest.mark.parametrize("batch", [np.zeros((9, 3)), "scan.ply", None, 3])
+def test_what_is_no_batch_is_refused(batch):
+    with pytest.raises(gppcs.InputError, match=r"\(B, N, 3\)"):
+        gppcs.simplify_batch(batch, n_points=3)
+
+
+def test_an_error_in_a_batch_is_that_of_the_cloud():
+    with pytest.raises(gppcs.InputError, match="finite"):
+        gppcs.simplify_batch(np.full((3, 9, 3), np.nan), n_points=3)

@@ -25,6 +25,7 @@ Clouds and meshes
 
 Simplify, make a mesh
     simplify, Result         choose exactly M points of a cloud, or of files that may be larger than memory
+    simplify_batch           the same of many small clouds, such as the (B, N, 3) of a training step: a BatchResult
     simplify_tiles           the same of several files, with a file of kept points for each
     mesh, MeshResult         make a light mesh straight from a dense cloud
     bake_texture, Texture    the colours of all points as a picture on a mesh
@@ -81,7 +82,6 @@ _NAMES = {
     "clouds.cloud": "CloudLike PointCloud",
     "clouds.header": "Header",
     "clouds.mesh": "Mesh",
-    "clouds.summary": "Summary info",
     "clouds.texture": "Texture",
     "drawing.show": "show",
     "drawing.textures": "bake_texture",
@@ -91,6 +91,7 @@ _NAMES = {
     "evaluation.comparison": "Entry compare",
     "evaluation.judge": "evaluate evaluate_mesh",
     "evaluation.report": "MeshReport Report",
+    "evaluation.summary": "Summary info",
     "io": "CloudFiles read write",
     "io.cloud_files": "open",
     "io.mesh_files": "read_mesh write_mesh",
@@ -98,9 +99,9 @@ _NAMES = {
     "meshing.result": "MeshResult",
     "methods": "AIVS METHODS QEM WLOP FarthestPoint FarthestPointVariation HierarchicalClustering LocalGP Method "
     "Feature PCSimp Random SampleElimination Selection SpectralGP Task TopVariation Voxel parameter",
-    "result": "Result",
+    "result": "BatchResult Result",
     "scans": "sample",
-    "simplification": "simplify simplify_tiles",
+    "simplification": "simplify simplify_batch simplify_tiles",
     "surface.normals": "estimate_normals",
     "surface.outliers": "find_outliers",
     "surface.surface_variation": "Features estimate_features",

@@ -3,8 +3,6 @@ from gppcs.clouds.cloud import CloudLike as CloudLike
 from gppcs.clouds.cloud import PointCloud as PointCloud
 from gppcs.clouds.header import Header as Header
 from gppcs.clouds.mesh import Mesh as Mesh
-from gppcs.clouds.summary import Summary as Summary
-from gppcs.clouds.summary import info as info
 from gppcs.clouds.texture import Texture as Texture
 from gppcs.drawing.show import show as show
 from gppcs.drawing.textures import bake_texture as bake_texture
@@ -19,6 +17,8 @@ from gppcs.evaluation.judge import evaluate as evaluate
 from gppcs.evaluation.judge import evaluate_mesh as evaluate_mesh
 from gppcs.evaluation.report import MeshReport as MeshReport
 from gppcs.evaluation.report import Report as Report
+from gppcs.evaluation.summary import Summary as Summary
+from gppcs.evaluation.summary import info as info
 from gppcs.io import CloudFiles as CloudFiles
 from gppcs.io import read as read
 from gppcs.io import write as write
@@ -46,9 +46,11 @@ from gppcs.methods import Task as Task
 from gppcs.methods import TopVariation as TopVariation
 from gppcs.methods import Voxel as Voxel
 from gppcs.methods import parameter as parameter
+from gppcs.result import BatchResult as BatchResult
 from gppcs.result import Result as Result
 from gppcs.scans import sample as sample
 from gppcs.simplification import simplify as simplify
+from gppcs.simplification import simplify_batch as simplify_batch
 from gppcs.simplification import simplify_tiles as simplify_tiles
 from gppcs.surface.normals import estimate_normals as estimate_normals
 from gppcs.surface.outliers import find_outliers as find_outliers

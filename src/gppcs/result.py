@@ -186,6 +186,34 @@ class Result(ComparedByValue):
         return counts
 
 
+class BatchResult(tuple[Result, ...]):
+    """The results of several clouds, in their order.
+
+    Examples
+    --------
+    >>> batch = np.random.default_rng(0).random((4, 500, 3))
+    >>> results = gppcs.simplify_batch(batch, n_points=50, method="fps")
+    >>> len(results), results.indices.shape, results.points.shape
+    (4, (4, 50), (4, 50, 3))
+    """
+
+    @property
+    def indices(self) -> Ints:
+        """The indices of the kept points in their clouds, (B, M); an InputError if their numbers differ."""
+        return self._stacked([result.indices for result in self])
+
+    @property
+    def points(self) -> NDArray[np.floating[Any]]:
+        """The coordinates of the kept points, (B, M, 3); an InputError if their numbers differ."""
+        return self._stacked([result.points for result in self])
+
+    def _stacked(self, arrays: list[NDArray[Any]]) -> NDArray[Any]:
+        if len(counts := {len(result) for result in self}) != 1:
+            actual = ", ".join(map(str, sorted(counts))) or "no cloud"
+            raise InputError(f"expected as many kept points of each cloud, found {actual}; take those of each result")
+        return np.stack(arrays)
+
+
 def _with_new(cloud: PointCloud, attributes: Mapping[str, Any]) -> PointCloud:
     """Return a cloud with attributes that it does not have yet."""
     for name in attributes:

@@ -16,14 +16,15 @@ from numpy.typing import ArrayLike
 
 from gppcs.amounts.options import Options, method_of
 from gppcs.amounts.order import in_order
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike, PointCloud, array_of
+from gppcs.engine.threads import number_of_threads
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.io.joining import joined
 from gppcs.io.reading import Function, source_of, taking_old_names
 from gppcs.io.streams import check_distinct
 from gppcs.methods import DEFAULT, Method, Selection
-from gppcs.result import Result
+from gppcs.result import BatchResult, Result
 from gppcs.steps import check_addable, result_of, simplify_cloud
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def simplify(
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like, object that `PointCloud.from_object` takes, path, list of paths or CloudFiles
+    cloud : PointCloud, (N, 3) array-like, object that `PointCloud.from_object` takes, file, list of files or CloudFiles
         The original points, which are not changed. Several files are one cloud: its points are those of the first, then
         those of the second and so on. `gppcs.open` tells how to read files, and which of their points.
     ratio : float or str, optional
@@ -187,6 +188,47 @@ def simplify(
 
     with source as files:
         return simplify_files(files, options, make_plan(files, options), timer)
+
+
+def simplify_batch(
+    clouds: ArrayLike | Sequence[CloudLike], *, timer: Timer | None = None, **options: Any
+) -> BatchResult:
+    """Simplify many small clouds, each by itself, as many at once as there are threads.
+
+    Parameters
+    ----------
+    clouds : (B, N, 3) array-like, or sequence of what `simplify` takes
+        The clouds, such as a tensor on the CPU, or files of one cloud each. (B, N, 2) are clouds of the plane z = 0.
+    timer : Timer, optional
+        Reports how many clouds are done.
+    options : optional
+        Those of `simplify`, which count for each cloud.
+
+    Returns
+    -------
+    BatchResult
+        A tuple of the B results. Its `indices` are (B, M), its `points` (B, M, 3). They do not depend on the threads.
+
+    Raises
+    ------
+    InputError, ParameterError, FileFormatError, OSError
+        As in `simplify`. Then no further cloud begins.
+
+    Examples
+    --------
+    >>> batch = np.stack([gppcs.sample("bracket", n_points=1000, seed=seed).points for seed in range(3)])
+    >>> indices = gppcs.simplify_batch(batch, n_points=100).indices
+    >>> np.take_along_axis(batch, indices[..., np.newaxis], axis=1).shape
+    (3, 100, 3)
+    """
+    from gppcs.streaming.graph import engine
+
+    expected = "a (B, N, 3) array or a list of clouds"
+    listed = clouds if isinstance(clouds, list | tuple) else array_of(clouds, expected)
+    if isinstance(listed, np.ndarray) and listed.ndim != 3:
+        raise InputError(f"expected {expected}, found {listed.shape or shown(clouds)}")
+    with timer_of(timer)("clouds", len(listed)) as on_progress, engine(None, number_of_threads()) as run_on:
+        return BatchResult(run_on.run(partial(simplify, **options), list(listed), on_progress=on_progress))
 
 
 @taking_old_names

@@ -12,13 +12,14 @@ POINTS = np.arange(12.0).reshape(4, 3)
 @pytest.mark.parametrize(
     ("make", "points", "message"),
     [
-        (PointCloud.from_object, POINTS[:, :2], r"shape \(N, 3\), found \(4, 2\)"),
+        (PointCloud.from_object, POINTS[:, :1], r"shape \(N, 3\), found \(4, 1\)"),
+        (PointCloud.from_object, POINTS[np.newaxis], r"found \(1, 4, 3\); gppcs.simplify_batch"),
         (PointCloud.from_object, [], r"shape \(N, 3\), found \(0,\)"),
         (PointCloud.from_object, None, r"expected a PointCloud, .* or an \(N, 3\) array of coordinates, found None"),
         (PointCloud.from_object, POINTS * 1j, "found an array of complex128"),
         (PointCloud.from_object, [[1, 2], [3]], r"an \(N, 3\) array of coordinates, found list"),
         (PointCloud, None, r"expected points of shape \(N, 3\), found None$"),
-        (PointCloud, POINTS[:, :2], r"found \(4, 2\)$"),
+        (PointCloud, POINTS[:, :1], r"found \(4, 1\)$"),
         (PointCloud, np.ones((9, 4)), r"found \(9, 4\); pass .*\(points\[:, :3\], {'intensity': points\[:, 3\]}\)$"),
         (PointCloud, np.ones((3, 9)), r"found \(3, 9\); transpose .*points\.T$"),
         (lambda points: PointCloud(points, {"label": np.zeros(3)}), POINTS,
@@ -38,6 +39,21 @@ def test_arrays_become_float64_and_floats_remember_their_type(dtype, kept):
     assert cloud.points.dtype == np.float64
     assert cloud.coordinate_dtype == np.dtype(kept)
     np.testing.assert_array_equal(cloud.points, POINTS)
+
+
+@pytest.mark.parametrize("make", [PointCloud, PointCloud.from_object])
+@pytest.mark.parametrize("dtype", [np.float64, np.int32])
+def test_two_columns_are_a_cloud_of_the_plane(make, dtype):
+    flat = POINTS[:, :2].astype(dtype)
+    assert make(flat).points.tolist() == [[x, y, 0.0] for x, y in flat.tolist()]
+
+
+def test_points_in_a_plane_are_chosen_by_where_they_lie_alone():
+    angles = np.linspace(0.0, 2.0 * np.pi, 500, endpoint=False)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    chosen = np.sort(gppcs.simplify(ring, n_points=10, method="fps").indices)
+    assert np.ptp(np.diff(chosen)) <= 40  # spread around the ring, of which each has a tenth
+    assert gppcs.info(ring).diagonal == pytest.approx(np.sqrt(8.0), rel=1e-3)
 
 
 @pytest.mark.parametrize("dtype", ["f4", "i4", ">f8"])

@@ -162,7 +162,7 @@ def test_spherical_coordinates_are_converted(by_libe57, single):
 def test_points_that_are_unpacked_from_nothing_are_refused(by_libe57):
     repeats = np.full(100_000, 5.0)
     path = by_libe57({f"cartesian{axis}": ("IntegerNode", (5, 5, 5), repeats) for axis in "XYZ"})
-    with pytest.raises(FileFormatError, match="found 1 of 100,000 points"):
+    with pytest.raises(FileFormatError, match="100 times"):
         read(path)
 
 

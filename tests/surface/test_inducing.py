@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+import gppcs
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
-from shapes import noisy
-from shapes import on_sphere as sphere
+from shapes import noisy, on_sphere
 
 
 def test_the_step_is_the_mean_of_the_posterior():
-    places = sphere(3000)
+    places = on_sphere(3000)
     observed, kept = noisy(places, 0.02), noisy(places[:80], 0.01)
-    steps = inducing.inducing_points(kept, observed, places) - kept
+    moved, converged = inducing.inducing_points(kept, observed, places)
+    steps = moved - kept
 
     surface = LocalSurface.from_points(kept)
     _, corners, weights, *_ = surface.find(places)
@@ -40,14 +41,20 @@ def test_the_step_is_the_mean_of_the_posterior():
     expected = np.linalg.solve(normal + precision * np.eye(kept.size), asked)
     assert np.abs(steps.ravel() - expected).max() < 1e-3 * np.abs(expected).max()
     assert np.abs(expected).max() > 1e-3
+    assert converged
 
 
 def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
     solve = inducing.cg
     monkeypatch.setattr(inducing, "cg", lambda *arguments, **options: solve(*arguments, **options, maxiter=1))
-    places = sphere(3000)
+    cloud, denoise = gppcs.sample("bracket", n_points=20_000, noise=0.005), gppcs.LocalGP(denoise=True)
     with pytest.warns(UserWarning, match="not solved to the end"):
-        inducing.inducing_points(noisy(places[:80], 0.01), noisy(places, 0.02), places)
+        assert gppcs.simplify(cloud, n_points=300, method=denoise).diagnostics["unconverged"] == 1.0
+    with pytest.warns(UserWarning, match="not solved to the end"):
+        assert gppcs.mesh(cloud, n_points=300, moved=True).diagnostics.unconverged
+    monkeypatch.undo()
+    assert "unconverged" not in gppcs.simplify(cloud, n_points=300, method=denoise).diagnostics
+    assert not gppcs.mesh(cloud, n_points=300, moved=True).diagnostics.unconverged
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
@@ -55,16 +62,16 @@ def test_many_kept_points_hardly_move_where_noise_alone_explains_the_observation
     places = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.zeros(5000)])
     smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
     kept = smoothed[: round(share * 5000)]
-    assert np.abs(inducing.inducing_points(kept, noisy(places, 0.01), smoothed) - kept).mean() < 0.0005
+    assert np.abs(inducing.inducing_points(kept, noisy(places, 0.01), smoothed)[0] - kept).mean() < 0.0005
 
 
 def test_observations_without_noise_leave_the_kept_points_where_they_are():
-    points = sphere(2000)
-    assert np.array_equal(inducing.inducing_points(points[:100], points, points), points[:100])
+    points = on_sphere(2000)
+    assert np.array_equal(inducing.inducing_points(points[:100], points, points)[0], points[:100])
 
 
 def test_the_prior_of_the_steps_follows_from_the_observations():
-    rng, places = np.random.default_rng(2), sphere(8000)
+    rng, places = np.random.default_rng(2), on_sphere(8000)
     kept = places[:400]
     surface = LocalSurface.from_points(kept)
     _, corners, weights, *_ = surface.find(places)

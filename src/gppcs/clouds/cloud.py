@@ -18,7 +18,8 @@ from gppcs.engine.equality import ComparedByValue
 from gppcs.errors import InputError, shown
 from gppcs.spatial.units import Units
 
-ACCEPTED = "a PointCloud, an object of Open3D, PyVista, trimesh, pandas or laspy, or an (N, 3) array of coordinates"
+LIBRARIES = "Open3D, PyVista, trimesh, pandas, PyArrow or laspy"
+ACCEPTED = f"a PointCloud, an object of {LIBRARIES}, or an (N, 3) array of coordinates"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class PointCloud(ComparedByValue):
     Parameters
     ----------
     points : (N, 3) array, float64
-        Coordinates, in any unit. They may be NaN or infinite.
+        Coordinates, in any unit. They may be NaN or infinite. An (N, 2) array is a cloud of the plane z = 0.
     attributes : mapping of str to (N, ...) array
         Other values of each point by name, such as colour, intensity, label or normal. Each array keeps its own type.
     coordinate_dtype : numpy dtype
@@ -44,8 +45,8 @@ class PointCloud(ComparedByValue):
     Raises
     ------
     InputError
-        If `points` is not a numeric (N, 3) array, `attributes` are not arrays of N rows by name, `coordinate_dtype` is
-        no type of numbers, or `header` is no header.
+        If `points` is not a numeric (N, 3) or (N, 2) array, `attributes` are not arrays of N rows by name,
+        `coordinate_dtype` is no type of numbers, or `header` is no header.
 
     Examples
     --------
@@ -66,10 +67,12 @@ class PointCloud(ComparedByValue):
 
     def __post_init__(self) -> None:
         points = array_of(self.points)
-        if points.ndim != 2 or points.shape[1] != 3:
+        if points.ndim != 2 or points.shape[1] not in (2, 3):
             actual = points.shape or _described(self.points)
             raise InputError(f"expected points of shape (N, 3), found {actual}{_remedy(points.shape)}")
         require_numbers(points.dtype, "numbers as coordinates, found an array of")
+        if points.shape[1] == 2:
+            points = np.column_stack([points, np.zeros(len(points))])
         object.__setattr__(self, "points", np.ascontiguousarray(points, dtype=np.float64))
         if not (isinstance(self.attributes, Mapping) and all(isinstance(name, str) for name in self.attributes)):
             raise InputError(
@@ -109,7 +112,7 @@ class PointCloud(ComparedByValue):
 
         Parameters
         ----------
-        cloud : PointCloud, (N, 3) array-like or object of another library
+        cloud : PointCloud, (N, 3) or (N, 2) array-like, or object of another library
             An object is one of these:
 
             - a `Result`, whose cloud is taken, or what `gppcs.open` returns, which is read
@@ -121,7 +124,10 @@ class PointCloud(ComparedByValue):
             - `trimesh.PointCloud` or `trimesh.Trimesh`, with colours and attributes of the vertices, and their normals
               if these are stored
             - `pandas.DataFrame` with columns x, y and z, or X, Y and Z; the other columns become attributes
+            - `pyarrow.Table` or `RecordBatch`, in the same manner
             - `laspy.LasData`, with all dimensions; the coordinates are scaled
+            - a tensor on the CPU, such as one of PyTorch, or another array that NumPy takes, also by DLPack. float64 in
+              rows is not copied
 
         Returns
         -------
@@ -284,13 +290,15 @@ def array_of(values: Any, name: str = "an (N, 3) array of coordinates") -> NDArr
         return unmasked(values)
     except ValueError as error:
         raise InputError(f"expected {name}, found {type(values).__name__} with rows of different lengths") from error
-    except (TypeError, LookupError, AttributeError, RuntimeError) as error:  # of objects that are like no array
+    except (TypeError, LookupError, AttributeError, RuntimeError, BufferError) as error:  # of what is like no array
         reason = " ".join(str(error).split())
         raise InputError(f"expected {name}, found {_described(values)}, of which NumPy says: {reason}") from error
 
 
 def _remedy(shape: tuple[int, ...]) -> str:
     """Return what to do about points of a wrong shape, if that can be guessed, as the end of a message."""
+    if len(shape) == 3:
+        return "; gppcs.simplify_batch takes several clouds"
     if len(shape) != 2 or shape[1] < 4:
         return ""
     if shape[0] == 3:

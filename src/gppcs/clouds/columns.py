@@ -30,6 +30,8 @@ EXACT = 2**53  # float64 represents every whole number up to here
 
 def unmasked(values: Any) -> NDArray[Any]:
     """Return values as an array, with NaN for masked numbers; NumPy would take those below the mask."""
+    if hasattr(values, "__dlpack__") and not hasattr(values, "__array__"):
+        return np.from_dlpack(values)
     if not (isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values)):
         return np.asarray(values)
     if values.dtype.kind not in "biuf":

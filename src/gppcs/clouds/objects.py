@@ -54,6 +54,10 @@ def _from_pandas(table: Any) -> CloudParts:
     return parts_of_columns({name: _column(table[name], name) for name in table.columns})
 
 
+def _from_arrow(table: Any) -> CloudParts:
+    return _from_pandas(table.to_pandas())
+
+
 def _column(series: Any, name: Any) -> Column:
     """Return a column of a table as an array of its own type."""
     try:
@@ -117,6 +121,8 @@ MAKERS: Mapping[tuple[str, str], Callable[[Any], CloudParts | None]] = {  # by p
     ("trimesh", "Trimesh"): _from_trimesh,
     ("pandas", "DataFrame"): _from_pandas,
     ("laspy", "LasData"): _from_laspy,
+    ("pyarrow", "Table"): _from_arrow,
+    ("pyarrow", "RecordBatch"): _from_arrow,
 }
 
 

@@ -328,7 +328,7 @@ def _rough(variation: Floats) -> Flags:
     rounding = 1e-12  # smaller surface variation is rounding error
     if variation.max() <= rounding:
         return np.ones(len(variation), dtype=np.bool_)
-    return variation >= max(np.quantile(variation, 0.9) * (1.0 - 1e-9), rounding)
+    return variation >= max(float(np.quantile(variation, 0.9)) * (1.0 - 1e-9), rounding)
 
 
 def _angles(first: Floats, second: Floats) -> Floats:

@@ -20,7 +20,7 @@ from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
 from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
-from gppcs.io.rows import bytes_left, column_chunks, equal_spans, read_records, reported
+from gppcs.io.rows import bytes_left, check_unpacked, column_chunks, equal_spans, read_records, reported
 
 header_lock = Lock()  # Python 3.11 may fail if two threads parse the headers of NumPy's files at once
 
@@ -49,8 +49,11 @@ def _mapped(file: BufferedReader) -> Column:
 
 def open_npz(file: BufferedReader) -> Reader:
     """Open an NPZ file: the array `points`, as NPY files have it, and all other arrays as attributes."""
+    size = bytes_left(file)
     with _reported(), zipfile.ZipFile(file) as archive:
-        return read_at_once(file, _read_npz, sum(member.file_size for member in archive.infolist()))
+        unpacked = sum(member.file_size for member in archive.infolist())
+    check_unpacked(unpacked, size)
+    return read_at_once(file, _read_npz, unpacked)
 
 
 def _read_npz(file: BufferedReader) -> tuple[PointCloud, list[str]]:

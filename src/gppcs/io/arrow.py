@@ -15,7 +15,7 @@ from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
 from gppcs.io.format import Format, Reader, keeping
-from gppcs.io.rows import at_most, bytes_left, ends_early, reported, size_of_repeats
+from gppcs.io.rows import at_most, bytes_left, check_unpacked, ends_early, reported, size_of_repeats
 
 _reported = partial(reported, "pyarrow", "a whole table")
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
@@ -69,6 +69,7 @@ def _check_names(names: list[str]) -> None:
 
 def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int, size: int, memory: int) -> Reader:
     """Return a reader of a table of `size` bytes, whose batches have at most n rows and take some memory."""
+    check_unpacked(count * sum(map(_width, schema.types)), size)
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:

@@ -30,7 +30,7 @@ from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, keeping, read_at_once
 from gppcs.io.joining import joined
-from gppcs.io.rows import ends_early, reported
+from gppcs.io.rows import check_unpacked, ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -66,8 +66,12 @@ class E57Header(Header):
 def open_e57(file: BufferedReader) -> Reader:
     """Open an E57 file to read all scans, each moved by its pose, without points that have no valid position."""
     with _opened(file) as (_, scans):
-        memory = sum(8 * scan.point_count * len(scan.point_fields) for scan in scans)
-    return read_at_once(file, _read, memory)
+        return read_at_once(file, _read, _size(scans))
+
+
+def _size(scans: list[Any]) -> int:
+    """Return how many bytes all values of scans take in memory."""
+    return sum(8 * scan.point_count * len(scan.point_fields) for scan in scans)
 
 
 @contextmanager
@@ -86,13 +90,7 @@ def _opened(file: BufferedReader) -> Iterator[tuple[Any, list[Any]]]:
         scans = [scan for scan in scans if scan.point_count or scan.point_fields]
         if not scans:
             raise FileFormatError(f"expected a scan of points in the E57 file, found {len(nodes)} without")
-        count = sum(scan.point_count for scan in scans)
-        n_values = sum(scan.point_count * len(scan.point_fields) for scan in scans)
-        if count > 8 * size or n_values > 16 * size:  # those of constant fields take no bytes
-            raise FileFormatError(
-                f"expected scans that fit into {size:,} bytes, found {len(scans)} of {count:,} points and {n_values:,} "
-                "values"
-            )
+        check_unpacked(_size(scans), size, spare=0)  # values of constant fields take no bytes in a file
         yield opened, scans
 
 

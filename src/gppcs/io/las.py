@@ -26,7 +26,7 @@ from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.las_scales import multiples, scale_and_offset
 from gppcs.io.laz import check_counts, checked_chunks, points_of
-from gppcs.io.rows import BLOCK, at_most, size_of_repeats
+from gppcs.io.rows import BLOCK, at_most, check_unpacked, size_of_repeats
 
 if TYPE_CHECKING:
     import laspy
@@ -71,11 +71,13 @@ def open_las(
         return list(pairwise([*begins, las.point_count])) if las.point_count else []
 
     bounds = np.array([las.mins, las.maxs])
-    memory = size_of_repeats(las.point_count, file.seek(0, 2)) if las.are_points_compressed else 0
-    if memory:  # unless the header lies
+    memory, size = 0, file.seek(0, 2)
+    if las.are_points_compressed and las.point_count * las.point_format.size > 100 * size:  # unless the header lies
         chunk_table = select(file, las)
         check_counts(chunk_table)
-        memory = 24 * int(chunk_table["count"].sum())
+        count = int(chunk_table["count"].sum())
+        check_unpacked(count * las.point_format.size, size)
+        memory = size_of_repeats(count, size)
     return Reader(chunks, las.point_count, skipped=skipped, spans=spans, bounds=bounds, memory=memory)
 
 

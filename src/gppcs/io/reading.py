@@ -92,12 +92,12 @@ def read(
 
 
 def source_of(cloud: Any) -> CloudFiles | None:
-    """Return files as they were opened or are named, by a path or a list of paths; None for a cloud in memory."""
+    """Return files as they were opened or are named, by paths or open files; None for a cloud in memory."""
     if isinstance(cloud, CloudFiles):
         return cloud
     paths = cloud if isinstance(cloud, list | tuple) else [cloud]
-    are_paths = bool(paths) and all(isinstance(path, str | os.PathLike) for path in paths)
-    return CloudFiles(paths) if are_paths else None
+    are_files = (isinstance(path, str | os.PathLike) or callable(getattr(path, "read", None)) for path in paths)
+    return CloudFiles(paths) if paths and all(are_files) else None
 
 
 def as_cloud(cloud: CloudLike) -> PointCloud:

@@ -15,6 +15,7 @@ import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, check_coordinate, coordinate_names
+from gppcs.engine.memory import size_of
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
@@ -74,6 +75,15 @@ def bytes_left(file: BufferedReader) -> int:
 def size_of_repeats(count: int, size: int) -> int:
     """Return the bytes of coordinates that take less than a bit a point in a file: repeats, which no tile divides."""
     return 24 * count if count > 8 * size else 0
+
+
+def check_unpacked(unpacked: int, size: int, spare: int = 1 << 28) -> None:
+    """Raise an error if a file of `size` bytes unpacks to so many that it would fill the memory, or take minutes."""
+    if unpacked > 100 * size + spare:
+        raise FileFormatError(
+            f"expected a file that unpacks to at most 100 times its {size:,} bytes, found {size_of(unpacked)} or more; "
+            "if you trust it, unpack it first, or write it with less compression"
+        )
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:

@@ -20,6 +20,7 @@ from typing import Any, BinaryIO
 
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.remote import NO_SPACE, address_of, open_remote
+from gppcs.io.rows import check_unpacked
 from gppcs.io.vpc import files_of
 
 
@@ -82,10 +83,8 @@ def _copied(stream: Any, packed: Any = None) -> Any:
             if not isinstance(block, bytes):
                 raise FileFormatError(f"expected a file of bytes, found one of {type(block).__name__}; open it as 'rb'")
             copy.write(block)
-            if packed and copy.tell() > 200 * packed.tell() + (1 << 24):
-                raise FileFormatError(
-                    "expected at most 200 times the bytes of the gzip file, found more; unpack it first"
-                )
+            if packed:
+                check_unpacked(copy.tell(), packed.tell(), spare=1 << 24)  # text takes minutes a gigabyte
         copy.seek(0)
         stack.pop_all()
     return copy

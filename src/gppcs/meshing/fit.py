@@ -74,13 +74,16 @@ def mark(fitted, tree, star, v, changed):
         follow(fitted.mesh, fitted.vertices, tree, edge // 3)
 
 
-def fit_observed(draft: Draft, assigned: Assignment) -> None:
-    """Move vertices to explain the dense points as the cloud has them, without new cuts; projections are smoothed."""
+def fit_observed(draft: Draft, assigned: Assignment) -> bool:
+    """Move vertices to explain the dense points as the cloud has them, without new cuts; projections are smoothed.
+
+    Returns whether the solver converged.
+    """
     covered, faces = np.flatnonzero(assigned.face >= 0), draft.mesh.faces()
     corners, observed = draft.mesh.corners()[assigned.face[covered]], draft.dense.raw[covered]
     noise = noise_between(observed, draft.dense.positions[covered])
     spacing = float(np.sqrt(Mesh(draft.vertices, faces).face_areas().sum() / draft.n_vertices))
-    steps = joint_steps(draft.vertices, corners, assigned.weights[covered], observed, noise, spacing)
+    steps, converged = joint_steps(draft.vertices, corners, assigned.weights[covered], observed, noise, spacing)
     moved, min_cosines = draft.vertices + steps, np.minimum(0.2, _cosines(faces, draft.vertices, draft.normals))
     while True:
         turned = faces[_cosines(faces, moved, draft.normals) < min_cosines]
@@ -89,6 +92,7 @@ def fit_observed(draft: Draft, assigned: Assignment) -> None:
             break
         moved[worse] = draft.vertices[worse]
     draft.vertices = moved
+    return converged
 
 
 def _cosines(faces: Ints, vertices: Floats, normals: Floats) -> Floats:

@@ -195,13 +195,13 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
     with timer("distances"):
         assigned = draft.assigned()
         mean_distance = _mean_distance(first, draft, assigned)
+    measured: dict[str, Any] = {"open_holes": open_holes}
     if draft.moved and draft.dense.noise:
         with timer("fit"):
-            fit_observed(draft, assigned)
-    of_fixed = {}
+            measured["unconverged"] = not fit_observed(draft, assigned)
     if len(request.fixed):
-        of_fixed = {"missing": len(request.fixed) - draft.n_fixed, "added": draft.n_vertices - draft.n_fixed}
-    return _finished(request, draft, fraction, mean_distance, open_holes=open_holes, **of_fixed)
+        measured |= {"missing": len(request.fixed) - draft.n_fixed, "added": draft.n_vertices - draft.n_fixed}
+    return _finished(request, draft, fraction, mean_distance, **measured)
 
 
 def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -> Assignment:

@@ -43,6 +43,7 @@ class MeshDiagnostics:
     # full-resolution mesh misses (holes, noise), or that noise moved nearly as far as the tolerance.
     outliers: int | None = None
     off_surface: int | None = None
+    unconverged: bool = False  # whether the solver that fits the vertices to noisy points stopped before it converged
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,8 @@ class LocalGP(Method):
         'a point are "score", and "deviation": the standard deviation of the field when the point was chosen, relative '
         'to the prior one. The diagnostic "noise_in_spacings" is the distance of points from the surface, in '
         "target spacings: the standard deviation if it is Gaussian noise. It is 0 if too few points lie near each "
-        "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation."
+        "other to measure it. A value below 0.04 changes nothing, nor does detail such as vegetation. The diagnostic "
+        '"unconverged" is there if the solver that fits denoised points stopped before it converged.'
     )
     source = "after GP-PCS, Algorithm 1; the field is our own, see research/local-field.md"
     supports = {
@@ -98,6 +99,8 @@ class LocalGP(Method):
         attributes = {"score": ranking.scores, "deviation": ranking.deviations}
         moved, normals = (None, None) if ranking.surface is None else ranking.surface[:2]
         diagnostics = {"noise_in_spacings": ranking.noise_in_spacings}
+        if not ranking.converged:
+            diagnostics["unconverged"] = 1.0
         return Selection(ranking.indices, diagnostics, moved, attributes, normals=normals, scale=ranking.scale)
 
     def number_at(self, area: float, spacing: float) -> int:

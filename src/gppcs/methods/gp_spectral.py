@@ -31,7 +31,8 @@ class SpectralGP(Method):
         "decides, and the points crowd where surface variation is largest. The diagnostics are the fitted "
         'hyperparameters and "explained", the fraction of the variance of the surface variation over the candidates '
         "that the posterior mean given the chosen points explains (R squared). It is below zero if the mean predicts "
-        "worse than a constant, which can happen if the chosen points are not typical."
+        "worse than a constant, which can happen if the chosen points are not typical. The diagnostic "
+        '"unconverged" is there if the fit of the hyperparameters stopped before it converged.'
     )
     source = "Pathak, Baldwin-McDonald, Sels and Penne, GP-PCS, Algorithm 1"
     _bytes_per_point = 300
@@ -100,7 +101,7 @@ class SpectralGP(Method):
         with timer("hyperparameters"):
             # P_opt <- random subset of P
             opt = np.random.default_rng(self.seed).permutation(len(points))[: self.k_opt].copy()
-            theta = hyperparameters.fit(  # optimise theta using Eq. 5
+            theta, converged = hyperparameters.fit(  # optimise theta using Eq. 5
                 eigenvalues, functions.at(points[opt]), y[opt], self.nu, self.fit_nu, self.iterations
             )
         subset = None
@@ -123,4 +124,7 @@ class SpectralGP(Method):
             mean, _ = posterior(phi[chosen], y[chosen], theta.noise)
             explained = 1 - float(np.mean((phi @ mean - y) ** 2) / (np.var(y) or 1.0))
         indices = order[chosen] if subset is None else subset[order[chosen]]
-        return Selection(indices, {**asdict(theta), "explained": explained})
+        diagnostics = {**asdict(theta), "explained": explained}
+        if not converged:
+            diagnostics["unconverged"] = 1.0
+        return Selection(indices, diagnostics)

@@ -39,17 +39,21 @@ class Design(NamedTuple):
         return (self.weights.T @ (self.normals * heights[:, np.newaxis])).ravel()
 
 
-def inducing_points(kept: Floats, observed: Floats, denoised: Floats) -> Floats:
-    """Return the kept points, (M, 3), after one step, by observed points, (n, 3), and where they are denoised."""
+def inducing_points(kept: Floats, observed: Floats, denoised: Floats) -> tuple[Floats, bool]:
+    """Return the kept points, (M, 3), after one step, by observed points, (n, 3), and where they are denoised.
+
+    Returns also whether the solver converged.
+    """
     if (noise := noise_between(observed, denoised)) == 0.0:
-        return kept
+        return kept, True
     surface = LocalSurface.from_points(kept)
     feet = surface.find(denoised)
     in_tree_order = np.ascontiguousarray(surface.tree.points.T)
     spacing = np.sqrt(surface_area(surface.tree) / len(kept))
     moved = kept.copy()
-    moved[surface.tree.order] += joint_steps(in_tree_order, feet.corners, feet.weights, observed, noise, spacing)
-    return moved
+    steps, converged = joint_steps(in_tree_order, feet.corners, feet.weights, observed, noise, spacing)
+    moved[surface.tree.order] += steps
+    return moved, converged
 
 
 def noise_between(observed: Floats, denoised: Floats) -> float:
@@ -59,18 +63,18 @@ def noise_between(observed: Floats, denoised: Floats) -> float:
 
 def joint_steps(
     vertices: Floats, corners: NDArray[np.integer], weights: Floats, observed: Floats, noise: float, spacing: float
-) -> Floats:
+) -> tuple[Floats, bool]:
     """Return the posterior mean of the steps of vertices, (M, 3), by observed points, (n, 3), and the noise (Eq. (15)).
 
     Each point observes the triangle nearest to where it is denoised. Shapes: corners (n, 3), and the weights of the
-    second and the third in the foot of that (n, 2).
+    second and the third in the foot of that (n, 2). Returns also whether the solver converged.
     """
     still = np.zeros_like(vertices)
     normals, heights = np.empty((len(observed), 3), dtype=np.float32), np.empty(len(observed))
     on_ranges(_observe, len(observed), vertices, corners, observed, normals, heights)
     counted = normals.any(axis=1)  # where corners coincide, there is no triangle
     if not counted.any():
-        return still
+        return still, True
     sigma = np.median(np.abs(heights[counted])) / MEDIAN
     counted &= np.abs(heights) <= 3.0 * sigma  # the others are outliers
     normals[~counted] = 0.0
@@ -83,7 +87,7 @@ def joint_steps(
     different = design.transposed(np.where(counted, heights - heights[counted].mean(), 0.0))
     # Whatever the observations make likely, steps are no longer than this along each axis.
     prior = min(_likely(design, different, sigma), 0.18 * spacing, 0.3 * noise)
-    return _posterior_mean(design, right_side, (max(sigma, noise) / prior) ** 2) if prior > 0.0 else still
+    return _posterior_mean(design, right_side, (max(sigma, noise) / prior) ** 2) if prior > 0.0 else (still, True)
 
 
 @one_blas_thread()
@@ -96,8 +100,8 @@ def _likely(design: Design, right_side: Floats, sigma: float) -> float:
 
 
 @one_blas_thread()
-def _posterior_mean(design: Design, right_side: Floats, precision: float) -> Floats:
-    """Return the steps, (M, 3), by the transposed heights, and the prior's precision in that of an observation."""
+def _posterior_mean(design: Design, right_side: Floats, precision: float) -> tuple[Floats, bool]:
+    """Return the steps, (M, 3), by the transposed heights and the prior's precision in that of an observation."""
     size = len(right_side)
     equations = LinearOperator(
         (size, size), lambda steps: design.transposed(design.times(steps)) + precision * steps, dtype=np.float64
@@ -105,7 +109,7 @@ def _posterior_mean(design: Design, right_side: Floats, precision: float) -> Flo
     steps, code = cg(equations, right_side, rtol=1e-4)
     if code:
         warnings.warn("the equations of inducing points were not solved to the end: points may lie off", stacklevel=2)
-    return steps.reshape(-1, 3)
+    return steps.reshape(-1, 3), code == 0
 
 
 @kernel

@@ -47,7 +47,8 @@ def test_equals_equation_5_and_its_gradient_the_differences(problem, theta):
 @pytest.mark.parametrize("fit_nu", [False, True])
 def test_the_fit_is_a_maximum(problem, fit_nu):
     eigenvalues, functions, y = problem
-    theta = fit(eigenvalues, functions, y, 1.5, fit_nu)
+    theta, converged = fit(eigenvalues, functions, y, 1.5, fit_nu)
+    assert converged
     best, _ = log_marginal_likelihood(eigenvalues, functions, y, theta)
     assert fit_nu or theta.nu == 1.5
     rng = np.random.default_rng(0)
@@ -61,9 +62,18 @@ def test_the_fit_is_a_maximum(problem, fit_nu):
 
 def test_more_iterations_never_fit_worse_and_soon_change_nothing(problem):
     eigenvalues, functions, y = problem
-    fits = [fit(eigenvalues, functions, y, 2.5, iterations=count) for count in (1, 3, 100, 200)]
+    with pytest.warns(UserWarning, match="converged"):
+        fits = [fit(eigenvalues, functions, y, 2.5, iterations=count)[0] for count in (1, 3, 100, 200)]
     values = [log_marginal_likelihood(eigenvalues, functions, y, theta)[0] for theta in fits]
     assert values[0] < values[1] < values[2]
     assert fits[2] == fits[3]
-    of_zeros = fit(eigenvalues, functions, np.zeros_like(y), 2.5)
+    of_zeros, _ = fit(eigenvalues, functions, np.zeros_like(y), 2.5)
     assert np.isfinite([of_zeros.variance, of_zeros.lengthscale, of_zeros.noise]).all()
+
+
+@pytest.mark.filterwarnings("ignore:the fit of the hyperparameters")
+@pytest.mark.parametrize(("iterations", "expected"), [(1, 1.0), (200, None)])
+def test_a_fit_that_does_not_converge_is_in_the_diagnostics(iterations, expected):
+    method = gppcs.SpectralGP(iterations=iterations)
+    result = gppcs.simplify(gppcs.sample("bracket", n_points=400), n_points=40, method=method)
+    assert result.diagnostics.get("unconverged") == expected

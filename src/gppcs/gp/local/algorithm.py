@@ -179,8 +179,10 @@ def choose_denoised(problem: Problem, criterion: Criterion, timer: Timer) -> Ran
     ranking = choose(problem.moved(surface.points[candidates], indices[candidates]), criterion, timer)
     chosen = surface.take(candidates[ranking.indices])
     with timer("denoising"):
-        positions = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
-    return ranking._replace(indices=indices[candidates[ranking.indices]], surface=chosen._replace(points=positions))
+        positions, converged = inducing_points(chosen.points, observed, surface.points)  # Eqs. (14) to (16)
+    return ranking._replace(
+        indices=indices[candidates[ranking.indices]], surface=chosen._replace(points=positions), converged=converged
+    )
 
 
 @dataclass(frozen=True)
@@ -243,6 +245,7 @@ class Ranking(NamedTuple):
     surface: Denoised | None = None  # Where the chosen points go, if they are denoised
     stages: tuple[FieldScale, ...] = ()  # What was measured of the candidates of each stage, the finest first
     scale: Scale | None = None
+    converged: bool = True  # Whether the solver of the inducing points did, if the points are denoised
 
     @classmethod
     def of_fixed(cls, count: int) -> Ranking:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import scipy.linalg
 import scipy.optimize
@@ -52,10 +54,11 @@ def fit(
     nu: float,
     fit_nu: bool = False,
     iterations: int = 200,
-) -> Hyperparameters:
+) -> tuple[Hyperparameters, bool]:
     """Maximise the marginal likelihood (paper, Eq. 5) over variance, lengthscale and noise, and optionally nu.
 
-    L-BFGS-B optimises the logarithms. It starts from four lengthscales, and the best result is returned.
+    L-BFGS-B optimises the logarithms. It starts from four lengthscales. Returns the best result, and whether that
+    converged.
     """
     scale = float(np.mean(y**2)) or 1.0
     free = [0, 1, 3] if not fit_nu else [0, 1, 2, 3]
@@ -80,5 +83,8 @@ def fit(
             loss, start[free], (start,), "L-BFGS-B", jac=True, bounds=bounds[free], options=options
         )
         start[free] = end.x
-        ends.append((end.fun, start))
-    return theta_of(min(ends, key=lambda end: end[0])[1])
+        ends.append((end.fun, end.success, start))
+    _, converged, logarithms = min(ends, key=lambda end: end[0])
+    if not converged:
+        warnings.warn("the fit of the hyperparameters stopped before it converged", stacklevel=2)
+    return theta_of(logarithms), bool(converged)

@@ -1,10 +1,12 @@
 """The facts of a cloud."""
 
+import io
+
 import numpy as np
 import pytest
 
 import gppcs
-from gppcs.clouds.summary import Summary
+from gppcs.evaluation.summary import Summary
 
 
 def test_facts_of_a_grid():
@@ -49,3 +51,11 @@ def test_spacing_does_not_depend_on_where_the_cloud_lies(bracket):
     near, far = gppcs.info(bracket), gppcs.info(bracket + np.array([500_000, 5_400_000, 0]))
     assert far.spacing == pytest.approx(near.spacing, rel=1e-6)
     assert near.spacing > 0
+
+
+def test_files_and_open_files_have_the_facts_of_their_clouds(tmp_path, bracket):
+    path, expected = tmp_path / "a.npy", gppcs.info(bracket)
+    gppcs.write(path, bracket)
+    with path.open("rb") as file:
+        assert gppcs.info(file) == gppcs.info(path) == gppcs.info(io.BytesIO(path.read_bytes())) == expected
+        assert len(gppcs.simplify(file, n_points=9, method="random")) == 9

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.clouds.cloud import CloudLike, PointCloud
+from gppcs.clouds.cloud import CloudLike
 from gppcs.clouds.quantities import names_of_units, unit_of
+from gppcs.io.reading import as_cloud
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def info(cloud: CloudLike) -> Summary:
 
     Parameters
     ----------
-    cloud : PointCloud, (N, 3) array-like or object that `PointCloud.from_object` takes
+    cloud : PointCloud, (N, 3) array-like, object that `PointCloud.from_object` takes, path, open file or CloudFiles
         It may be empty, and coordinates may be NaN or infinite.
 
     Returns
@@ -80,6 +81,8 @@ def info(cloud: CloudLike) -> Summary:
     ------
     InputError
         If `cloud` is not a numeric (N, 3) array.
+    FileFormatError, OSError
+        If a file cannot be read.
 
     Examples
     --------
@@ -91,7 +94,7 @@ def info(cloud: CloudLike) -> Summary:
     from gppcs.spatial.kdtree import KdTree
     from gppcs.spatial.spacing import nearest_distances
 
-    cloud = PointCloud.from_object(cloud)
+    cloud = as_cloud(cloud)
     points = cloud.points[np.flatnonzero(cloud.is_finite())]
     first = first_occurrences(points)
     measured = points[first] * cloud.factors()
