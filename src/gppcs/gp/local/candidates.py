@@ -6,7 +6,7 @@ The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) take
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -172,7 +172,7 @@ def nested_candidates(
         tree = KdTree.build(points[indices] / cell_edge(area, n_points))
         gaps = gaps_of_isolated(tree)
         if largest is None:
-            largest = largest_gap(np.count_nonzero(gaps[:, None] > ISOLATION, axis=0), len(indices), n_points)
+            largest = largest_gap([int(np.count_nonzero(gaps > distance)) for distance in ISOLATION], len(indices), n_points)
         stays = gaps <= largest
         indices = indices[stays]
         stages = [Stage(n_points, indices, True, area, tree if stays.all() else None, largest)]
@@ -216,8 +216,8 @@ def _clear_leaves(begin, end, points, leaves, squared_radius, suspects):
                     break
 
 
-def largest_gap(isolated: Ints, n: int, n_points: int) -> float:
-    """Return how far from all others a candidate may be, by how many of n are farther than each of `ISOLATION`, (4,).
+def largest_gap(isolated: Sequence[int], n: int, n_points: int) -> float:
+    """Return how far from all others a candidate may be, by how many of n are farther than each of `ISOLATION`.
 
     On a surface, along a wire and in a cluster, candidates are about as near each other as their cells. In sparse parts
     of a scan some are isolated, but their number falls fast with the distance. That of scattered outliers, which are
