@@ -51,7 +51,7 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     )  # fmt: skip
     if not noise.thick:
         placed = LocalSurface.over(KdTree.over(positions.T))
-        new[farther(surface, placed, cells, new >= 0, feet, allowed)] = -1
+        new[farther(surface, placed, vertices.near, cells, new >= 0, feet, allowed)] = -1
     result = chosen.copy()
     result[order] = np.where(new < 0, chosen[order], indices[new])
     return result
