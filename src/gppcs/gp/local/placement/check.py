@@ -49,20 +49,22 @@ def _mark_farther(begin, end, others, normals, chosen, placed, feet, members, st
         if _is_beside_a_sheet(vertices, normals, near):
             continue  # fans may reach from one sheet to the other, so the distances say little
         judged, full = pack_feet(feet, cell, apex, local)
-        before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles)
-        after = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles)
-        is_farther[i] = after > before + judged * allowed[i]
+        before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles, 0.0)
+        most = before + judged * allowed[i]
+        is_farther[i] = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles, most) > most
 
 
 @kernel(allocates=False)
-def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
+def _off_fans(local, squared, judged, fans, near, i, origin, triangles, enough):
     """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
 
-    Feet are relative to an origin; `squared`, (n,), and `triangles`, (3, t), are scratch memory.
+    Fans that can only lower a distance that is `enough` are left out. Feet are relative to an origin; `squared`, (n,),
+    and `triangles`, (3, t), are scratch memory.
     """
     (vertices, corners), step = fans, minus(row(fans[0], i), origin)
     _measure_from(local, squared, step)
     radius, limit, count = np.sqrt(_greatest(squared)) + np.sqrt(dot(step, step)), np.inf, 0  # of feet about the origin
+    total = 0.0
     for centre in near:  # the first is the point itself
         a = minus(row(vertices, centre), origin)
         for j, k in corners[centre]:
@@ -75,8 +77,10 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
             triangles[0, count], triangles[1, count], triangles[2, count] = triangle
             count += 1
             approach(local, squared, a, b, c)
-        limit = radius + np.sqrt(_greatest(squared))
-    return sum_of_roots(squared[:judged])
+        limit, total = radius + np.sqrt(_greatest(squared)), sum_of_roots(squared[:judged])
+        if total <= enough:
+            break
+    return total
 
 
 @kernel(inline="always")
