@@ -45,7 +45,7 @@ S = TypeVar("S", bound=np.generic)
 
 def _taken(column: NDArray[S] | None, indices: Ints) -> NDArray[S] | None:
     """Return some entries of a column, if there is one."""
-    return None if column is None else column[indices]
+    return None if column is None else column.take(indices, axis=0)
 
 
 class Problem(NamedTuple):
@@ -116,7 +116,7 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
             points, ranks, n_points, area, density, fixed, scale and scale.largest_gap, problem.finished
         )
     indices = stages[-1].indices
-    positions, sheets = points[indices], None
+    positions, sheets = points.take(indices, axis=0), None
     if not noise.thick:
         with timer("features"):
             sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
@@ -257,11 +257,13 @@ def field_of(
 
     Shapes: points (N, 3), of which the candidates are some.
     """
-    tree = KdTree.build(points[stage.indices] / stage.spacing) if stage.tree is None else stage.tree
+    tree = KdTree.build(points.take(stage.indices, axis=0) / stage.spacing) if stage.tree is None else stage.tree
+    order = tree.order
     if len(stage.indices) < len(candidates.indices):
-        candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices)[tree.order])
-    else:
-        candidates = candidates.take(tree.order)
+        is_in_stage = np.zeros(len(points), dtype=np.bool_)
+        is_in_stage[stage.indices] = True
+        order = np.flatnonzero(is_in_stage[candidates.indices])[order]
+    candidates = candidates.take(order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     if candidates.sheets is not None:
         alone = 1.0 - float(np.mean(candidates.sheets.any(axis=1)))
@@ -309,7 +311,7 @@ def local_field(
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
         spacings *= weights ** (-0.5 * WEIGHT_POWER)
-    factor = whole.factor if whole else float(np.sqrt(np.mean(spacings**-2.0)))
+    factor = whole.factor if whole else float(np.sqrt(np.mean(1.0 / (spacings * spacings))))
     spacings *= factor
     mean, squared = mean_and_variance(variation)
     mean, deviation = (whole.mean, whole.deviation) if whole else (mean, math.sqrt(squared))

@@ -62,7 +62,7 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
     ends = begin + (end - begin) * part // in_leaf  # the last is n
     starts, counts = ends[:-1], np.diff(ends)
     centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
-    density = np.add.reduceat(spacings**-2.0, starts) / counts
+    density = np.add.reduceat(1.0 / (spacings * spacings), starts) / counts
     means, width = density**-0.5, centres.leaves
     minima = np.empty(2 * width)  # of each node's groups
     minima[width:] = np.minimum.reduceat(means, len(means) * np.arange(width) // width)
