@@ -205,7 +205,7 @@ class PointCloud(ComparedByValue):
     def take(self, indices: NDArray[np.int64]) -> PointCloud:
         """Return a copy of the points with some indices, (M,), in that order, with all attributes."""
         attributes = {name: values[indices] for name, values in self.attributes.items()}
-        return PointCloud(self.points[indices], attributes, self.coordinate_dtype, self.header)
+        return PointCloud(self.points.take(indices, axis=0), attributes, self.coordinate_dtype, self.header)
 
     def moved(self, points: NDArray[np.float64]) -> PointCloud:
         """Return the cloud with other coordinates, (N, 3); a `coordinate_dtype` of integers becomes float64."""

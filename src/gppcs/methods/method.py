@@ -241,7 +241,9 @@ def selected(method: Method, task: Task) -> Selection:
     selection, n = method(task), len(task.points)
     indices = np.asarray(getattr(selection, "indices", ()))
     are_indices = indices.ndim == 1 and indices.dtype.kind in "iu" and bool(((indices >= 0) & (indices < n)).all())
-    n_different = len(np.unique(indices)) if are_indices else 0
+    is_chosen = np.zeros(n, dtype=np.bool_)
+    is_chosen[indices if are_indices else []] = True
+    n_different = np.count_nonzero(is_chosen)
     if n_different < len(indices) or (len(indices) != task.n_points if task.spacing is None else not len(indices)):
         expected = f"{task.n_points:,}" if task.spacing is None else "1 or more"
         raise ParameterError(

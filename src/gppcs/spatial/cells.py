@@ -62,10 +62,10 @@ def greatest_in_cells(points: Floats, edge: float, values: NDArray[np.uint32]) -
     marks = np.zeros(len(points), dtype=np.bool_)
     if len(points):
         points, scale = np.ascontiguousarray(points), 1.0 / edge
-        lower, upper = np.floor(np.multiply(bounds(points), scale))
-        counts = np.minimum(upper - lower + 1.0, 2.0**64)  # so that their product does not overflow
-        numbered = np.prod(counts) <= 2.0 ** min(64 - len(points).bit_length(), 53)  # a float64 holds 53 bits exactly
-        numbering = Numbering(tuple(lower.tolist()), tuple(counts[1:].tolist())) if numbered else UNNUMBERED
+        lower, upper = np.floor(np.multiply(bounds(points), scale)).tolist()
+        x, y, z = (min(last - first + 1.0, 2.0**64) for first, last in zip(lower, upper, strict=True))  # no overflow
+        numbered = x * y * z <= 2.0 ** min(64 - len(points).bit_length(), 53)  # a float64 holds 53 bits exactly
+        numbering = Numbering(tuple(lower), (y, z)) if numbered else UNNUMBERED
         _mark(points, Grid(scale, numbering), np.ascontiguousarray(values), marks)
     return np.flatnonzero(marks)
 
@@ -77,10 +77,13 @@ def _mark(points: Floats, grid: Grid, values: NDArray[np.uint32], marks: Flags) 
     n = len(points)
     bits, spare = (n // POINTS_PER_PART).bit_length(), 64 - n.bit_length()  # beside the index of a point
     chunks = min(RANGES, n // POINTS_PER_PART + 1)
-    counts = np.zeros((chunks, 1 << bits), dtype=np.int64)
-    on_ranges(_count_hashes, chunks, points, grid, spare, bits, counts)
-    starts = np.concatenate([[0], np.cumsum(counts.sum(axis=0))])
-    slots = starts[:-1] + np.cumsum(counts, axis=0) - counts  # where each chunk writes its first entry of each part
+    slots = np.zeros((chunks, 1 << bits), dtype=np.int64)  # where each chunk writes its first entry of each part
+    starts = np.array([0, n])
+    if bits:
+        counts = slots.copy()
+        on_ranges(_count_hashes, chunks, points, grid, spare, bits, counts)
+        starts = np.concatenate([[0], np.cumsum(counts.sum(axis=0))])
+        slots += starts[:-1] + np.cumsum(counts, axis=0) - counts
     entries = np.empty(n, dtype=np.uint64)
     on_ranges(_write_hashes, chunks, points, grid, spare, bits, slots, entries)
     on_ranges(_mark_parts, 1 << bits, points, grid, values, spare, entries, starts, marks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,16 @@ def _fill_hashes(
     points: Floats, seed: int, bits: int, size: float | None, result: NDArray[np.unsignedinteger[Any]]
 ) -> None:
     """Fill `result`, (n,), with the first bits of random numbers of points, (n, 3)."""
-    start = np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
     if size is None:
         size = float(np.abs(bounds(points)).max()) if len(points) else 1.0
-    on_ranges(_hash_all, len(points), points, size or 1.0, start, np.uint64(64 - bits), result, minimum=1 << 14)
+    start, shift = _state_of(seed), np.uint64(64 - bits)
+    on_ranges(_hash_all, len(points), points, size or 1.0, start, shift, result, minimum=1 << 14)
+
+
+@cache
+def _state_of(seed: int) -> np.uint64:
+    """Return the random bits with which the hashes of a seed start."""
+    return np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]
 
 
 @kernel(allocates=False)

@@ -19,7 +19,8 @@ POINTS_AT_ONCE = 1 << 14  # points that a thread takes at once, at least
 def bounds(points: Floats) -> tuple[Floats, Floats]:
     """Return the corners of the bounding box, infinite without points; points (N, 3), corners (3,)."""
     chunks = min(RANGES, len(points) // POINTS_AT_ONCE + 1)
-    lower, upper = np.full((chunks, 3), np.inf), np.full((chunks, 3), -np.inf)
+    lower, upper = np.empty((2, chunks, 3))
+    lower[:], upper[:] = np.inf, -np.inf
     on_ranges(_bound_chunks, chunks, points, lower, upper)
     return lower.min(axis=0), upper.max(axis=0)
 

@@ -120,7 +120,8 @@ def _turn(inverse, current, best, slot, on_circle):
     ax, ay = inverse[best, 0] - inverse[current, 0], inverse[best, 1] - inverse[current, 1]
     bx, by = inverse[slot, 0] - inverse[current, 0], inverse[slot, 1] - inverse[current, 1]
     turn = ax * by - ay * bx
-    return 0.0 if turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by) else turn
+    in_line = on_circle > 0.0 and turn * turn <= on_circle * (ax * ax + ay * ay) * (bx * bx + by * by)
+    return 0.0 if in_line else turn
 
 
 @kernel(inline="always")

@@ -79,7 +79,7 @@ class LocalSurface:
     @classmethod
     def over(cls, tree: KdTree) -> LocalSurface:
         """Build the surface of the points of a tree."""
-        normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals[tree.order]
+        normals = features_of_nearest(tree.in_own_order(), PLANE_NEIGHBOURS).normals
         corners = np.empty((len(normals), MAX_TRIANGLES, 2), dtype=np.int32)
         on_leaves(_build_fans, tree, tree, normals, corners)
         return cls(tree, normals, corners)

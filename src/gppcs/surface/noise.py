@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -50,9 +50,9 @@ class NoiseLayer(NamedTuple):
     radius: float  # Median radius of the neighbourhoods
 
     @classmethod
-    def between(cls, points: Floats, feet: Floats, fitted: Quadrics) -> NoiseLayer:
-        """Return the layer between points and their feet on quadrics, (3, m) both."""
-        distances = np.sqrt(((feet - points) ** 2).sum(axis=0))
+    def about(cls, fitted: Quadrics) -> NoiseLayer:
+        """Return the layer about quadrics."""
+        distances = np.minimum(np.abs(fitted.heights), fitted.radii)
         return cls(quantile(distances, 0.9) / 1.645, quantile(fitted.radii, 0.5))
 
     @property
@@ -71,9 +71,7 @@ class NoiseLayer(NamedTuple):
 
 def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     """Measure the layer of noise on an eighth of the points, `FEW_SAMPLES` to `SAMPLES`, evenly spread."""
-    sampled = _sampled(tree)
-    feet, fitted = projections(tree, sampled, neighbours)
-    return NoiseLayer.between(sampled.points, feet, fitted)
+    return NoiseLayer.about(fit_quadrics(tree, _sampled(tree), neighbours))
 
 
 def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> tuple[float, float] | None:
@@ -86,14 +84,18 @@ def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> tuple[float, f
     if own.two_sheets.mean() <= SHEETS:
         return None
     both = fit_quadrics(tree, sampled, neighbours)
-    off, between = (quantile(np.abs(fitted.heights[own.two_sheets]), 0.5) for fitted in (own, both))
-    return off / MEDIAN, 2.0 * between
+    return _noise_of_each(own), 2.0 * quantile(np.abs(both.heights[own.two_sheets]), 0.5)
 
 
-def _sampled(tree: KdTree) -> KdTree:
-    """Return a tree over some of the points of another, evenly spread."""
+def _noise_of_each(own: Quadrics) -> float:
+    """Return the noise of each of two sheets, by fits to the query's own one."""
+    return quantile(np.abs(own.heights[own.two_sheets]), 0.5) / MEDIAN
+
+
+def _sampled(tree: KdTree, one_of: int = 1) -> KdTree:
+    """Return a tree over some of the points of another, evenly spread; if wanted, over one of so many of them."""
     n = len(tree.order)
-    step = -(-n // min(max(n // 8, FEW_SAMPLES), SAMPLES))
+    step = -(-n * one_of // min(max(n // 8, FEW_SAMPLES), SAMPLES))
     return KdTree.over(tree.points[:, ::step], leaf_size=SAMPLES_IN_LEAF)
 
 
@@ -142,15 +144,17 @@ class Noise:
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
             return cls(None, within, False, 0.0, True, True, spacing)
-        layers = cache(partial(layer_of, tree))
+        sampled = _sampled(tree, 2)  # half as many are enough for what is only compared
+        layers = cache(lambda k: NoiseLayer.about(fit_quadrics(tree, sampled, k)))
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
         sigma, thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
-        is_below_threshold = sigma <= CLEAN * spacing
-        if not is_below_threshold and (sheets := two_sheets(tree)):
-            return cls(None, neighbours, False, sheets[0], True, False, spacing)
-        is_negligible = is_below_threshold or (not thick and layers(NEIGHBOURS).is_detail(layers(2 * NEIGHBOURS)))
-        noisy = None if is_negligible else tree
-        return cls(noisy, neighbours, thick, sigma, is_negligible, is_below_threshold, spacing)
+        if sigma <= CLEAN * spacing:
+            return cls(None, neighbours, thick, sigma, True, True, spacing)
+        own = fit_quadrics(tree, sampled, 2 * NEIGHBOURS, sheets=True)
+        if own.two_sheets.mean() > SHEETS:
+            return cls(None, neighbours, False, _noise_of_each(own), True, False, spacing)
+        is_negligible = not thick and layers(NEIGHBOURS).is_detail(NoiseLayer.about(own))
+        return cls(None if is_negligible else tree, neighbours, thick, sigma, is_negligible, False, spacing)
 
     @property
     def in_spacings(self) -> float:

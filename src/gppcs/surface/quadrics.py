@@ -36,7 +36,7 @@ class Quadrics(NamedTuple):
     def take(self, positions: Ints) -> Quadrics:
         """Return those around some of the queries."""
         kurtosis = self.kurtosis[positions] if len(self.kurtosis) else self.kurtosis
-        return Quadrics(self.heights[positions], self.normals[:, positions], self.radii[positions], kurtosis)
+        return Quadrics(self.heights[positions], self.normals.take(positions, axis=1), self.radii[positions], kurtosis)
 
     def astype(self, dtype: DTypeLike) -> Quadrics:
         """Return them in another precision."""

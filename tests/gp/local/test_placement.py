@@ -8,7 +8,7 @@ import pytest
 import gppcs
 from dense import distances_to_triangles
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import Measured, cells_of
+from gppcs.gp.local.placement.cells import NEAR, Measured, cells_of
 from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
@@ -20,7 +20,7 @@ from gppcs.gp.local.settings import (
     TRIALS,
 )
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.nearest import nearest_of_each
+from gppcs.spatial.nearest import nearest_of_each, nearest_others
 from gppcs.spatial.samples import short_hashes
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise
@@ -104,6 +104,12 @@ def surface_in_order(points):
     return LocalSurface.over(KdTree.over(points.T))
 
 
+def went_back(before, after, cells, moved, points, allowed):
+    """The points that the check finds farther from the surface after the exchanges than before."""
+    near, _ = nearest_others(before.tree, NEAR)
+    return farther(before, after, near, cells, moved, np.ascontiguousarray(points.T), allowed)
+
+
 def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
     points = sphere_cap() * [1.0, 1.0, 0.5]
     rng = np.random.default_rng(4)
@@ -116,15 +122,32 @@ def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
     partner = np.array([rng.choice(np.append(np.flatnonzero(owners == v), 0)) for v in range(300)])
     after = surface_in_order(np.where(moved[:, None], points[partner], vertices))
     sums = [np.bincount(owners, surface.nearest_to(points)[0], 300) for surface in (before, after)]
-    cells, feet, counts = cells_of(owners, 300), np.ascontiguousarray(points.T), np.bincount(owners, minlength=300)
+    cells, counts = cells_of(owners, 300), np.bincount(owners, minlength=300)
     found, allowed = np.zeros(300, dtype=bool), np.median((sums[1] - sums[0]) / np.maximum(counts, 1))
-    found[farther(before, after, cells, moved, feet, np.zeros(300))] = True
+    found[went_back(before, after, cells, moved, points, np.zeros(300))] = True
     assert not found[~moved].any()
     assert 0.2 < found[moved].mean() < 1.0
     assert (found == (sums[1] > sums[0]))[moved].mean() > 0.97  # the nearest fans are searched near the vertex only
     beyond_allowed = np.zeros(300, dtype=bool)
-    beyond_allowed[farther(before, after, cells, moved, feet, np.full(300, allowed))] = True
+    beyond_allowed[went_back(before, after, cells, moved, points, np.full(300, allowed))] = True
     assert (beyond_allowed == (sums[1] > sums[0] + counts * allowed))[moved].mean() > 0.97
+
+
+def test_fewer_points_go_back_beside_a_parallel_sheet():
+    rng = np.random.default_rng(8)
+    one, two = (rng.random((2_000, 3)) * [1.0, 1.0, 0.0] + [0.0, 0.0, z] for z in (0.0, 0.04))
+    points = np.concatenate([one, two])
+    before = LocalSurface.from_points(points[::20])
+    before = replace(before, tree=before.tree.in_own_order())
+    after = surface_in_order(before.tree.points.T + 0.004 * rng.standard_normal((200, 3)))
+    owners, moved = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32), np.ones(200, dtype=bool)
+    # planes of some reach across
+    assert len(went_back(before, after, cells_of(owners, 200), moved, points, np.zeros(200))) < 100
+    single = LocalSurface.from_points(one[::20])
+    single = replace(single, tree=single.tree.in_own_order())
+    after = surface_in_order(single.tree.points.T + 0.004 * rng.standard_normal((100, 3)))
+    owners = single.tree.nearest_of(one, 1)[0][:, 0].astype(np.int32)
+    assert len(went_back(single, after, cells_of(owners, 100), moved[:100], one, np.zeros(100))) > 80
 
 
 def test_points_to_keep_stay():

@@ -13,7 +13,14 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import VARIATION_ROUNDING, density_of, graded, refinement, roundness_of
+from gppcs.gp.local.density import (
+    VARIATION_ROUNDING,
+    density_of,
+    graded,
+    mean_and_variance,
+    refinement,
+    roundness_of,
+)
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
@@ -38,7 +45,7 @@ S = TypeVar("S", bound=np.generic)
 
 def _taken(column: NDArray[S] | None, indices: Ints) -> NDArray[S] | None:
     """Return some entries of a column, if there is one."""
-    return None if column is None else column[indices]
+    return None if column is None else column.take(indices, axis=0)
 
 
 class Problem(NamedTuple):
@@ -109,7 +116,7 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
             points, ranks, n_points, area, density, fixed, scale and scale.largest_gap, problem.finished
         )
     indices = stages[-1].indices
-    positions, sheets = points[indices], None
+    positions, sheets = points.take(indices, axis=0), None
     if not noise.thick:
         with timer("features"):
             sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
@@ -216,13 +223,6 @@ class Candidates(NamedTuple):
     detail: Detail | None
     sheets: Floats | None = None  # (n, 3), as `normals_of_sheets` returns them
 
-    @property
-    def beside_sheets(self) -> Flags:
-        """Whether each has another sheet near it, (n,)."""
-        if self.sheets is None:
-            return np.zeros(len(self.indices), dtype=np.bool_)
-        return np.asarray(self.sheets.any(axis=1), dtype=np.bool_)
-
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
         feet, weights, sheets = (
@@ -260,14 +260,17 @@ def field_of(
 
     Shapes: points (N, 3), of which the candidates are some.
     """
-    tree = KdTree.build(points[stage.indices] / stage.spacing) if stage.tree is None else stage.tree
+    tree = KdTree.build(points.take(stage.indices, axis=0) / stage.spacing) if stage.tree is None else stage.tree
+    order = tree.order
     if len(stage.indices) < len(candidates.indices):
-        candidates = candidates.take(np.searchsorted(candidates.indices, stage.indices)[tree.order])
-    else:
-        candidates = candidates.take(tree.order)
+        is_in_stage = np.zeros(len(points), dtype=np.bool_)
+        is_in_stage[stage.indices] = True
+        order = np.flatnonzero(is_in_stage[candidates.indices])[order]
+    candidates = candidates.take(order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    alone = 1.0 - float(np.mean(candidates.beside_sheets))
-    criterion = replace(criterion, normal_weight=criterion.normal_weight * alone)
+    if candidates.sheets is not None:
+        alone = 1.0 - float(np.mean(candidates.sheets.any(axis=1)))
+        criterion = replace(criterion, normal_weight=criterion.normal_weight * alone)
     variances = candidates.variances / stage.spacing**2
     detail, weights = candidates.detail, candidates.weights
     return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale)
@@ -281,7 +284,7 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     # Where candidates are not thinned, a ball could hold any number of them.
     features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
     if candidates.sheets is not None:
-        thin = candidates.beside_sheets
+        thin = candidates.sheets.any(axis=1)
         features.normals[thin] = candidates.sheets[thin]
     return features
 
@@ -311,9 +314,10 @@ def local_field(
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
         spacings *= weights ** (-0.5 * WEIGHT_POWER)
-    factor = whole.factor if whole else float(np.sqrt(np.mean(spacings**-2.0)))
+    factor = whole.factor if whole else float(np.sqrt(np.mean(1.0 / (spacings * spacings))))
     spacings *= factor
-    mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
+    mean, squared = mean_and_variance(variation)
+    mean, deviation = (whole.mean, whole.deviation) if whole else (mean, math.sqrt(squared))
     y = np.zeros(len(variances))
     if criterion.error_weight > 0.0 and deviation > VARIATION_ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation

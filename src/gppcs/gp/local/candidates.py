@@ -71,7 +71,7 @@ def survey(
     with timer("sample"):
         ranks = short_hashes(points, RANDOM_BITS)
         indices = sample(ranks, n_points)
-        sampled = points if len(indices) == len(points) else points[indices]
+        sampled = points if len(indices) == len(points) else points.take(indices, axis=0)
     with timer("tree"):
         tree = KdTree.build(sampled)
         if scale is None:
@@ -83,7 +83,8 @@ def survey(
             noise = Noise.measure(tree, n_points, math.sqrt(area / n_points))
         else:
             noise = replace(scale.noise, tree=None if scale.noise.is_negligible else tree)
-    of_tree, sharpness, normals = indices[tree.order], np.zeros(len(indices), dtype=np.float32), None
+    of_tree = tree.order if sampled is points else indices[tree.order]
+    sharpness, normals = np.zeros(len(indices), dtype=np.float32), None
     if noise.is_below_threshold:  # otherwise noisy points would look sharp
         with timer("candidates"):
             edge, plane = cell_edge(area, candidate_density * n_points), radius_of_plane(area / len(sampled))
@@ -97,7 +98,9 @@ def survey(
         with timer("detail"):
             detail = Detail.measure(tree, indices, attributes, cell_edge(area, candidate_density * n_points))
             sharpness += 0.0 if detail is None else detail.variation[of_tree]
-    ranks[of_tree] |= sharpness.view(np.uint32) >> RANDOM_BITS << RANDOM_BITS
+    bits = sharpness.view(np.uint32) >> RANDOM_BITS << RANDOM_BITS
+    bits |= ranks.take(of_tree)
+    ranks[of_tree] = bits
     return Survey(area, noise, ranks, detail, tree, normals)
 
 
@@ -169,10 +172,11 @@ def nested_candidates(
     thin = thinned if largest is None else sharpest_in_cells  # of a part, whose area is measured in the whole
     area, indices = thin(points, ranks, n_points, area, candidate_density)
     if enough := len(indices) >= MIN_CANDIDATES * n_points:
-        tree = KdTree.build(points[indices] / cell_edge(area, n_points))
+        tree = KdTree.build(points.take(indices, axis=0) / cell_edge(area, n_points))
         gaps = gaps_of_isolated(tree)
         if largest is None:
-            largest = largest_gap(np.count_nonzero(gaps[:, None] > ISOLATION, axis=0), len(indices), n_points)
+            isolated = np.count_nonzero(gaps[gaps > 0.0, None] > ISOLATION, axis=0)
+            largest = largest_gap(isolated, len(indices), n_points)
         stays = gaps <= largest
         indices = indices[stays]
         stages = [Stage(n_points, indices, True, area, tree if stays.all() else None, largest)]
@@ -181,7 +185,7 @@ def nested_candidates(
         stages = [Stage(n_points, indices, False, area)]
     while stages[-1].target > max(FIRST_STAGE, 2 * (fixed - finished) / (1.0 - finished / n_points)):
         target = -(-stages[-1].target // 2)
-        area, kept = thin(points[indices], ranks[indices], target, area, candidate_density)
+        area, kept = thin(points.take(indices, axis=0), ranks[indices], target, area, candidate_density)
         if enough := len(kept) >= MIN_CANDIDATES * target:
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
@@ -289,7 +293,7 @@ def _grids(points: Floats, ranks: Ranks, area: float, cells: float) -> Iterator[
         if finer is None:
             kept = greatest_in_cells(points, edge, ranks)
         else:
-            kept = finer[greatest_in_cells(points[finer], edge, ranks[finer])]
+            kept = finer[greatest_in_cells(points.take(finer, axis=0), edge, ranks[finer])]
         finer, last = last, kept
         yield area, kept
         area *= 2.0

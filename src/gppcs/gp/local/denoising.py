@@ -85,7 +85,7 @@ def neighbourhood(tree: KdTree) -> tuple[int, bool]:
     @cache
     def fit(k: int) -> tuple[Floats, NoiseLayer]:
         feet, fitted = projections(tree, sampled, k)
-        return feet, NoiseLayer.between(sampled.points, feet, fitted)
+        return feet, NoiseLayer.about(fitted)
 
     feet, layer = fit(k)
     if not layer.is_thick() and layer.is_detail(fit(2 * k)[1]):

@@ -24,16 +24,21 @@ def refinement(weights: Floats) -> float:
     return min(float(weights.max() / np.sort(weights).mean()), MAX_REFINEMENT)  # a sum of any order of points
 
 
+def mean_and_variance(values: Floats) -> tuple[float, float]:
+    """Return what `np.mean` and `np.var` do for values, (n,); where they are few, in a third of their time."""
+    mean = float(np.add.reduce(values)) / len(values)
+    return mean, float(np.add.reduce((values - mean) ** 2)) / len(values)
+
+
 def roundness_of(roughness: Floats) -> float:
     """Return the roundness, Eq. (3a), by the roughness, (n,): 1 if equally rough, 0 for flat faces and edges.
 
     S is the variance of the roughness, divided by the largest variance that values from 0 to `EDGE_ROUGHNESS` with the
     same mean can have: the intensity of segregation of a mixture (Danckwerts 1952).
     """
-    clipped = np.minimum(roughness, EDGE_ROUGHNESS)
-    mean = float(np.mean(clipped))
+    mean, variance = mean_and_variance(np.minimum(roughness, EDGE_ROUGHNESS))
     largest = mean * (EDGE_ROUGHNESS - mean)
-    segregation = float(np.var(clipped)) / largest if largest > VARIATION_ROUNDING else 0.0
+    segregation = variance / largest if largest > VARIATION_ROUNDING else 0.0
     return (1.0 - min(segregation, 1.0) ** 2) ** ROUNDNESS_POWER
 
 
@@ -46,12 +51,12 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
     """
     n, leaves = len(spacings), tree.leaves
     in_leaf = max(1, round(n / leaves / group_size))
-    leaf, part = np.divmod(np.arange(leaves * in_leaf), in_leaf)
+    leaf, part = np.divmod(np.arange(leaves * in_leaf + 1), in_leaf)
     begin, end = n * leaf // leaves, n * (leaf + 1) // leaves
-    starts = begin + (end - begin) * part // in_leaf
-    counts = np.diff(starts, append=n)
+    ends = begin + (end - begin) * part // in_leaf  # the last is n
+    starts, counts = ends[:-1], np.diff(ends)
     centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
-    density = np.add.reduceat(spacings**-2.0, starts) / counts
+    density = np.add.reduceat(1.0 / (spacings * spacings), starts) / counts
     means, width = density**-0.5, centres.leaves
     minima = np.empty(2 * width)  # of each node's groups
     minima[width:] = np.minimum.reduceat(means, len(means) * np.arange(width) // width)

@@ -158,7 +158,8 @@ def _divide(state: GreedyState, count: int) -> Parts:
     near = np.zeros((count, count), dtype=np.bool_)
     if count > 1:
         _find_neighbours(state.boxes, near)
-    starts = np.concatenate([[0], np.cumsum(near.sum(axis=1))])
+    starts = np.zeros(count + 1, dtype=np.int64)
+    np.cumsum(near.sum(axis=1), out=starts[1:])
     return Parts(
         starts, np.ascontiguousarray(np.nonzero(near)[1]), np.empty(n, dtype=np.int64), np.empty(n),
         np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), np.empty(nodes), np.empty(nodes), np.empty(n),
@@ -178,8 +179,8 @@ def _find_neighbours(boxes, near):
 
 def _chosen_by(parts: Parts) -> tuple[Ints, Floats]:
     """Return what the parts have chosen, part by part. Shapes: returns positions, scores (m,)."""
-    starts = len(parts.positions) * np.arange(len(parts.counts)) // len(parts.counts)
-    slots = np.repeat(starts - np.cumsum(parts.counts) + parts.counts, parts.counts) + np.arange(parts.counts.sum())
+    n, count = len(parts.positions), len(parts.counts)
+    slots = np.concatenate([np.arange(parts.counts[part]) + n * part // count for part in range(count)])
     return parts.positions[slots], parts.scores[slots]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 
-LANES, STEP = 32, 16  # Points that are computed side by side at most; their number is rounded up to whole steps.
+LANES, STEP = 32, 8  # Points that are computed side by side at most; their number is rounded up to whole steps.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
 
 

@@ -33,12 +33,12 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
         indices = drawn(measured.ranks, fraction)
-        tree = KdTree.build(points[indices])
+        tree = KdTree.build(points.take(indices, axis=0))
         indices, measured = indices[tree.order], measured._replace(tree=None, quadrics=None, normals=None)
     else:
         tree = KdTree.build(points) if tree is None else tree
         indices = tree.order
-    surface = LocalSurface.from_points(points[chosen])
+    surface = LocalSurface.from_points(points.take(chosen, axis=0))
     order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
     vertices = Vertices.from_surface(surface, order < fixed)
     owners, squared = nearest_of_each(surface.tree, tree)
@@ -51,7 +51,7 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     )  # fmt: skip
     if not noise.thick:
         placed = LocalSurface.over(KdTree.over(positions.T))
-        new[farther(surface, placed, cells, new >= 0, feet, allowed)] = -1
+        new[farther(surface, placed, vertices.near, cells, new >= 0, feet, allowed)] = -1
     result = chosen.copy()
     result[order] = np.where(new < 0, chosen[order], indices[new])
     return result

@@ -12,11 +12,14 @@ from gppcs.engine.kernels import kernel
 from gppcs.gp.local.candidates import Ranks, radius_of_plane
 from gppcs.gp.local.settings import MAX_STEP
 from gppcs.spatial.kdtree import KdTree
+from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.triangles import dot, minus, row
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise, projected
 from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import features_in_radius
+
+NEAR = 8  # Others near a chosen point: as its fan has on average, and two more.
 
 
 class Measured(NamedTuple):
@@ -65,7 +68,8 @@ class Vertices(NamedTuple):
     positions: Floats  # (m, 3)
     corners: NDArray[np.int32]  # (m, triangles, 2), of the fans; -1 after the last
     normals: Floats  # (m, 3), of the fans
-    gaps: Floats  # (m,), mean distance from the nearest others
+    near: Ints  # (m, NEAR), the nearest others
+    gaps: Floats  # (m,), mean distance from the three nearest
     steps: Floats  # (m,), how far each may go
     stays: Flags  # (m,)
 
@@ -73,9 +77,10 @@ class Vertices(NamedTuple):
     def from_surface(cls, surface: LocalSurface, stays: Flags) -> Vertices:
         """Return the points of a surface."""
         positions = np.ascontiguousarray(surface.tree.points.T)
-        k = min(4, len(positions))
-        gaps = np.sqrt(surface.tree.nearest_of(positions, k)[1]).sum(axis=1) / max(1, k - 1)
-        return cls(positions, surface.corners, surface.normals, gaps, MAX_STEP * gaps, stays)
+        near, squared = nearest_others(surface.tree, min(NEAR, len(positions) - 1))
+        nearest = np.sqrt(squared[:, :3])
+        gaps = nearest.sum(axis=1) / max(1, nearest.shape[1])
+        return cls(positions, surface.corners, surface.normals, near, gaps, MAX_STEP * gaps, stays)
 
 
 class Cells(NamedTuple):

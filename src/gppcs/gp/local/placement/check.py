@@ -5,68 +5,66 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.arrays import Flags, Floats
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.placement.cells import Cells
 from gppcs.gp.local.placement.shape import pack_feet, sum_of_roots
 from gppcs.gp.local.settings import CHECKED_ON
-from gppcs.spatial.kdtree import nearest_in_tree
 from gppcs.spatial.triangles import approach, dot, minus, row
 from gppcs.surface.local_surface import LocalSurface
 
-NEAR_FANS = 9  # Fans in which the surface near a cell is searched: of its point, of its ring on average, and two more.
-
 
 def farther(
-    chosen: LocalSurface, placed: LocalSurface, cells: Cells, moved: Flags, feet: Floats, allowed: Floats
+    chosen: LocalSurface, placed: LocalSurface, near: Ints, cells: Cells, moved: Flags, feet: Floats, allowed: Floats
 ) -> NDArray[np.intp]:
     """Return the moved points, (k,), whose cells are farther from the surface of all placed points than before.
 
     Those are left out whose mean distance grows by no more than is allowed. The trees of both surfaces have the same
-    order. Shapes: moved (m,), feet (3, n), allowed (m,).
+    order. The surface near a cell is that of the fans of its point and of the others near this.
+    Shapes: near (m, NEAR), moved (m,), feet (3, n), allowed (m,).
     """
     is_farther = np.zeros(len(moved), dtype=np.bool_)
     fans = [(np.ascontiguousarray(surface.tree.points.T), surface.corners) for surface in (chosen, placed)]
     judged = feet, *cells, moved, allowed
-    on_ranges(_mark_farther, len(moved), *chosen.tree.arrays, chosen.normals, *fans, *judged, is_farther, minimum=64)
+    on_ranges(_mark_farther, len(moved), near, chosen.normals, *fans, *judged, is_farther, minimum=64)
     return np.flatnonzero(is_farther)
 
 
 @kernel
-def _mark_farther(
-    begin, end, points, lower, upper, normals, chosen, placed, feet, members, starts, moved, allowed, is_farther
-):
+def _mark_farther(begin, end, others, normals, chosen, placed, feet, members, starts, moved, allowed, is_farther):
     """Mark the moved points of a range whose cells are farther from the fans near them once all are placed.
 
     The feet of a cell are `members` from `starts`, (m + 1,), on. `chosen` and `placed` are vertices and corners.
     """
     vertices, corners = chosen
-    near = np.empty(min(NEAR_FANS, len(vertices)), dtype=np.int64)
-    gaps, triangles = np.empty(len(near), dtype=np.float64), np.empty((3, len(near) * corners.shape[1]), dtype=np.int64)
+    near = np.empty(1 + others.shape[1], dtype=np.int64)
+    triangles = np.empty((3, len(near) * corners.shape[1]), dtype=np.int64)
     local, squared = np.empty((3, CHECKED_ON), dtype=np.float64), np.empty(CHECKED_ON, dtype=np.float64)
     for i in range(begin, end):
         cell, apex = members[starts[i] : starts[i + 1]], row(vertices, i)
         if len(cell) == 0 or not moved[i]:
             continue
-        nearest_in_tree(points, lower, upper, apex[0], apex[1], apex[2], near, gaps)
+        near[0], near[1:] = i, others[i]
         if _is_beside_a_sheet(vertices, normals, near):
             continue  # fans may reach from one sheet to the other, so the distances say little
         judged, full = pack_feet(feet, cell, apex, local)
-        before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles)
-        after = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles)
-        is_farther[i] = after > before + judged * allowed[i]
+        before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles, 0.0)
+        most = before + judged * allowed[i]
+        is_farther[i] = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles, most) > most
 
 
 @kernel(allocates=False)
-def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
+def _off_fans(local, squared, judged, fans, near, i, origin, triangles, enough):
     """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
 
-    Feet are relative to an origin; `squared`, (n,), and `triangles`, (3, t), are scratch memory.
+    Fans that can only lower a distance that is `enough` are left out. Feet are relative to an origin; `squared`, (n,),
+    and `triangles`, (3, t), are scratch memory.
     """
     (vertices, corners), step = fans, minus(row(fans[0], i), origin)
     _measure_from(local, squared, step)
     radius, limit, count = np.sqrt(_greatest(squared)) + np.sqrt(dot(step, step)), np.inf, 0  # of feet about the origin
+    total = 0.0
     for centre in near:  # the first is the point itself
         a = minus(row(vertices, centre), origin)
         for j, k in corners[centre]:
@@ -79,8 +77,10 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles):
             triangles[0, count], triangles[1, count], triangles[2, count] = triangle
             count += 1
             approach(local, squared, a, b, c)
-        limit = radius + np.sqrt(_greatest(squared))
-    return sum_of_roots(squared[:judged])
+        limit, total = radius + np.sqrt(_greatest(squared)), sum_of_roots(squared[:judged])
+        if total <= enough:
+            break
+    return total
 
 
 @kernel(inline="always")

@@ -39,7 +39,7 @@ def exchanged(
             cells = cells_of(owners, len(new))
         on_ranges(_exchange, len(new), observed, attributes, chosen, first, *cells, widest, new, gains, minimum=64)
         moved, positions = np.flatnonzero(new >= 0), chosen.positions.copy()
-        positions[moved] = observed.points.T[new[moved]]
+        positions[moved] = observed.points.take(new[moved], axis=1).T
         chosen = chosen._replace(positions=positions)
         if attributes is not None:
             of_vertices = attributes.of_vertices.copy()
