@@ -22,7 +22,6 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection
 from gppcs.spatial.boxes import Boxes, Tile
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame
 from gppcs.spatial.spacing import surface_area
 from gppcs.streaming.graph import Engine
@@ -71,8 +70,8 @@ class Survey:
         check_constraints(options, int(overview.keep.sum()), overview.weights)
         assert overview.sample is not None
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
-        boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
-        source = Source(parts, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
+        boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper, overview.n_usable)
+        source = Source(parts, boxes, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
         survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
         if files.has_copies or not survey.parts_lie_together():
             runs = sorted_once(parts, boxes, scratch, run_on, timer)
@@ -81,12 +80,10 @@ class Survey:
 
     def parts_lie_together(self) -> bool:
         """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
-        met = 0
-        for tile in self.nodes(TILE):
-            margin = 0.1 * (tile.upper - tile.lower)
-            of_parts = [part for part in self.parts if part.meets(tile.lower - margin, tile.upper + margin)]
-            met += sum(part.count or 0 for part in of_parts)
-        return met <= REREADINGS * self.overview.count
+        tile_of_box = self.tiling(np.zeros(3)).tile_of_box
+        met = [len(np.unique(tile_of_box[self.boxes.meeting(part.lower, part.upper)])) for part in self.parts]
+        counts = [part.count or 0 for part in self.parts]
+        return np.dot(met, counts) <= REREADINGS * self.overview.count
 
     @property
     def outliers(self) -> Ints | None:
@@ -216,12 +213,8 @@ class Survey:
         n_drawn = math.ceil(len(blocks) * min(1.0, PILOT / (fraction * self.overview.n_usable)))
         drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
         block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
-        rows = Rows.joined(
-            rows.only(block_of_box[self.boxes.box_of(rows.points)] == i)  # not those on a cut, which may be a face
-            for i in drawn
-            for rows in [self.source.read(blocks[i].lower, blocks[i].upper)]
-        )
-        rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
+        read = partial(self.source.read_piece, np.isin(block_of_box, drawn), fraction)
+        rows = self.source.joined(self.run_on.run(read, self.source.pieces))
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
         of_sample, of_chosen = (
             block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
