@@ -157,7 +157,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         of_judged = replace(choice.tiling, source=judged.source)
 
         def errors(m: int) -> dict[Measure, float]:
-            prefix = replace(choice, tiling=of_judged, below=float(m - n_keep))  # noqa: B023
+            prefix = replace(choice, tiling=of_judged, last=float(m - n_keep))  # noqa: B023
             sums = survey.run("accuracy", partial(distances_in_tile, prefix, limit), of_judged)  # noqa: B023
             return reduce(add, sums).errors(limit)
 
@@ -173,7 +173,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         if n_outliers:
             diagnostics["points_set_aside"] = float(n_outliers)
     diagnostics |= {f"surface_{name}": survey.scale.outside(error) for name, error in errors_of(enough).items()}
-    return replace(choice, below=float(enough - n_keep)), diagnostics
+    return replace(choice, last=float(enough - n_keep)), diagnostics
 
 
 def _without_gaps(survey: Survey, choice: Choice, gap: float) -> Chosen:

@@ -26,11 +26,11 @@ BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distanc
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Which of the kept points of all tiles stay: the first ones of each quota, or those below a rank."""
+    """Which of the kept points of all tiles stay: the first ones of each quota, or those up to a rank."""
 
     tiling: Tiling
     n_staying: Ints  # (tiles, 256), of each quota
-    below: float = np.inf
+    last: float = np.inf
     added: tuple[Kept, ...] = ()  # besides
 
     def all_kept(self, numbers: Iterable[int] | None = None) -> Kept:
@@ -42,7 +42,8 @@ class Choice:
             numbers = range(len(self.tiling.tiles))
         kept = Kept.joined([*map(self.kept, numbers), *self.added])
         is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
-        return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
+        keys = [point_hashes(kept.points, size=1.0), kept.ranks] if is_ranked else [kept.indices]
+        return kept.take(np.lexsort(keys))
 
     def kept(self, number: int) -> Kept:
         """Read the points of a tile that stay."""
@@ -51,7 +52,7 @@ class Choice:
         labels = kept.labels[order]
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order)) - np.searchsorted(labels, labels)
-        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks < self.below)))
+        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks <= self.last)))
 
     def near(self, number: int, margin: Floats) -> Floats:
         """Read where those points are that stay in a tile or within a margin, (3,); (n, 3)."""

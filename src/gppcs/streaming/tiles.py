@@ -60,14 +60,16 @@ class Guide(Stored):
     n_first: int  # number of these, the first, that all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
 
-    def ranks_of(self, indices: Ints) -> Ints:
-        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
-        first = self.chosen[: self.n_first]
-        by_index = np.argsort(first)
-        ranks = np.zeros(len(indices), dtype=np.int64)
-        is_first = np.isin(indices, first)
-        ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)] + 1
-        return ranks
+    def ranks_of(self, indices: Ints) -> Floats:
+        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, infinite for others."""
+        return looked_up(indices, self.chosen[: self.n_first], np.arange(float(self.n_first)))
+
+
+def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
+    """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
+    result, is_key, order = np.full(len(indices), np.inf), np.isin(indices, keys), np.argsort(keys)
+    result[is_key] = values[order[np.searchsorted(keys, indices[is_key], sorter=order)]]
+    return result
 
 
 @lru_cache(maxsize=4)
@@ -149,12 +151,12 @@ class Kept(Stored):
     indices: Ints  # (k,), in the cloud
     points: Floats  # (k, 3), where they were
     labels: NDArray[np.uint8]  # (k,), their quotas
-    ranks: Floats  # (k,), about the place of each in the order of all; negative for those that are kept anyway
+    # (k,), about the place of each in the order of all: negative if kept anyway, the number of points if spare
+    ranks: Floats
     moved: Floats | None = None  # (k, 3), new positions
     normals: Floats | None = None  # (k, 3)
     score: Floats | None = None  # (k,)
     deviation: Floats | None = None  # (k,)
-    chosen: Floats | None = None  # (k,), 0 for spare points
 
     @classmethod
     def joined(cls, parts: Iterable[Kept]) -> Kept:
@@ -174,11 +176,6 @@ class Kept(Stored):
     def take(self, positions: Ints) -> Kept:
         """Return some of them."""
         return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
-
-    @property
-    def chosen_indices(self) -> Ints:
-        """The indices of all but spare points."""
-        return self.indices if self.chosen is None else self.indices[self.chosen > 0.0]
 
     @property
     def scores(self) -> Mapping[str, Floats]:
@@ -206,41 +203,41 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
-    stays, first = rows.keep, np.zeros(len(rows), dtype=np.int64)
-    if not tiling.options.algorithm.by_cells:
-        earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
-        stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
-        first = np.where(stays | is_done, 0, tiling.guide.ranks_of(rows.indices))
-        fixed = stays | (first > 0)
-        taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
-        if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
-            taken = fixed | ~is_done | (tiling.scale is not None)
-        stays, first, is_own, is_done = stays[taken], first[taken], is_own[taken], is_done[taken]
-        rows = rows.only(taken)
-    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, stays, first, is_own, is_done))
+    ranks = np.where(rows.keep, -1.0, np.inf)  # of those that are chosen already
+    for kept in (Kept.read(tiling.file(i)) for i in tiling.before[number]):
+        of_rows = looked_up(rows.indices, kept.indices, kept.ranks)
+        ranks = np.where(of_rows < tiling.n_points, of_rows, ranks)  # without spare ones
+    settled = is_done | np.isfinite(ranks)
+    ranks = np.where(settled, ranks, tiling.guide.ranks_of(rows.indices))
+    fixed = np.isfinite(ranks)
+    if tiling.spacing is None or tiling.options.algorithm.by_cells:
+        taken = fixed | ~is_done | (tiling.scale is not None)  # not every method tells what only shows the surface
+    else:
+        taken = fixed & is_done | is_own  # what neighbours will see is no matter of this tile
+    rows, ranks, settled, is_own = rows.only(taken), ranks[taken], settled[taken], is_own[taken]
+    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, ranks, settled, is_own))
     if tiling.options.normals:
         kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
     kept.write(tiling.file(number))
     return kept.counts
 
 
-def _selection(
-    tiling: Tiling, number: int, rows: Rows, stays: Flags, first: Ints, is_own: Flags, is_done: Flags
-) -> Selection:
-    """Choose among rows in a tile and around it, those that stay first, then those of the first choice.
+def _selection(tiling: Tiling, number: int, rows: Rows, ranks: Floats, settled: Flags, is_own: Flags) -> Selection:
+    """Choose among rows in a tile and around it, first those with a rank, settled ones before others.
 
-    Indices are those of rows; among the attributes are the ranks in the first choice.
+    Indices are those of rows; among the attributes are these ranks, infinite for new points, and NaN for spare ones.
     """
     weights = rows.columns.get("weight")
+    fixed = np.flatnonzero(np.isfinite(ranks))
     constraints = Constraints(
-        keep=np.concatenate([np.flatnonzero(stays), np.flatnonzero(first)]),
+        keep=fixed[np.lexsort([ranks[fixed], ~settled[fixed]])],
         weights=None if weights is None else weights / tiling.max_weight,
         columns=rows.attributes.attributes,
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    settled = None if tiling.scale is None else (is_done | stays)[indices]
-    task = replace(task, settled=settled, scale=tiling.scale)
+    settled = settled[indices]
+    task = replace(task, settled=None if tiling.scale is None else settled, scale=tiling.scale)
     if tiling.spacing is not None:
         task = replace(task, spacing=tiling.spacing)
     else:
@@ -248,17 +245,17 @@ def _selection(
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
         n_new = tiling.n_points * float(guide.mass[waits].sum())
-        n_new -= np.count_nonzero(first)
+        n_new -= np.count_nonzero(~settled[: task.fixed])
         task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
-    is_free = ~is_done[indices]
+    is_free = ~settled
     is_free[: task.fixed] = True
     if task.spacing is None and not task.fixed < task.n_points < np.count_nonzero(is_free):
         selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
-    ranks = np.zeros(len(selection.indices))
-    ranks[: task.fixed] = first[indices[: task.fixed]]  # also where others stand for them
-    attributes = {**selection.attributes, "first": ranks}
+    of_chosen = np.full(len(selection.indices), np.inf)
+    of_chosen[: task.fixed] = ranks[indices[: task.fixed]]  # also where others stand for them
+    attributes = {**selection.attributes, "rank": of_chosen}
     selection = replace(selection, indices=indices[selection.indices], attributes=attributes)
     return selection if tiling.spacing is not None else _with_spare(selection, indices, points, is_own)
 
@@ -276,8 +273,9 @@ def _with_spare(selection: Selection, indices: Ints, points: Floats, is_own: Fla
     kept = points[selection.indices] if selection.points is None else selection.points
     spare = unchosen[farthest_points(points[unchosen], min(n_spare, len(unchosen)), before=kept)[0]]
     moved = None if selection.points is None else np.concatenate([kept, points[spare]])
-    marked = replace(selection, attributes={**selection.attributes, "chosen": np.ones(len(selection.indices))})
-    return replace(marked.arranged(np.concatenate([selection.indices, spare])), points=moved)
+    longer = selection.arranged(np.concatenate([selection.indices, spare]))
+    longer.attributes["rank"][len(selection.indices) :] = np.nan
+    return replace(longer, points=moved)
 
 
 def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Kept:
@@ -286,8 +284,7 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
     positions = np.concatenate([selection.indices[own], repeats])
     attributes = dict(selection.attributes)
-    first = np.concatenate([attributes.pop("first")[own], np.zeros(len(repeats))])
-    ranks = _ranks(tiling, number, first, rows.keep[positions])
+    ranks = _ranks(tiling, number, np.concatenate([attributes.pop("rank")[own], np.full(len(repeats), -1.0)]))
     order = np.argsort(ranks, kind="stable")
     optional = {"moved": selection.points, "normals": selection.normals, **attributes}
     chosen = {
@@ -301,17 +298,19 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     return Kept(rows.indices[positions], rows.points[positions], rows.labels[positions], ranks[order], **chosen)
 
 
-def _ranks(tiling: Tiling, number: int, first: Floats, is_kept_anyway: Flags) -> Floats:
-    """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice."""
-    guide, is_first = tiling.guide, first > 0.0
-    ranks = np.where(is_first, first - 1.0, -1.0)
-    is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
+def _ranks(tiling: Tiling, number: int, ranks: Floats) -> Floats:
+    """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice.
+
+    The points have those of the first choice, or that of points to keep, -1; new ones inf, and spare ones NaN.
+    """
+    guide, is_new = tiling.guide, np.isinf(ranks)
+    n = int(np.count_nonzero(ranks >= 0.0))
+    n_first = n - int(np.count_nonzero(is_new))
     # The n-th point of a tile comes about where the n-th one of the first choice does.
     of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]
-    of_all = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
-    numbers = np.append(np.arange(len(of_tile)), n)
-    ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, of_all)
-    return ranks
+    numbers, of_all = [-1, *range(len(of_tile)), n], [-1, *of_tile, tiling.n_points]
+    ranks[is_new] = np.interp(np.arange(n_first, n), numbers, of_all)
+    return np.nan_to_num(ranks, nan=tiling.n_points)
 
 
 def normals_at(tiling: Tiling, number: int, positions: Floats, normals: Floats | None = None) -> Floats:

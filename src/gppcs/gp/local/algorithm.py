@@ -46,7 +46,7 @@ class Problem(NamedTuple):
 
     points: Floats  # (N, 3), without repeats
     n_points: int
-    fixed: int = 0  # The first so many points are chosen from the start
+    fixed: int = 0  # The first so many points are chosen already, those that are settled first, in their order
     weights: Floats | None = None  # (N,), above 0: factors of the density of the chosen points
     attributes: NDArray[np.float32] | None = None  # (N, k), which count beside the shape
     # (N,), points that only show where the surface is. Fixed ones that are not may be exchanged for points near them.
@@ -65,8 +65,12 @@ class Problem(NamedTuple):
         """Number of fixed points, the first, that are settled."""
         return 0 if self.settled is None else int(np.count_nonzero(self.settled[: self.fixed]))
 
+    def later(self, target: int) -> slice:
+        """Return the points of finished tiles that do not count yet in a stage, as in the whole they come after it."""
+        return slice(math.ceil(self.finished * target / self.n_points), self.finished)
+
     def n_after(self, target: int) -> int:
-        """Return how many points are chosen when a stage ends: finished tiles are dense from the start."""
+        """Return how many points are chosen when a stage ends, with all of finished tiles."""
         fraction = 1.0 - self.finished / self.n_points
         return self.finished + math.ceil(fraction * target)
 
@@ -112,7 +116,8 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
     positions, sheets = points[indices], None
     if not noise.thick:
         with timer("features"):
-            sheets = normals_of_sheets(tree, positions, stages[-1].spacing)
+            is_thin = None if scale is None else scale.stages[0].alone < 1.0
+            sheets = normals_of_sheets(tree, positions, stages[-1].spacing, is_thin)
     measured = Measured(stages[-1].area, noise, ranks, None if detail is None else detail.values)
     with timer("noise"):
         quadrics = None
@@ -147,6 +152,7 @@ def _choose_in_stage(
         indices = stage.indices[tree.order]
         is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
         is_chosen[ranking.indices] = True
+        is_chosen[problem.later(stage.target)] = False
         chosen = np.flatnonzero(is_chosen[indices])
         settled = None if problem.settled is None else np.flatnonzero(problem.settled[indices])
         added, scores, deviations = extend(
@@ -263,11 +269,10 @@ def field_of(
     else:
         candidates = candidates.take(tree.order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    alone = 1.0 - float(np.mean(candidates.beside_sheets))
-    criterion = replace(criterion, normal_weight=criterion.normal_weight * alone)
     variances = candidates.variances / stage.spacing**2
     detail, weights = candidates.detail, candidates.weights
-    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale)
+    alone = 1.0 - float(np.mean(candidates.beside_sheets))
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale, alone)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -292,6 +297,7 @@ def local_field(
     weights: Floats | None = None,
     spacing: float = 1.0,
     scale: Scale | None = None,
+    alone: float = 1.0,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
@@ -311,6 +317,7 @@ def local_field(
     factor = whole.factor if whole else float(np.sqrt(np.mean(spacings**-2.0)))
     spacings *= factor
     mean, deviation = (whole.mean, whole.deviation) if whole else (float(np.mean(variation)), float(np.std(variation)))
+    alone = whole.alone if whole else alone
     y = np.zeros(len(variances))
     if criterion.error_weight > 0.0 and deviation > VARIATION_ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation
@@ -322,6 +329,6 @@ def local_field(
         noise=NUGGET + variances,
         detail=np.empty((0, len(variances))) if detail is None else detail.distances,
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight * roundness,
+        normal_weight=criterion.normal_weight * roundness * alone,
     )
-    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor)
+    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor, alone)
