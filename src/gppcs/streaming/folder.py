@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -31,6 +32,11 @@ from gppcs.streaming.output import take
 from gppcs.streaming.passes import Choice
 from gppcs.streaming.source import Part
 from gppcs.streaming.tiles import Kept
+
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
 
 REMEDY = "give the same ones, or begin anew with `force`"
 WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
@@ -72,12 +78,40 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
     """
     work = targets[0].path.parent / WORK
     try:
-        _begin(work, files, options, targets, force)
-        yield work
-    except (InputError, ParameterError, FileFormatError):
-        shutil.rmtree(work, ignore_errors=True)
-        raise
-    shutil.rmtree(work)
+        work.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
+    with _without_others(work.parent):
+        try:
+            _begin(work, files, options, targets, force)
+            yield work
+        except (InputError, ParameterError, FileFormatError):
+            shutil.rmtree(work, ignore_errors=True)
+            raise
+        shutil.rmtree(work)
+
+
+@contextmanager
+def _without_others(folder: Path) -> Iterator[None]:
+    """Lock a folder, where the system and the file system can, so that no other run writes to it; not even a like one.
+
+    The system drops the lock with the process.
+    """
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:  # file systems without locks have others
+            if isinstance(error, BlockingIOError):
+                raise OutputError(
+                    f"{folder}: another run writes to it; wait for it, or choose another folder"
+                ) from None
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> None:
@@ -101,7 +135,7 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
         raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
     try:
         shutil.rmtree(work, ignore_errors=True)
-        work.mkdir(parents=True)
+        work.mkdir()
         with whole_output(path) as file:
             file.write(json.dumps(manifest).encode())
     except OSError as error:
