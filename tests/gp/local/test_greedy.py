@@ -102,6 +102,20 @@ def test_parts_choose_what_one_after_another_would(seed, weight, share, flat, si
         np.testing.assert_array_equal(array, wanted)
 
 
+def test_parts_choose_what_one_after_another_would_beside_parts_without_chosen_points(monkeypatch):
+    """Points that are far from all chosen ones reach across a gap to those of parts that do not reach them."""
+    tree, field = random_problem(2_000, 1, 0.0, 0.0, 0.0)
+    positions = field.positions * [[10.0], [10.0], [0.0]]
+    positions[0, positions[0] >= 30.0] += 3.0
+    tree = KdTree.build(positions.T)
+    field = field._replace(positions=tree.points)
+    chosen = np.flatnonzero(tree.points[0] < 10.0)[::3]
+    expected = extend(field, tree, chosen, len(chosen) + 1_200, 1, 0.0)
+    small_parts(monkeypatch)
+    for array, wanted in zip(extend(field, tree, chosen, len(chosen) + 1_200, 1, 0.0), expected, strict=True):
+        np.testing.assert_array_equal(array, wanted)
+
+
 @pytest.mark.parametrize(("k", "w"), [(4, 0.0), (4, 0.3), (12, 0.8)])
 def test_parts_choose_nearly_the_same_where_scores_rise_with_any_number_of_threads(k, w, monkeypatch, on_threads):
     tree, field = random_problem(3_000, k, 1.6, 0.1, 0.3)
@@ -131,16 +145,3 @@ def test_ties_go_to_the_first_in_the_order_of_the_tree(n):
     np.testing.assert_array_equal(extended, [n - 3, *np.delete(np.arange(n), n - 3)])
     np.testing.assert_allclose(scores, np.sqrt(1 / 1.1) + 0.5 / 1.1, rtol=1e-12)
     np.testing.assert_array_equal(deviations, 1)
-
-
-def test_parts_are_neighbours_where_a_point_of_one_may_affect_the_other():
-    """Where only some parts have chosen points from the start, points of the others reach far, and theirs do not."""
-    tree, field = random_problem(800, 0, 0.5, 0.0, 0.0)
-    state = greedy._begin_state(field, tree, np.arange(100), None, 1, 0.0)
-    parts = greedy._divide(state, 16)
-    affects = dense.local_squared_distances(field) < np.maximum.outer(state.ranges, state.ranges)
-    ends = 800 * np.arange(17) // 16
-    of_parts = np.logical_or.reduceat(np.logical_or.reduceat(affects, ends[:-1], axis=0), ends[:-1], axis=1)
-    for part, affected in enumerate(of_parts):
-        expected = np.setdiff1d(np.flatnonzero(affected), [part])
-        assert set(expected) <= set(parts.neighbours[parts.starts[part] : parts.starts[part + 1]])
