@@ -147,17 +147,17 @@ def test_temporary_files_go_to_the_folder_for_them(tmp_path, paths):
 
 SCRIPT = """
 import os, sys, gppcs
-import gppcs.streaming.beyond_memory as beyond_memory, gppcs.streaming.tiles as tiles
+import gppcs.streaming.beyond_memory as beyond_memory, gppcs.streaming.rows as rows
 gppcs.LocalGP.memory = lambda self, n, n_points: 10**12
 beyond_memory.TILE = 2_000
-write, count = tiles.Kept.write, int(sys.argv[1])
+write, count = rows.Rows.write, int(sys.argv[1])
 def write_or_end(kept, path):
     global count
     if not count:
         os._exit(9)
     count -= 1
     write(kept, path)
-tiles.Kept.write = write_or_end
+rows.Rows.write = write_or_end
 gppcs.simplify_tiles(sys.argv[3:], sys.argv[2], n_points=400, memory="1GB")
 """
 

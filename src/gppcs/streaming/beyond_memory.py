@@ -28,6 +28,7 @@ from gppcs.streaming.graph import Engine
 from gppcs.streaming.passes import outliers_in_tile
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.rows import Rows
+from gppcs.streaming.scratch import write_arrays
 from gppcs.streaming.source import Part, Source, sorted_once
 from gppcs.streaming.survey import Overview, read_all
 from gppcs.streaming.tiles import Guide, Tiling
@@ -52,7 +53,6 @@ class Survey:
     source: Source
     options: Options
     frame: Frame
-    boxes: Boxes
     folder: Path
     run_on: Engine
     timer: Timer
@@ -72,7 +72,7 @@ class Survey:
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
         boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper, overview.n_usable)
         source = Source(parts, boxes, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
-        survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
+        survey = cls(parts, overview, source, options, frame, folder, run_on, timer)
         if files.has_copies or not survey.parts_lie_together():
             runs = sorted_once(parts, boxes, scratch, run_on, timer)
             survey = replace(survey, source=replace(source, pieces=runs))
@@ -81,7 +81,7 @@ class Survey:
     def parts_lie_together(self) -> bool:
         """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
         tile_of_box = self.tiling(np.zeros(3)).tile_of_box
-        met = [len(np.unique(tile_of_box[self.boxes.meeting(part.lower, part.upper)])) for part in self.parts]
+        met = [len(np.unique(tile_of_box[self.source.boxes.meeting(part.lower, part.upper)])) for part in self.parts]
         counts = [part.count or 0 for part in self.parts]
         return np.dot(met, counts) <= REREADINGS * self.overview.count
 
@@ -157,14 +157,14 @@ class Survey:
         """Divide the cloud into tiles, of as many points that take part in the choice."""
         tiles = self.nodes(TILE / fraction)
         return Tiling(
-            self.source, self.options, self.frame, self.boxes, tiles, halo, fraction,
+            self.source, self.options, self.frame, tiles, halo, fraction,
             self.overview.weights.maximum, self.details, self.folder, **more,
         )  # fmt: skip
 
     def nodes(self, n_points: float) -> list[Tile]:
         """Return the largest nodes of the tree of boxes with at most so many points, about."""
-        counts = np.bincount(self.boxes.box_of(self.sample.points), minlength=len(self.boxes))
-        return self.boxes.tiles(counts * (self.overview.n_usable / len(self.sample)), n_points)
+        counts = np.bincount(self.source.boxes.box_of(self.sample.points), minlength=len(self.source.boxes))
+        return self.source.boxes.tiles(counts * (self.overview.n_usable / len(self.sample)), n_points)
 
     def tiling_for(self, n_points: int) -> tuple[Tiling, Mapping[str, float]]:
         """Return the tiles for a choice of a number of points besides those to keep, after a first choice in a sample.
@@ -217,7 +217,7 @@ class Survey:
         rows = self.source.joined(self.run_on.run(read, self.source.pieces))
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
         of_sample, of_chosen = (
-            block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
+            block_of_box[self.source.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
         )
         size, expected, actual = (
             np.bincount(of_point, weights, len(blocks)).clip(1e-3)
@@ -238,5 +238,5 @@ class Survey:
         normals = estimate_normals(self.frame.local(sample.points)) if self.options.normals else None
         mass = np.where(sample.keep, 0.0, mass)  # where all points stay, none is added
         mass /= mass.sum() or 1.0
-        guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
-        guide.write(tiling.guide_file)
+        guide = Guide(sample.points, mass, sample.points[chosen], sample.indices[chosen[:n_first]], normals)
+        write_arrays(tiling.guide_file, vars(guide))

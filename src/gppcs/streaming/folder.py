@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shutil
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -30,13 +31,11 @@ from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import own_version
 from gppcs.streaming.output import take
 from gppcs.streaming.passes import Choice
+from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
-from gppcs.streaming.tiles import Kept
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # on Windows
-    fcntl = None  # type: ignore[assignment]
 
 REMEDY = "give the same ones, or begin anew with `force`"
 WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
@@ -97,7 +96,7 @@ def _without_others(folder: Path) -> Iterator[None]:
 
     The system drops the lock with the process.
     """
-    if fcntl is None:
+    if sys.platform == "win32":
         yield
         return
     descriptor = os.open(folder, os.O_RDONLY)
@@ -178,7 +177,7 @@ def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
     return written
 
 
-def _kept_in(choice: Choice, parts: Sequence[Part]) -> Kept:
+def _kept_in(choice: Choice, parts: Sequence[Part]) -> Rows:
     """Return the kept points of the parts of a file."""
     first, last = parts[0], parts[-1]
     lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))
