@@ -35,6 +35,10 @@ from gppcs.surface.surface_variation import Features, features_in_radius, featur
 
 S = TypeVar("S", bound=np.generic)
 
+# Distance from points that finished tiles add later, in desired spacings, at which none is chosen: with 0.35, pairs at
+# borders are up to twice as often close; with 0.8, mean errors are 1 % larger.
+CLEARANCE = 0.5
+
 
 def _taken(column: NDArray[S] | None, indices: Ints) -> NDArray[S] | None:
     """Return some entries of a column, if there is one."""
@@ -152,9 +156,14 @@ def _choose_in_stage(
         indices = stage.indices[tree.order]
         is_chosen = np.zeros(stage.indices[-1] + 1, dtype=np.bool_)
         is_chosen[ranking.indices] = True
-        is_chosen[problem.later(stage.target)] = False
+        later = problem.later(stage.target)
+        is_chosen[later] = False
         chosen = np.flatnonzero(is_chosen[indices])
-        settled = None if problem.settled is None else np.flatnonzero(problem.settled[indices])
+        settled = None
+        if problem.settled is not None:
+            spacings = field.spacings * math.sqrt(stage.target / problem.n_points)  # at the end
+            crowded = _near_any(tree, problem.points[later] / stage.spacing, CLEARANCE * spacings)
+            settled = np.flatnonzero(problem.settled[indices] | crowded)
         added, scores, deviations = extend(
             field, tree, chosen, n_added, criterion.neighbours, criterion.error_weight, settled, on_progress
         )
@@ -164,6 +173,13 @@ def _choose_in_stage(
         deviations=np.concatenate([ranking.deviations, deviations]),
         stages=(measured, *ranking.stages),
     )
+
+
+def _near_any(tree: KdTree, points: Floats, radii: Floats) -> Flags:
+    """Return which of the n points of a tree, in its order, have one of some points, (k, 3), within radii, (n,)."""
+    if not len(points):
+        return np.zeros(len(radii), dtype=np.bool_)
+    return np.asarray(KdTree.build(points).nearest_of(tree.points.T, 1)[1][:, 0] < radii**2)
 
 
 def choose_denoised(problem: Problem, criterion: Criterion, timer: Timer) -> Ranking:
