@@ -98,6 +98,19 @@ def test_bad_input_leaves_nothing_that_refuses_the_next_call(tmp_path):
     assert sum(gppcs.simplify_tiles(paths, output, n_points=100, method="random", invalid="drop").values()) == 100
 
 
+def test_of_two_runs_in_one_folder_the_second_is_refused(tmp_path, paths, monkeypatch):
+    pytest.importorskip("fcntl")
+    options, write = {"n_points": 300, "method": "random"}, Target.write
+
+    def write_during_another(target, cloud, indices):
+        with pytest.raises(OutputError, match="another run"):
+            gppcs.simplify_tiles(paths, tmp_path / "out", **options)
+        return write(target, cloud, indices)
+
+    monkeypatch.setattr(Target, "write", write_during_another)
+    assert sum(gppcs.simplify_tiles(paths, tmp_path / "out", **options).values()) == 300
+
+
 def test_an_index_of_the_user_is_not_overwritten(tmp_path, paths):
     index = tmp_path / "out" / "index.vpc"
     index.parent.mkdir()
@@ -134,17 +147,17 @@ def test_temporary_files_go_to_the_folder_for_them(tmp_path, paths):
 
 SCRIPT = """
 import os, sys, gppcs
-import gppcs.streaming.beyond_memory as beyond_memory, gppcs.streaming.tiles as tiles
+import gppcs.streaming.beyond_memory as beyond_memory, gppcs.streaming.rows as rows
 gppcs.LocalGP.memory = lambda self, n, n_points: 10**12
 beyond_memory.TILE = 2_000
-write, count = tiles.Kept.write, int(sys.argv[1])
+write, count = rows.Rows.write, int(sys.argv[1])
 def write_or_end(kept, path):
     global count
     if not count:
         os._exit(9)
     count -= 1
     write(kept, path)
-tiles.Kept.write = write_or_end
+rows.Rows.write = write_or_end
 gppcs.simplify_tiles(sys.argv[3:], sys.argv[2], n_points=400, memory="1GB")
 """
 

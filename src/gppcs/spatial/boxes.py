@@ -18,7 +18,8 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 
 BOXES = 1 << 14  # Boxes at most.
-SAMPLED_PER_BOX = 16
+SAMPLED_PER_BOX, POINTS_PER_BOX = 16, 1024  # At least.
+FLAT = 0.25  # Of the mean distance of coordinates: where they are nearer to each other, points lie on a face.
 
 
 class Tile(NamedTuple):
@@ -40,9 +41,11 @@ class Boxes:
     upper: Floats  # (2 nodes, 3)
 
     @classmethod
-    def from_sample(cls, sample: Floats, lowest: Floats, highest: Floats) -> Boxes:
+    def from_sample(cls, sample: Floats, lowest: Floats, highest: Floats, n_points: int) -> Boxes:
         """Divide the box between two corners, (3,), into boxes with about as many points of a sample, (n, 3), each."""
-        count = 1 << min(BOXES, max(1, len(sample) // SAMPLED_PER_BOX)).bit_length() - 1
+        count = (
+            1 << min(BOXES, max(1, min(len(sample) // SAMPLED_PER_BOX, n_points // POINTS_PER_BOX))).bit_length() - 1
+        )
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         lower, upper = np.empty((2, 2 * count, 3))
         lower[1], upper[1] = lowest, highest
@@ -51,7 +54,7 @@ class Boxes:
             points = inside.pop(node)
             sides = np.ptp(points, axis=0) if len(points) else upper[node] - lower[node]
             axis = int(np.argmax(sides))
-            cut = float(np.median(points[:, axis])) if len(points) else (lower[node, axis] + upper[node, axis]) / 2.0
+            cut = _cut(points[:, axis]) if len(points) else (lower[node, axis] + upper[node, axis]) / 2.0
             axes[node], cuts[node] = axis, cut
             lower[2 * node : 2 * node + 2], upper[2 * node : 2 * node + 2] = lower[node], upper[node]
             upper[2 * node, axis] = lower[2 * node + 1, axis] = cut
@@ -86,6 +89,18 @@ class Boxes:
         """Return the boxes, ascending, that may hold points between two corners, (3,)."""
         own_lower, own_upper = self.lower[len(self) :], self.upper[len(self) :]
         return np.flatnonzero(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
+
+
+def _cut(values: Floats) -> float:
+    """Return the median of coordinates, (n,), or near it one where fewer lie, if it runs along a face of the cloud."""
+    values = np.sort(values)
+    n, width = len(values), len(values) // 16
+    spans = values[2 * width :] - values[: n - 2 * width]  # around each but the first and last
+    middle = n // 2 - width
+    if width and spans[middle] < FLAT * 2.0 * width / n * (values[-1] - values[0]):
+        first = n // 4 - width
+        middle = first + int(np.argmax(spans[first : 3 * n // 4 - width]))
+    return float(values[middle + width])
 
 
 def inside(points: Floats, lower: Floats, upper: Floats) -> Flags:

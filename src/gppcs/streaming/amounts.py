@@ -28,7 +28,8 @@ from gppcs.streaming.passes import (
     margin_of_gaps,
     unchosen_in_tile,
 )
-from gppcs.streaming.tiles import Kept, Tiling, choose_in_tile
+from gppcs.streaming.rows import Rows
+from gppcs.streaming.tiles import Tiling, choose_in_tile
 
 Chosen = tuple[Choice, Mapping[str, float]]  # with diagnostics
 
@@ -98,7 +99,7 @@ def _divided(counts: Ints, n_keep: Ints, numbers: Ints) -> Ints:
 def _filled(survey: Survey, choice: Choice, missing: Ints) -> Choice:
     """Add as many points as are missing of each quota, (256,), such as repeats of those that are kept."""
     task = partial(unchosen_in_tile, choice, missing)
-    spare = Kept.joined(survey.run("repeats", task, choice.tiling))
+    spare = Rows.joined(survey.run("repeats", task, choice.tiling))
     order = np.lexsort([spare.indices, point_hashes(spare.points, size=1.0)])
     by_quota = [order[spare.labels[order] == label][: missing[label]] for label in np.flatnonzero(missing)]
     return replace(choice, added=(spare.take(np.concatenate(by_quota)),))
@@ -157,7 +158,7 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         of_judged = replace(choice.tiling, source=judged.source)
 
         def errors(m: int) -> dict[Measure, float]:
-            prefix = replace(choice, tiling=of_judged, below=float(m - n_keep))  # noqa: B023
+            prefix = replace(choice, tiling=of_judged, last=float(m - n_keep))  # noqa: B023
             sums = survey.run("accuracy", partial(distances_in_tile, prefix, limit), of_judged)  # noqa: B023
             return reduce(add, sums).errors(limit)
 
@@ -173,14 +174,14 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         if n_outliers:
             diagnostics["points_set_aside"] = float(n_outliers)
     diagnostics |= {f"surface_{name}": survey.scale.outside(error) for name, error in errors_of(enough).items()}
-    return replace(choice, below=float(enough - n_keep)), diagnostics
+    return replace(choice, last=float(enough - n_keep)), diagnostics
 
 
 def _without_gaps(survey: Survey, choice: Choice, gap: float) -> Chosen:
     """Add points, each the farthest from all others, until none is farther from one than a gap."""
     before = neighbours_before(choice.tiling.tiles, margin_of_gaps(choice.tiling, gap))
     largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap, before), choice.tiling, before)
-    added = [Kept.read(file_of_gaps(choice.tiling, number)) for number in range(len(largest))]
+    added = [Rows.read(file_of_gaps(choice.tiling, number)) for number in range(len(largest))]
     outside = survey.scale.outside
     figures = {"added_in_gaps": float(sum(len(kept.indices) for kept in added)), "largest_gap": outside(max(largest))}
     return replace(choice, added=(*choice.added, *added)), {**figures, "max_gap": outside(gap)}

@@ -22,13 +22,13 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection
 from gppcs.spatial.boxes import Boxes, Tile
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.spatial.scaling import Frame
 from gppcs.spatial.spacing import surface_area
 from gppcs.streaming.graph import Engine
 from gppcs.streaming.passes import outliers_in_tile
 from gppcs.streaming.plan import Plan
 from gppcs.streaming.rows import Rows
+from gppcs.streaming.scratch import write_arrays
 from gppcs.streaming.source import Part, Source, sorted_once
 from gppcs.streaming.survey import Overview, read_all
 from gppcs.streaming.tiles import Guide, Tiling
@@ -53,7 +53,6 @@ class Survey:
     source: Source
     options: Options
     frame: Frame
-    boxes: Boxes
     folder: Path
     run_on: Engine
     timer: Timer
@@ -71,9 +70,9 @@ class Survey:
         check_constraints(options, int(overview.keep.sum()), overview.weights)
         assert overview.sample is not None
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
-        boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper)
-        source = Source(parts, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
-        survey = cls(parts, overview, source, options, frame, boxes, folder, run_on, timer)
+        boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper, overview.n_usable)
+        source = Source(parts, boxes, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
+        survey = cls(parts, overview, source, options, frame, folder, run_on, timer)
         if files.has_copies or not survey.parts_lie_together():
             runs = sorted_once(parts, boxes, scratch, run_on, timer)
             survey = replace(survey, source=replace(source, pieces=runs))
@@ -81,12 +80,10 @@ class Survey:
 
     def parts_lie_together(self) -> bool:
         """Return whether tiles meet so few files that it is cheaper to read these than to sort all points."""
-        met = 0
-        for tile in self.nodes(TILE):
-            margin = 0.1 * (tile.upper - tile.lower)
-            of_parts = [part for part in self.parts if part.meets(tile.lower - margin, tile.upper + margin)]
-            met += sum(part.count or 0 for part in of_parts)
-        return met <= REREADINGS * self.overview.count
+        tile_of_box = self.tiling(np.zeros(3)).tile_of_box
+        met = [len(np.unique(tile_of_box[self.source.boxes.meeting(part.lower, part.upper)])) for part in self.parts]
+        counts = [part.count or 0 for part in self.parts]
+        return np.dot(met, counts) <= REREADINGS * self.overview.count
 
     @property
     def outliers(self) -> Ints | None:
@@ -160,14 +157,14 @@ class Survey:
         """Divide the cloud into tiles, of as many points that take part in the choice."""
         tiles = self.nodes(TILE / fraction)
         return Tiling(
-            self.source, self.options, self.frame, self.boxes, tiles, halo, fraction,
+            self.source, self.options, self.frame, tiles, halo, fraction,
             self.overview.weights.maximum, self.details, self.folder, **more,
         )  # fmt: skip
 
     def nodes(self, n_points: float) -> list[Tile]:
         """Return the largest nodes of the tree of boxes with at most so many points, about."""
-        counts = np.bincount(self.boxes.box_of(self.sample.points), minlength=len(self.boxes))
-        return self.boxes.tiles(counts * (self.overview.n_usable / len(self.sample)), n_points)
+        counts = np.bincount(self.source.boxes.box_of(self.sample.points), minlength=len(self.source.boxes))
+        return self.source.boxes.tiles(counts * (self.overview.n_usable / len(self.sample)), n_points)
 
     def tiling_for(self, n_points: int) -> tuple[Tiling, Mapping[str, float]]:
         """Return the tiles for a choice of a number of points besides those to keep, after a first choice in a sample.
@@ -216,15 +213,11 @@ class Survey:
         n_drawn = math.ceil(len(blocks) * min(1.0, PILOT / (fraction * self.overview.n_usable)))
         drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
         block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
-        rows = Rows.joined(
-            rows.only(block_of_box[self.boxes.box_of(rows.points)] == i)  # not those on a cut, which may be a face
-            for i in drawn
-            for rows in [self.source.read(blocks[i].lower, blocks[i].upper)]
-        )
-        rows = rows.only(point_hashes(rows.points, size=1.0) < fraction * HASHES)
+        read = partial(self.source.read_piece, np.isin(block_of_box, drawn), fraction)
+        rows = self.source.joined(self.run_on.run(read, self.source.pieces))
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
         of_sample, of_chosen = (
-            block_of_box[self.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
+            block_of_box[self.source.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
         )
         size, expected, actual = (
             np.bincount(of_point, weights, len(blocks)).clip(1e-3)
@@ -245,5 +238,5 @@ class Survey:
         normals = estimate_normals(self.frame.local(sample.points)) if self.options.normals else None
         mass = np.where(sample.keep, 0.0, mass)  # where all points stay, none is added
         mass /= mass.sum() or 1.0
-        guide = Guide(sample.points, mass, sample.indices[chosen], sample.points[chosen], n_first, normals)
-        guide.write(tiling.guide_file)
+        guide = Guide(sample.points, mass, sample.points[chosen], sample.indices[chosen[:n_first]], normals)
+        write_arrays(tiling.guide_file, vars(guide))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -29,8 +31,11 @@ from gppcs.spatial.scaling import bounds
 from gppcs.streaming.graph import own_version
 from gppcs.streaming.output import take
 from gppcs.streaming.passes import Choice
+from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
-from gppcs.streaming.tiles import Kept
+
+if sys.platform != "win32":
+    import fcntl
 
 REMEDY = "give the same ones, or begin anew with `force`"
 WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
@@ -72,12 +77,40 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
     """
     work = targets[0].path.parent / WORK
     try:
-        _begin(work, files, options, targets, force)
-        yield work
-    except (InputError, ParameterError, FileFormatError):
-        shutil.rmtree(work, ignore_errors=True)
-        raise
-    shutil.rmtree(work)
+        work.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
+    with _without_others(work.parent):
+        try:
+            _begin(work, files, options, targets, force)
+            yield work
+        except (InputError, ParameterError, FileFormatError):
+            shutil.rmtree(work, ignore_errors=True)
+            raise
+        shutil.rmtree(work)
+
+
+@contextmanager
+def _without_others(folder: Path) -> Iterator[None]:
+    """Lock a folder, where the system and the file system can, so that no other run writes to it; not even a like one.
+
+    The system drops the lock with the process.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:  # file systems without locks have others
+            if isinstance(error, BlockingIOError):
+                raise OutputError(
+                    f"{folder}: another run writes to it; wait for it, or choose another folder"
+                ) from None
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> None:
@@ -101,7 +134,7 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
         raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
     try:
         shutil.rmtree(work, ignore_errors=True)
-        work.mkdir(parents=True)
+        work.mkdir()
         with whole_output(path) as file:
             file.write(json.dumps(manifest).encode())
     except OSError as error:
@@ -144,7 +177,7 @@ def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
     return written
 
 
-def _kept_in(choice: Choice, parts: Sequence[Part]) -> Kept:
+def _kept_in(choice: Choice, parts: Sequence[Part]) -> Rows:
     """Return the kept points of the parts of a file."""
     first, last = parts[0], parts[-1]
     lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))

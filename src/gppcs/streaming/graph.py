@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import platform
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,7 +10,6 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
 from graphlib import TopologicalSorter
 from typing import Any
 
@@ -41,10 +39,8 @@ class Engine:
         """
         before = dict(enumerate(after or [()] * len(arguments)))
         task = Call(function, platform.node(), os.getpid(), own_version())
-        if isinstance(self.executor, ThreadPoolExecutor):
-            return self._run_in_order(task, arguments, before, on_progress)
         if isinstance(self.executor, Executor):
-            return self._run_in_order(PickledCall(pickle.dumps(task)), arguments, before, on_progress)
+            return self._run_in_order(task, arguments, before, on_progress)
         from distributed import as_completed
 
         shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
@@ -104,23 +100,6 @@ class Call:
                 return self.function(argument)
         with on_one_thread():
             return self.function(argument)
-
-
-@dataclass(frozen=True)
-class PickledCall:
-    """A call that is pickled once, not for each task; each process unpickles it once."""
-
-    pickled: bytes
-
-    def __call__(self, argument: Any) -> Any:
-        """Call the function."""
-        return _unpickled(self.pickled)(argument)
-
-
-@lru_cache(maxsize=2)
-def _unpickled(pickled: bytes) -> Call:
-    call: Call = pickle.loads(pickled)
-    return call
 
 
 @contextmanager

@@ -10,8 +10,8 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud, with_normals
 from gppcs.engine.arrays import Ints
 from gppcs.io.joining import JointColumns, joined
+from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
-from gppcs.streaming.tiles import Kept
 from gppcs.surface.normals import with_signs_of
 
 Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
@@ -19,7 +19,7 @@ Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 def take(
     parts: Sequence[Part],
-    kept: Kept,
+    kept: Rows,
     columns: JointColumns | None = None,
     apply: Apply = lambda f, tasks: map(f, tasks),
 ) -> PointCloud:
@@ -34,7 +34,13 @@ def take(
         tasks.append((part, kept.indices[order[begin:end]]))
     clouds = list(apply(rows_of, tasks))
     cloud = joined(clouds) if columns is None else columns.joined(clouds)
-    return finished(cloud.take(np.argsort(order)), kept)
+    cloud = cloud.take(np.argsort(order))
+    if "moved" in kept.columns:
+        cloud = cloud.moved(kept.positions)
+    normals, original = kept.columns.get("normals"), cloud.normals()
+    if normals is None:
+        return cloud
+    return with_normals(cloud, normals if original is None else with_signs_of(normals, original))
 
 
 def rows_of(task: tuple[Part, Ints]) -> PointCloud:
@@ -50,13 +56,3 @@ def rows_of(task: tuple[Part, Ints]) -> PointCloud:
         columns.add(cloud)
         clouds.append(cloud.take(indices[begin:end] - first))
     return columns.joined(clouds)
-
-
-def finished(cloud: PointCloud, kept: Kept) -> PointCloud:
-    """Return kept points with their new positions and normals, if they have some."""
-    if kept.moved is not None:
-        cloud = cloud.moved(kept.moved)
-    if kept.normals is None:
-        return cloud
-    original = cloud.normals()
-    return with_normals(cloud, kept.normals if original is None else with_signs_of(kept.normals, original))

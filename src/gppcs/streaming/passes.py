@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.rows import Rows
-from gppcs.streaming.tiles import Kept, Tiling, normals_at
+from gppcs.streaming.tiles import Tiling, with_normals
 from gppcs.surface.outliers import CLUMP_NEIGHBOURS, outliers_among
 
 BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distances, in tolerances, which is one of them.
@@ -26,32 +26,33 @@ BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distanc
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Which of the kept points of all tiles stay: the first ones of each quota, or those below a rank."""
+    """Which of the kept points of all tiles stay: the first ones of each quota, or those up to a rank."""
 
     tiling: Tiling
     n_staying: Ints  # (tiles, 256), of each quota
-    below: float = np.inf
-    added: tuple[Kept, ...] = ()  # besides
+    last: float = np.inf
+    added: tuple[Rows, ...] = ()  # besides
 
-    def all_kept(self, numbers: Iterable[int] | None = None) -> Kept:
+    def all_kept(self, numbers: Iterable[int] | None = None) -> Rows:
         """Read the points of some tiles, or all, that stay, and what is added to any.
 
         The most important come first; if the method does not rank, they have the order of the files.
         """
         if numbers is None:
             numbers = range(len(self.tiling.tiles))
-        kept = Kept.joined([*map(self.kept, numbers), *self.added])
+        kept = Rows.joined([*map(self.kept, numbers), *self.added])
         is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
-        return kept.take(np.lexsort([kept.indices, kept.ranks] if is_ranked else [kept.indices]))
+        keys = [point_hashes(kept.points, size=1.0), kept.ranks] if is_ranked else [kept.indices]
+        return kept.take(np.lexsort(keys))
 
-    def kept(self, number: int) -> Kept:
+    def kept(self, number: int) -> Rows:
         """Read the points of a tile that stay."""
-        kept = Kept.read(self.tiling.file(number))
+        kept = Rows.read(self.tiling.file(number))
         order = np.argsort(kept.labels, kind="stable")
         labels = kept.labels[order]
         place = np.empty(len(order), dtype=np.int64)
         place[order] = np.arange(len(order)) - np.searchsorted(labels, labels)
-        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks < self.below)))
+        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks <= self.last)))
 
     def near(self, number: int, margin: Floats) -> Floats:
         """Read where those points are that stay in a tile or within a margin, (3,); (n, 3)."""
@@ -127,7 +128,7 @@ def distances_in_tile(choice: Choice, tolerance: float, number: int) -> Distance
     return Distances.from_values(distances_to(tiling.frame.near(kept), local), tolerance)
 
 
-def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Kept:
+def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
     """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
     rows = choice.tiling.own(number)
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
@@ -142,7 +143,7 @@ def fill_gaps_in_tile(choice: Choice, gap: float, before: Sequence[Sequence[int]
     Some tiles, whose points count as well, go before each.
     """
     tiling, rows = choice.tiling, choice.tiling.own(number)
-    earlier = [Kept.read(file_of_gaps(tiling, i)).points for i in before[number]]
+    earlier = [Rows.read(file_of_gaps(tiling, i)).points for i in before[number]]
     kept = np.concatenate([choice.near(number, margin_of_gaps(tiling, gap)), *earlier])
     added, largest = np.arange(0), 0.0
     if len(rows):
@@ -161,7 +162,7 @@ def file_of_gaps(tiling: Tiling, number: int) -> Path:
     return tiling.folder / f"{number}.gaps.npz"
 
 
-def _added(tiling: Tiling, number: int, rows: Rows) -> Kept:
+def _added(tiling: Tiling, number: int, rows: Rows) -> Rows:
     """Return points that are kept besides those that were chosen."""
-    kept = Kept(rows.indices, rows.points, rows.labels, np.full(len(rows), np.inf))
-    return replace(kept, normals=normals_at(tiling, number, kept.points)) if tiling.options.normals else kept
+    kept = Rows(rows.indices, rows.points, {"label": rows.labels, "rank": np.full(len(rows), np.inf)})
+    return with_normals(tiling, number, kept) if tiling.options.normals else kept

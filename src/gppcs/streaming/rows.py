@@ -1,10 +1,11 @@
-"""Points of files with what the choice needs of each."""
+"""Points of files with what the choice needs of each, and what it finds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +14,19 @@ from gppcs.amounts.constraints import Constraints, WeightRange
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
+from gppcs.methods.method import SCORES
+from gppcs.streaming.scratch import read_arrays, write_arrays
 
 ATTRIBUTE = "attribute "  # begins the names of columns that are attributes of the cloud
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Some points of a cloud that may be kept.
+    """Some points of a cloud.
 
-    The columns are "keep", "weight" and "label", (n,), as far as the options ask for them (see `Constraints`), and the
-    attributes that the method reads.
+    Of points that may be kept, the columns are "keep", "weight" and "label", (n,), as far as the options ask for them
+    (see `Constraints`), and the attributes that the method reads. Of those that are kept, they are "label", "rank",
+    (n,), and what the method tells of some: new positions, "moved", (n, 3), "normals", (n, 3), and scores, (n,).
     """
 
     indices: Ints  # (n,), in the cloud
@@ -49,14 +53,33 @@ class Rows:
 
     @classmethod
     def joined(cls, parts: Iterable[Rows]) -> Rows:
-        """Return the rows of at least one part as one."""
+        """Return the rows of at least one part as one; of columns that a part lacks, its rows have 0."""
         listed = list(parts)
-        names = listed[0].columns
+        columns = {name: values for part in listed for name, values in part.columns.items()}
         return cls(
             np.concatenate([part.indices for part in listed]),
             np.concatenate([part.points for part in listed]),
-            {name: np.concatenate([part.columns[name] for part in listed]) for name in names},
+            {
+                name: np.concatenate([part.column(name, values.dtype, values.shape[1:]) for part in listed])
+                for name, values in columns.items()
+            },
         )
+
+    def column(self, name: str, kind: Any = np.float64, shape: tuple[int, ...] = ()) -> NDArray[Any]:
+        """Return a column, (n, *shape); where points are, if none is moved, and otherwise 0 if it is missing."""
+        if name not in self.columns and name == "moved":
+            return self.points
+        return self.columns.get(name, np.zeros((len(self), *shape), kind))
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read rows that a task has written."""
+        columns = read_arrays(path)
+        return cls(columns.pop("indices"), columns.pop("points"), columns)
+
+    def write(self, path: Path) -> None:
+        """Write a file."""
+        write_arrays(path, {"indices": self.indices, "points": self.points, **self.columns})
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -73,12 +96,35 @@ class Rows:
     @property
     def keep(self) -> Flags:
         """Which of them are kept whatever happens, (n,)."""
-        return self.columns.get("keep", np.zeros(len(self), dtype=np.bool_))
+        return self.column("keep", np.bool_)
 
     @property
     def labels(self) -> NDArray[np.uint8]:
         """The quota of each, (n,); 0 without quotas."""
-        return self.columns.get("label", np.zeros(len(self), dtype=np.uint8))
+        return self.column("label", np.uint8)
+
+    @property
+    def ranks(self) -> Floats:
+        """About the place of each kept one in the order of all, (n,).
+
+        It is negative for points that are kept anyway, and the number of all for spare ones.
+        """
+        return self.columns["rank"]
+
+    @property
+    def positions(self) -> Floats:
+        """Where they are in the end, (n, 3)."""
+        return self.column("moved")
+
+    @property
+    def scores(self) -> Mapping[str, Floats]:
+        """The scores of the method, if it reports some."""
+        return {name: self.columns[name] for name in SCORES if name in self.columns}
+
+    @property
+    def counts(self) -> Ints:
+        """Number of kept points, and of those that are kept anyway, by quota, (2, 256)."""
+        return np.array([np.bincount(labels, minlength=256) for labels in (self.labels, self.labels[self.ranks < 0.0])])
 
     @property
     def attributes(self) -> PointCloud:

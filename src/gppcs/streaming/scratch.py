@@ -6,14 +6,18 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.engine.memory import size_of
 from gppcs.errors import OutputError
+from gppcs.io.arrays import header_lock
 
 
 @contextmanager
@@ -49,3 +53,15 @@ def complete_file(path: Path) -> Iterator[BinaryIO]:
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays that tasks leave for each other, but those that are missing."""
+    with complete_file(path) as file:
+        np.savez(file, **{name: values for name, values in arrays.items() if values is not None})
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Read arrays."""
+    with header_lock, np.load(path) as stored:
+        return dict(stored)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import PointCloud
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
@@ -63,66 +62,43 @@ class Part:
             return self.options
         return replace(self.options, keep=keep, weight=weight)
 
-    def meets(self, lower: Floats, upper: Floats) -> bool:
-        """Return whether points may lie between two corners, (3,)."""
-        return bool(((self.lower <= upper) & (self.upper >= lower)).all())
-
-    def read(self, lower: Floats, upper: Floats) -> Iterator[Rows]:
-        """Read the points between two corners, (3,)."""
-        # Several tiles may read a file at once, each with a file object of its own.
-        for rows in replace(self, files=copy(self.files)).chunks():
-            yield rows.only(inside(rows.points, lower, upper))
+    def read(self, boxes: Boxes, wanted: Flags) -> Iterator[Rows]:
+        """Read the points in some boxes, a mask of all, (boxes,)."""
+        if wanted[boxes.meeting(self.lower, self.upper)].any():
+            # Several tasks may read a file at once, each with a file object of its own.
+            for rows in replace(self, files=copy(self.files)).chunks():
+                yield rows.only(wanted[boxes.box_of(rows.points)])
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A file of points that are sorted by boxes, column by column."""
+    """A file of points that are sorted by boxes."""
 
     path: Path
-    boxes: Boxes
     starts: Ints  # (boxes + 1,), where the points of each box begin
-    kinds: Mapping[str, np.dtype[Any]]  # of a column, one value
 
     @classmethod
     def write(cls, path: Path, boxes: Boxes, rows: Rows) -> Run:
         """Sort points into a new file."""
         of_point = boxes.box_of(rows.points).astype(np.min_scalar_type(len(boxes)))  # sorted by radix, up to 16 bits
-        rows = rows.take(np.argsort(of_point, kind="stable"))
-        starts = np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))])
+        order = np.argsort(of_point, kind="stable")
         columns = {"index": rows.indices, "point": rows.points, **rows.columns}
-        kinds = {name: np.dtype((values.dtype, values.shape[1:])) for name, values in columns.items()}
+        stored = np.empty(len(rows), [(name, values.dtype, values.shape[1:]) for name, values in columns.items()])
+        for name, values in columns.items():
+            stored[name] = values[order]
         with complete_file(path) as file:
-            for values in columns.values():
-                values.tofile(file)
-        return cls(path, boxes, starts, kinds)
+            np.save(file, stored)
+        return cls(path, np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))]))
 
-    def meets(self, lower: Floats, upper: Floats) -> bool:
-        """Return whether points may lie between two corners, (3,)."""
-        return any(first < last for first, last in self._spans(lower, upper))
-
-    def read(self, lower: Floats, upper: Floats) -> Iterator[Rows]:
-        """Read the points between two corners, (3,)."""
-        spans = self._spans(lower, upper)
-        columns, begin = {}, 0
-        with self.path.open("rb", buffering=0) as file:
-            for name, kind in self.kinds.items():
-                values = np.empty(sum(last - first for first, last in spans), kind)
-                n = 0
-                for first, last in spans:
-                    file.seek(begin + first * kind.itemsize)
-                    file.readinto(values[n : n + last - first].view(np.uint8).data)
-                    n += last - first
-                columns[name] = values
-                begin += int(self.starts[-1]) * kind.itemsize
-        rows = Rows(columns.pop("index"), columns.pop("point"), columns)
-        yield rows.only(inside(rows.points, lower, upper))
-
-    def _spans(self, lower: Floats, upper: Floats) -> list[tuple[int, int]]:
-        """Return where points of boxes that may lie between two corners begin and end."""
-        near = self.boxes.meeting(lower, upper)
-        together = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(near) else []
-        spans = [(int(self.starts[span[0]]), int(self.starts[span[-1] + 1])) for span in together]
-        return [span for span in spans if span[0] < span[1]]
+    def read(self, boxes: Boxes, wanted: Flags) -> Iterator[Rows]:
+        """Read the points in some boxes, a mask of all, (boxes,)."""
+        ends = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).reshape(-1, 2)  # of boxes one after another
+        spans = [(first, last) for first, last in self.starts[ends] if first < last]
+        if spans:
+            stored = np.load(self.path, mmap_mode="r")
+            rows = np.concatenate([stored[first:last] for first, last in spans])
+            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+            yield Rows(columns.pop("index"), columns.pop("point"), columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,26 +106,32 @@ class Source:
     """The points of a cloud, by the box in which they lie."""
 
     pieces: Sequence[Part | Run]
+    boxes: Boxes
     nothing: Rows  # of the same columns
     excluded: Ints  # (n,), ascending: indices of outliers, which are not there
 
     def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
-        """Read the points between two corners, (3,), in an order that does not depend on that of the files."""
-        parts = [
-            _drawn(rows, fraction)
-            for piece in self.pieces
-            if piece.meets(lower, upper)
-            for rows in piece.read(lower, upper)
-        ]
-        rows = Rows.joined([self.nothing, *parts])
+        """Read a fraction of the points between two corners, (3,), in an order that does not depend on the files."""
+        wanted = np.zeros(len(self.boxes), dtype=np.bool_)
+        wanted[self.boxes.meeting(lower, upper)] = True
+        rows = self.joined(self.read_piece(wanted, fraction, piece) for piece in self.pieces)
+        return rows.only(inside(rows.points, lower, upper))
+
+    def read_piece(self, wanted: Flags, fraction: float, piece: Part | Run) -> Rows:
+        """Read a fraction of the places in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
+        parts = [self.nothing]
+        for rows in piece.read(self.boxes, wanted):
+            parts.append(rows)
+            if fraction < 1.0:
+                parts[-1] = rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
+        return Rows.joined(parts)
+
+    def joined(self, parts: Iterable[Rows]) -> Rows:
+        """Return what is read of all pieces, in the order of the hashes, but the outliers."""
+        rows = Rows.joined(parts)
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
         return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
-
-
-def _drawn(rows: Rows, fraction: float) -> Rows:
-    """Return a fraction of the places, by their hashes, and all points to keep."""
-    return rows if fraction >= 1.0 else rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:

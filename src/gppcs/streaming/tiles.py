@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gppcs.amounts.choice import task_of
 from gppcs.amounts.constraints import Constraints
@@ -18,15 +16,13 @@ from gppcs.amounts.options import Options
 from gppcs.clouds.ranges import Details
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.io.arrays import header_lock
 from gppcs.methods import Selection
-from gppcs.methods.method import SCORES
-from gppcs.spatial.boxes import Boxes, Tile, inside, neighbours_before
+from gppcs.spatial.boxes import Tile, inside, neighbours_before
 from gppcs.spatial.farthest_points import farthest_points
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame
 from gppcs.streaming.rows import Rows
-from gppcs.streaming.scratch import complete_file
+from gppcs.streaming.scratch import read_arrays
 from gppcs.streaming.source import Source
 
 # Points that each tile adds to those it chose, as a fraction of these, besides a root of their number: tiles choose a
@@ -35,46 +31,32 @@ SPARE = 0.01
 SPARE_FROM = 32  # Points of which each of these is the farthest from those that are kept.
 
 
-class Stored:
-    """Arrays that tasks leave in files for each other."""
-
-    def write(self, path: Path) -> None:
-        """Write a file."""
-        with complete_file(path) as file:
-            np.savez(file, **{name: values for name, values in vars(self).items() if values is not None})
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
-        """Read a file."""
-        with header_lock, np.load(path) as stored:
-            return cls(**{name: stored[name] for name in stored.files})
-
-
 @dataclass(frozen=True, eq=False)
-class Guide(Stored):
+class Guide:
     """What a first choice, in a sample of the whole cloud, tells all tiles."""
 
     points: Floats  # (n, 3), the sample
     mass: Floats  # (n,), fraction of the kept points for which each stands
-    chosen: Ints  # (m,), indices of the chosen points in the cloud, in the order of choice
-    chosen_points: Floats  # (m, 3)
-    n_first: int  # number of these, the first, that all tiles keep
+    chosen: Floats  # (m, 3), the chosen points, in the order of choice
+    first: Ints  # (k,), indices in the cloud of the first of these, which all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
 
-    def ranks_of(self, indices: Ints) -> Ints:
-        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, from 1; 0 for others."""
-        first = self.chosen[: self.n_first]
-        by_index = np.argsort(first)
-        ranks = np.zeros(len(indices), dtype=np.int64)
-        is_first = np.isin(indices, first)
-        ranks[is_first] = by_index[np.searchsorted(first, indices[is_first], sorter=by_index)] + 1
-        return ranks
+    def ranks_of(self, indices: Ints) -> Floats:
+        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, infinite for others."""
+        return looked_up(indices, self.first, np.arange(float(len(self.first))))
+
+
+def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
+    """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
+    result, is_key, order = np.full(len(indices), np.inf), np.isin(indices, keys), np.argsort(keys)
+    result[is_key] = values[order[np.searchsorted(keys, indices[is_key], sorter=order)]]
+    return result
 
 
 @lru_cache(maxsize=4)
 def _guide_of(path: Path, written: int) -> Guide:
     """Read a guide once in each process for each time at which it was written."""
-    return Guide.read(path)
+    return Guide(**read_arrays(path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +66,6 @@ class Tiling:
     source: Source
     options: Options
     frame: Frame
-    boxes: Boxes
     tiles: Sequence[Tile]
     halo: Floats  # (3,), in the unit of the cloud
     fraction: float  # of the places, which takes part in the choice
@@ -108,7 +89,7 @@ class Tiling:
 
     def tile_of(self, points: Floats) -> Ints:
         """Return the tile of each point, (n,). Shapes: points (n, 3)."""
-        return self.tile_of_box[self.boxes.box_of(points)]
+        return self.tile_of_box[self.source.boxes.box_of(points)]
 
     def meeting(self, lower: Floats, upper: Floats) -> list[int]:
         """Return the tiles that meet the box between two corners, (3,)."""
@@ -143,105 +124,51 @@ class Tiling:
         return self.folder / f"{self.n_points}-{self.spacing}-{number}.npz"
 
 
-@dataclass(frozen=True, eq=False)
-class Kept(Stored):
-    """The kept points of a tile, the most important first."""
-
-    indices: Ints  # (k,), in the cloud
-    points: Floats  # (k, 3), where they were
-    labels: NDArray[np.uint8]  # (k,), their quotas
-    ranks: Floats  # (k,), about the place of each in the order of all; negative for those that are kept anyway
-    moved: Floats | None = None  # (k, 3), new positions
-    normals: Floats | None = None  # (k, 3)
-    score: Floats | None = None  # (k,)
-    deviation: Floats | None = None  # (k,)
-    chosen: Floats | None = None  # (k,), 0 for spare points
-
-    @classmethod
-    def joined(cls, parts: Iterable[Kept]) -> Kept:
-        """Return the points of at least one part as one; of values that a part lacks, the points have 0."""
-        columns: dict[str, list[NDArray[Any]]] = {}
-        listed = list(parts)
-        for name in {name for part in listed for name, values in vars(part).items() if values is not None}:
-            columns[name] = [part.positions if name == "moved" else part.column(name) for part in listed]
-        return cls(**{name: np.concatenate(values) for name, values in columns.items()})
-
-    def column(self, name: str) -> NDArray[Any]:
-        """Return the values of an attribute, 0 if they are missing."""
-        values = getattr(self, name)
-        missing = np.zeros((len(self.indices), 3) if name == "normals" else len(self.indices))
-        return missing if values is None else values
-
-    def take(self, positions: Ints) -> Kept:
-        """Return some of them."""
-        return Kept(**{name: values[positions] for name, values in vars(self).items() if values is not None})
-
-    @property
-    def chosen_indices(self) -> Ints:
-        """The indices of all but spare points."""
-        return self.indices if self.chosen is None else self.indices[self.chosen > 0.0]
-
-    @property
-    def scores(self) -> Mapping[str, Floats]:
-        """The scores of the method, if it reports some."""
-        return {name: values for name in SCORES if (values := getattr(self, name)) is not None}
-
-    @property
-    def positions(self) -> Floats:
-        """Where they are, (k, 3)."""
-        return self.points if self.moved is None else self.moved
-
-    @property
-    def counts(self) -> Ints:
-        """Their number, and that of those that are kept anyway, by quota, (2, 256)."""
-        return np.array([np.bincount(labels, minlength=256) for labels in (self.labels, self.labels[self.ranks < 0.0])])
-
-
 def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     """Choose the points of a tile and write them to its file; return their number and that of points to keep.
 
     Returns both by quota, (2, 256).
     """
     if tiling.file(number).exists():  # by an earlier run
-        return Kept.read(tiling.file(number)).counts
+        return Rows.read(tiling.file(number)).counts
     rows = tiling.near(number)
     tile_of = tiling.tile_of(rows.points)
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
-    stays, first = rows.keep, np.zeros(len(rows), dtype=np.int64)
-    if not tiling.options.algorithm.by_cells:
-        earlier = [Kept.read(tiling.file(i)).chosen_indices for i in tiling.before[number]]
-        stays = rows.keep | np.isin(rows.indices, np.concatenate([np.arange(0), *earlier]))
-        first = np.where(stays | is_done, 0, tiling.guide.ranks_of(rows.indices))
-        fixed = stays | (first > 0)
-        taken = fixed & is_done | is_own  # with a spacing, what neighbours will see is no matter of this tile
-        if tiling.spacing is None:  # not every method tells candidates from what only shows the surface
-            taken = fixed | ~is_done | (tiling.scale is not None)
-        stays, first, is_own, is_done = stays[taken], first[taken], is_own[taken], is_done[taken]
-        rows = rows.only(taken)
-    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, stays, first, is_own, is_done))
+    ranks = np.where(rows.keep, -1.0, np.inf)  # of those that are chosen already
+    for kept in (Rows.read(tiling.file(i)) for i in tiling.before[number]):
+        of_rows = looked_up(rows.indices, kept.indices, kept.ranks)
+        ranks = np.where(of_rows < tiling.n_points, of_rows, ranks)  # without spare ones
+    settled = is_done | np.isfinite(ranks)
+    ranks = np.where(settled, ranks, tiling.guide.ranks_of(rows.indices))
+    fixed = np.isfinite(ranks)
+    if tiling.spacing is None or tiling.options.algorithm.by_cells:
+        taken = fixed | ~is_done | (tiling.scale is not None)  # not every method tells what only shows the surface
+    else:
+        taken = fixed & is_done | is_own  # what neighbours will see is no matter of this tile
+    rows, ranks, settled, is_own = rows.only(taken), ranks[taken], settled[taken], is_own[taken]
+    kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, ranks, settled, is_own))
     if tiling.options.normals:
-        kept = replace(kept, normals=normals_at(tiling, number, kept.positions, kept.normals))
+        kept = with_normals(tiling, number, kept)
     kept.write(tiling.file(number))
     return kept.counts
 
 
-def _selection(
-    tiling: Tiling, number: int, rows: Rows, stays: Flags, first: Ints, is_own: Flags, is_done: Flags
-) -> Selection:
-    """Choose among rows in a tile and around it, those that stay first, then those of the first choice.
+def _selection(tiling: Tiling, number: int, rows: Rows, ranks: Floats, settled: Flags, is_own: Flags) -> Selection:
+    """Choose among rows in a tile and around it, first those with a rank, settled ones before others.
 
-    Indices are those of rows; among the attributes are the ranks in the first choice.
+    Indices are those of rows; among the attributes are these ranks, infinite for new points, and NaN for spare ones.
     """
     weights = rows.columns.get("weight")
+    fixed = np.flatnonzero(np.isfinite(ranks))
     constraints = Constraints(
-        keep=np.concatenate([np.flatnonzero(stays), np.flatnonzero(first)]),
+        keep=fixed[np.lexsort([ranks[fixed], ~settled[fixed]])],
         weights=None if weights is None else weights / tiling.max_weight,
         columns=rows.attributes.attributes,
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    settled = None if tiling.scale is None else (is_done | stays)[indices]
-    task = replace(task, settled=settled, scale=tiling.scale)
+    settled = settled[indices]
+    task = replace(task, settled=None if tiling.scale is None else settled, scale=tiling.scale)
     if tiling.spacing is not None:
         task = replace(task, spacing=tiling.spacing)
     else:
@@ -249,17 +176,17 @@ def _selection(
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
         n_new = tiling.n_points * float(guide.mass[waits].sum())
-        n_new -= np.count_nonzero(first)
+        n_new -= np.count_nonzero(~settled[: task.fixed])
         task = replace(task, n_points=task.fixed + max(0, math.ceil(n_new)))
-    is_free = ~is_done[indices]
+    is_free = ~settled
     is_free[: task.fixed] = True
     if task.spacing is None and not task.fixed < task.n_points < np.count_nonzero(is_free):
         selection = Selection(np.flatnonzero(is_free)[: task.n_points], ranked=False)
     else:
         selection = tiling.options.algorithm(task)
-    ranks = np.zeros(len(selection.indices))
-    ranks[: task.fixed] = first[indices[: task.fixed]]  # also where others stand for them
-    attributes = {**selection.attributes, "first": ranks}
+    of_chosen = np.full(len(selection.indices), np.inf)
+    of_chosen[: task.fixed] = ranks[indices[: task.fixed]]  # also where others stand for them
+    attributes = {**selection.attributes, "rank": of_chosen}
     selection = replace(selection, indices=indices[selection.indices], attributes=attributes)
     return selection if tiling.spacing is not None else _with_spare(selection, indices, points, is_own)
 
@@ -277,52 +204,54 @@ def _with_spare(selection: Selection, indices: Ints, points: Floats, is_own: Fla
     kept = points[selection.indices] if selection.points is None else selection.points
     spare = unchosen[farthest_points(points[unchosen], min(n_spare, len(unchosen)), before=kept)[0]]
     moved = None if selection.points is None else np.concatenate([kept, points[spare]])
-    marked = replace(selection, attributes={**selection.attributes, "chosen": np.ones(len(selection.indices))})
-    return replace(marked.arranged(np.concatenate([selection.indices, spare])), points=moved)
+    longer = selection.arranged(np.concatenate([selection.indices, spare]))
+    longer.attributes["rank"][len(selection.indices) :] = np.nan
+    return replace(longer, points=moved)
 
 
-def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Kept:
+def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Selection) -> Rows:
     """Return the kept points of a tile, by what was chosen in it and around it."""
     own = np.flatnonzero(is_own[selection.indices])
     repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
-    positions = np.concatenate([selection.indices[own], repeats])
-    attributes = dict(selection.attributes)
-    first = np.concatenate([attributes.pop("first")[own], np.zeros(len(repeats))])
-    ranks = _ranks(tiling, number, first, rows.keep[positions])
-    order = np.argsort(ranks, kind="stable")
-    optional = {"moved": selection.points, "normals": selection.normals, **attributes}
-    chosen = {
-        name: np.concatenate([values[own], np.zeros((len(repeats), *values.shape[1:]))])[order]
-        for name, values in optional.items()
-        if values is not None
-    }
-    if "moved" in chosen:
-        chosen["moved"] = tiling.frame.world(chosen["moved"])
-    positions = positions[order]
-    return Kept(rows.indices[positions], rows.points[positions], rows.labels[positions], ranks[order], **chosen)
+    columns = {name: values[own] for name, values in selection.attributes.items()}
+    columns["rank"] = _ranks(tiling, number, columns["rank"])
+    if selection.points is not None:
+        columns["moved"] = tiling.frame.world(selection.points[own])
+    if selection.normals is not None:
+        columns["normals"] = selection.normals[own]
+    new, others = rows.take(selection.indices[own]), rows.take(repeats)
+    kept = Rows.joined(
+        [
+            Rows(new.indices, new.points, {**columns, "label": new.labels}),
+            Rows(others.indices, others.points, {"rank": np.full(len(repeats), -1.0), "label": others.labels}),
+        ]
+    )
+    return kept.take(np.argsort(kept.ranks, kind="stable"))
 
 
-def _ranks(tiling: Tiling, number: int, first: Floats, is_kept_anyway: Flags) -> Floats:
-    """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice."""
-    guide, is_first = tiling.guide, first > 0.0
-    ranks = np.where(is_first, first - 1.0, -1.0)
-    is_new, n = ~is_first & ~is_kept_anyway, int(np.count_nonzero(~is_kept_anyway))
+def _ranks(tiling: Tiling, number: int, ranks: Floats) -> Floats:
+    """Return about the place of each kept point of a tile, (k,), in the order of all, by those in the first choice.
+
+    New points have the rank inf, and spare ones NaN.
+    """
+    guide, is_new = tiling.guide, np.isinf(ranks)
+    n = int(np.count_nonzero(ranks >= 0.0))
+    n_first = n - int(np.count_nonzero(is_new))
     # The n-th point of a tile comes about where the n-th one of the first choice does.
-    of_tile = np.flatnonzero(tiling.tile_of(guide.chosen_points) == number)[: max(0, n - 1)]
-    of_all = np.append(of_tile, np.array([max(tiling.n_points, len(guide.chosen), int(n))]))
-    numbers = np.append(np.arange(len(of_tile)), n)
-    ranks[is_new] = np.interp(np.count_nonzero(is_first) + np.arange(np.count_nonzero(is_new)), numbers, of_all)
-    return ranks
+    of_tile = np.flatnonzero(tiling.tile_of(guide.chosen) == number)[: max(0, n - 1)]
+    numbers, of_all = [-1, *range(len(of_tile)), n], [-1, *of_tile, tiling.n_points]
+    ranks[is_new] = np.interp(np.arange(n_first, n), numbers, of_all)
+    return np.nan_to_num(ranks, nan=tiling.n_points)
 
 
-def normals_at(tiling: Tiling, number: int, positions: Floats, normals: Floats | None = None) -> Floats:
-    """Return normals at places in a tile, (k, 3), with signs, by all points, or those that are measured already."""
+def with_normals(tiling: Tiling, number: int, kept: Rows) -> Rows:
+    """Return kept points of a tile with normals that have signs: by all points, if they are not measured already."""
     from gppcs.surface.normals import estimate_normals, with_signs_of
 
     guide, frame = tiling.guide, tiling.frame
     assert guide.normals is not None
-    local = frame.near(positions)
+    local, normals = frame.near(kept.positions), kept.columns.get("normals")
     if normals is None:
         normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), local)
     nearest = KdTree.build(frame.local(guide.points)).nearest_of(local, 1)[0][:, 0]
-    return with_signs_of(normals, guide.normals[nearest])
+    return replace(kept, columns={**kept.columns, "normals": with_signs_of(normals, guide.normals[nearest])})

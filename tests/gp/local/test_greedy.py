@@ -93,6 +93,20 @@ def test_parts_choose_what_one_after_another_would(seed, weight, share, flat, si
         np.testing.assert_array_equal(array, wanted)
 
 
+def test_parts_choose_what_one_after_another_would_beside_parts_without_chosen_points(monkeypatch):
+    """Points that are far from all chosen ones reach across a gap to those of parts that do not reach them."""
+    tree, field = random_problem(2_000, 1, 0.0, 0.0, 0.0)
+    positions = field.positions * [[10.0], [10.0], [0.0]]
+    positions[0, positions[0] >= 30.0] += 3.0
+    tree = KdTree.build(positions.T)
+    field = field._replace(positions=tree.points)
+    chosen = np.flatnonzero(tree.points[0] < 10.0)[::3]
+    expected = extend(field, tree, chosen, len(chosen) + 1_200, 1, 0.0)
+    monkeypatch.setattr(greedy, "PART_POINTS", 100)
+    for array, wanted in zip(extend(field, tree, chosen, len(chosen) + 1_200, 1, 0.0), expected, strict=True):
+        np.testing.assert_array_equal(array, wanted)
+
+
 @pytest.mark.parametrize(("k", "w"), [(4, 0.0), (4, 0.3), (12, 0.8)])
 def test_parts_choose_nearly_the_same_where_scores_rise_with_any_number_of_threads(k, w, monkeypatch, on_threads):
     tree, field = random_problem(3_000, k, 1.6, 0.1, 0.3)

@@ -23,13 +23,14 @@ FEW = 64  # Runs of points that follow each other in a tree, by which a cloud ha
 POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run: four at least, if so many are there.
 
 
-def normals_of_sheets(tree: KdTree, points: Floats, radius: float) -> Floats | None:
+def normals_of_sheets(tree: KdTree, points: Floats, radius: float, is_thin: bool | None = None) -> Floats | None:
     """Return normals of the sheets of points, (n, 3), 0 where none other is within a radius; None without thin parts.
 
-    The tree is over the points of the surface.
+    The tree is over the points of the surface, which may be told to have thin parts or none.
     """
-    some = toward_other_sheet(tree, _runs_of(tree), radius, SHEET_VARIATION)
-    is_thin = some.any(axis=1).mean() >= THIN_FRACTION
+    if is_thin is None:
+        some = toward_other_sheet(tree, _runs_of(tree), radius, SHEET_VARIATION)
+        is_thin = some.any(axis=1).mean() >= THIN_FRACTION
     return toward_other_sheet(tree, KdTree.build(points), radius) if is_thin else None
 
 
