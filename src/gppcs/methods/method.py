@@ -63,7 +63,8 @@ class Task:
         Of the attribute that `Method.reads_attribute` names, if any.
     settled : (N,) array, bool, optional
         Points that only show where the surface is: those of finished tiles, if the points are a part of a cloud. Fixed
-        points that are not settled, the last of these, may be exchanged for points near them.
+        points that are not settled, the last of these, may be exchanged for points near them. The others have the order
+        in which they were chosen.
     scale : object, optional
         `Selection.scale` of a choice in a sample of the whole cloud, if the points are a part of one.
     timer : Timer
