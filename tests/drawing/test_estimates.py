@@ -11,7 +11,7 @@ POINTS = gppcs.sample("sphere", 2000).points
 
 def test_they_are_the_features_of_the_cloud():
     expected = gppcs.estimate_features(POINTS)
-    variation, normals, _ = estimates(POINTS)
+    variation, normals, *_ = estimates(POINTS)
     assert variation == pytest.approx(expected.surface_variation)
     assert np.abs(np.einsum("ij,ij->i", normals, expected.normals)) == pytest.approx(np.ones(len(POINTS)))
 
@@ -37,10 +37,10 @@ def test_wires_are_drawn_thin_and_planes_closed(gap):
     along = np.linspace(0, 8, 34)
     wires = np.vstack([np.column_stack([along, np.full(34, y), np.full(34, 6.0)]) for y in (4 - gap / 2, 4 + gap / 2)])
     points = np.vstack([plane, wires])
-    _, _, tree = estimates(points)
+    tree = estimates(points)[2]
     scale = np.ptp(points, axis=0).max() / np.ptp(tree.points, axis=1).max()
-    radii = scale * disc_radii(tree, tree.points.T)
-    height = tree.points[2]
+    radii = scale * disc_radii(tree)
+    height = points[:, 2]
     is_wire = height > height.mean()
     assert np.median(radii[is_wire]) < along[1]
     assert np.median(radii[~is_wire]) == pytest.approx(np.sqrt(6 / (np.pi * 4000 / 64)), rel=0.1)

@@ -11,9 +11,8 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
-from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.drawing.estimates import disc_radii, estimates, tree_over
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.surface_variation import features_of_nearest
@@ -34,7 +33,7 @@ class ColouredCloud:
     @classmethod
     def by_surface_variation(cls, points: Floats) -> ColouredCloud:
         """Return points (N, 3) coloured by their own surface variation."""
-        variation, normals, _ = estimates(points)
+        variation, normals, *_ = estimates(points)
         return cls(points, variation, normals)
 
     def at(self, points: Floats) -> ColouredCloud:
@@ -70,8 +69,8 @@ class Original:
     def __init__(self, cloud: ColouredCloud) -> None:
         self.cloud, self.is_noisy = cloud, False
         points, self.frame = normalised(cloud.points)
-        self.tree = KdTree.build(points[first_occurrences(points)])
-        self.spacing = self.frame.lengths(disc_radii(self.tree, points))
+        self.tree, same = tree_over(points)
+        self.spacing = self.frame.lengths(disc_radii(self.tree))[same]
 
     @classmethod
     def with_relief(cls, cloud: ColouredCloud) -> Original:

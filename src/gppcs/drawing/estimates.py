@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -16,44 +16,50 @@ AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
 ON_LINE = ((32, 0.42), (8, 0.08))
-MAX_MEASURED = 100_000  # points that pages measure of more
+MAX_MEASURED = 50_000  # points that pages measure of more
 WIRE = 0.3  # radius of points of wires and poles, in that of most points: larger discs would be beads
 
 
-def estimates(points: Floats) -> tuple[Floats, Floats, KdTree]:
-    """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and a tree over them.
+def tree_over(points: Floats) -> tuple[KdTree, Ints]:
+    """Return a tree over the distinct ones of points (N, 3), and which of these each point is (N,)."""
+    is_first = first_occurrences(points)
+    tree = KdTree.build(points[is_first])
+    return tree, np.arange(len(points)) if is_first.all() else tree.nearest_of(points, 1)[0][:, 0]
 
-    The variation is NaN where fewer than four points are near; the tree is over distinct points, `normalised`.
+
+def estimates(points: Floats) -> tuple[Floats, Floats, KdTree, Ints]:
+    """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and `tree_over` them.
+
+    The variation is NaN where fewer than four points are near; the points of the tree are `normalised`.
     """
     local, _ = normalised(points)
-    distinct = local[first_occurrences(local)]
-    tree = KdTree.build(distinct)
+    tree, same = tree_over(local)
     features = features_in_radius(tree, neighbourhood_radius(tree))
     # Rounding on a plane would look like relief, and fewer than four points always seem flat.
     measured = np.where(features.surface_variation <= 1e-12, 0.0, features.surface_variation)
     variation = np.where(features.neighbours >= 4, measured, np.nan)
-    same = tree.nearest_of(local, 1)[0][:, 0]
-    return variation[same], features.normals[same], tree
+    return variation[same], features.normals[same], tree, same
 
 
-def disc_radii(tree: KdTree, points: Floats) -> Floats:
-    """Return the distances (N,) of points (N, 3) to the sixth neighbours in a tree; less where a scan has but lines.
+def disc_radii(tree: KdTree) -> Floats:
+    """Return the distance (N,) of each point of a tree to its sixth neighbour; less where a scan has but lines.
 
     Of many points, every few are measured, and the others have the radius of the nearest of these.
     """
-    if len(points) > MAX_MEASURED:
-        measured = points[:: -(-len(points) // MAX_MEASURED)]
-        measured = measured[first_occurrences(measured)]
-        return disc_radii(tree, measured)[KdTree.build(measured).nearest_of(points, 1)[0][:, 0]]
-    total, across, thinnest, squared = _around(tree, points, AROUND)
+    in_order = tree.in_own_order()
+    measured = in_order.thinned(-(-len(tree.order) // MAX_MEASURED))
+    points = np.ascontiguousarray(measured.points.T)
+    total, across, thinnest, squared = _around(in_order, points, AROUND)
     sixth = np.sqrt(squared[:, min(6, squared.shape[1] - 1)])
     radii = np.clip(3.0 * across, 0.2 * sixth, sixth)  # three standard deviations across a line
     usual = np.median(radii)
     sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
-    radii[sparse[are_on_lines(tree, points[sparse])]] = WIRE * usual
+    radii[sparse[are_on_lines(in_order, points[sparse])]] = WIRE * usual
     in_space = (thinnest > 0.35 * across) | (across < 0.35 * total)  # on no surface, such as where wires meet
     radii[in_space & (radii > 2.5 * usual)] = usual
-    return radii
+    if measured is not in_order:
+        radii = radii[measured.nearest_of(tree.points.T, 1)[0][:, 0]]
+    return radii[tree.positions()]
 
 
 def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:

@@ -106,13 +106,13 @@ def report_page(
                 result = _with_surface(result, surface_through(kept.cloud, surface.cloud))
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
-            distances = _distances(first.cloud.points, result)
+            distances = _distances(surface, result)
         layers.append(layer)
-        first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances, True)
+        first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances[first.shown], True)
         try:
             with timer(f"figures of {result.name}"):
                 if result.is_mesh:
-                    layer.described["prefixes"] = [_figures_of_mesh(surface.cloud, result)]
+                    layer.described["prefixes"] = [_figures_of_mesh(surface.cloud, result, distances)]
                     layer.note("distances are those to its triangles.")
                 else:
                     layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
@@ -162,18 +162,22 @@ def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSur
     return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), indices
 
 
-def _distances(points: Floats, result: Named) -> Floats:
-    """Return the distances (N,) of points (N, 3) to a mesh, or to the local surface of a simplified cloud."""
+def _distances(original: CloudSurface, result: Named) -> Floats:
+    """Return the distances (N,) of the original to a mesh, or to the local surface of a simplified cloud."""
+    order = np.argsort(original.tree.positions()[original.same])  # neighbours follow each other, which is faster
+    points, distances = original.cloud.points[order], np.empty(len(order))
     if result.is_mesh and result.mesh:
         local, frame = normalised(result.mesh.vertices)
-        return frame.lengths(distances_to_mesh(Mesh(local, result.mesh.faces), frame.near(points)))
-    local, frame = normalised(result.cloud.points[result.cloud.is_finite()])
-    return frame.lengths(distances_to(local, frame.near(points)))
+        distances[order] = distances_to_mesh(Mesh(local, result.mesh.faces), frame.near(points))
+    else:
+        local, frame = normalised(result.cloud.points[result.cloud.is_finite()])
+        distances[order] = distances_to(local, frame.near(points))
+    return frame.lengths(distances)
 
 
-def _figures_of_mesh(original: PointCloud, result: Named) -> dict[str, object]:
-    """Return the figures of a mesh that are told by the distances of the original points to it."""
-    distances, diagonal = _distances(original.points, result), math.hypot(*np.ptp(original.points, axis=0))
+def _figures_of_mesh(original: PointCloud, result: Named, distances: Floats) -> dict[str, object]:
+    """Return the figures of a mesh that are told by the distances (N,) of the original points to it."""
+    diagonal = math.hypot(*np.ptp(original.points, axis=0))
     counts = {"points_in": len(original), "points_out": len(result.cloud)}
     figures, relative = (
         {f"surface_{measure}": error for measure, error in errors_of(distances / unit).items()}

@@ -63,6 +63,7 @@ class CloudSurface(NamedTuple):
     variation: Floats  # (N,), NaN where fewer than four points lie near, which always seem flat
     normals: Floats  # (N, 3), of either sign
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
+    same: Ints  # (N,), which of these each point is
 
     @classmethod
     def from_cloud(cls, named: Named) -> CloudSurface:
@@ -72,16 +73,16 @@ class CloudSurface(NamedTuple):
             if len(indices) == 0:
                 raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
             finite = cloud if len(indices) == len(cloud) else cloud.take(indices)
-            variation, normals, tree = estimates(finite.points)
+            variation, normals, tree, same = estimates(finite.points)
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        return cls(finite, indices, variation, normals if carried is None else carried, tree)
+        return cls(finite, indices, variation, normals if carried is None else carried, tree, same)
 
     def spacings(self) -> Floats:
         """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
-        local, frame = normalised(self.cloud.points)
-        return frame.lengths(disc_radii(self.tree, local) / 1.4)  # the sixth neighbour is 1.4 mean spacings away
+        _, frame = normalised(self.cloud.points)
+        return frame.lengths(disc_radii(self.tree) / 1.4)[self.same]  # the sixth neighbour is 1.4 mean spacings away
 
 
 def spread(spacings: Floats, minimum: float) -> tuple[float, NDArray[np.uint8]]:
