@@ -90,12 +90,14 @@ def test_gltf_of_a_survey_keeps_its_millimetres(tmp_path):
     assert scene.to_mesh().vertices[:, [0, 2, 1]] * [1, -1, 1] == pytest.approx(far.vertices, abs=1e-5)
 
 
+@pytest.mark.parametrize("coloured", [False, True])
 @pytest.mark.parametrize(("faces", "is_open"), [(FACES, False), (FACES[1:], True)])
-def test_gltf_shows_both_sides_of_open_meshes(tmp_path, faces, is_open):
-    gppcs.write_mesh(tmp_path / "mesh.glb", gppcs.Mesh(CORNERS, faces))
+def test_gltf_shows_both_sides_of_open_meshes(tmp_path, vertices, faces, is_open, coloured):
+    gppcs.write_mesh(tmp_path / "mesh.glb", gppcs.Mesh(CORNERS, faces), vertices if coloured else None)
     data = (tmp_path / "mesh.glb").read_bytes()
     (material,) = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])["materials"]
     assert material["doubleSided"] is is_open
+    assert material["pbrMetallicRoughness"]["metallicFactor"] == 0  # metal is black where no surroundings are mirrored
 
 
 @pytest.mark.parametrize(

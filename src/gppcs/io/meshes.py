@@ -255,18 +255,19 @@ def write_gltf(
     import trimesh
 
     origin, scales = origin_of(cloud.points), np.ones(3) if metres is None else metres
-    mesh = _trimesh(cloud, cloud.points - origin, faces)
-    visual: Any = trimesh.visual  # of which not all is typed
-    material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=not mesh.is_watertight)
-    uv = None
+    mesh, visual = _trimesh(cloud, cloud.points - origin, faces), trimesh.visual
+    is_open = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
+    # Without a material, viewers draw metal of one side.
+    material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=is_open)
+    shown: Any = visual.TextureVisuals(material=material)
     if texture is not None:
         from PIL import Image
 
-        material.doubleSided = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
         material.baseColorTexture = Image.fromarray(texture.image)
-        uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
-    if uv is not None or colours_of(cloud) is None:  # a material would hide colours of vertices from trimesh
-        mesh.visual = visual.TextureVisuals(uv, material)
+        shown.uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
+    elif (colours := colours_of(cloud)) is not None:
+        shown.vertex_attributes["color"] = visual.color.to_rgba(colours)
+    mesh.visual = shown
 
     def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR
@@ -289,8 +290,7 @@ def write_gltf(
 def _trimesh(cloud: PointCloud, points: Column, faces: Faces) -> Any:
     import trimesh
 
-    colours = colours_of(cloud)
-    return trimesh.Trimesh(points, faces, vertex_normals=cloud.normals(), vertex_colors=colours, process=False)
+    return trimesh.Trimesh(points, faces, vertex_normals=cloud.normals(), process=False)
 
 
 def origin_of(points: Column) -> Column:
