@@ -115,7 +115,7 @@ class Layer:
         self.described: dict[str, Any] = {"name": named.name, "role": role, "reason": named.reason, "spacing": usual}
         self.described["counted"] = "vertices" if named.is_mesh else "points"
         self.described |= placed.described() | {"points": points, "shown": len(self.shown), "blocks": held}
-        self.described |= {"values": [], "prefixes": [], "mesh": named.mesh and self._mesh(named.mesh)}
+        self.described |= {"values": [], "prefixes": [], "mesh": named.mesh and self._mesh(named.mesh, named.is_mesh)}
         if finite < points:
             self.note(f"{points - finite:,} points with NaN or infinite coordinates are left out.")
         if len(self.shown) < finite:
@@ -163,8 +163,8 @@ class Layer:
         if excluded := names[limit:]:
             self.note(f"left out of this page: attributes {', '.join(excluded)}.")
 
-    def _mesh(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return the surface rebuilt from the cloud, or none if it is too large."""
+    def _mesh(self, mesh: Mesh, is_whole: bool) -> dict[str, Any] | None:
+        """Return the surface rebuilt from the cloud or all that it is, or none if it is too large."""
         triangles = len(mesh.faces)
         if triangles > MOST_TRIANGLES:
             self.note(f"its mesh of {triangles:,} triangles is left out; the page holds at most {MOST_TRIANGLES:,}.")
@@ -176,8 +176,8 @@ class Layer:
         distinct = np.flatnonzero(first_occurrences(points))
         nearest, squared = KdTree.build(points[distinct]).nearest_of(frame.near(mesh.vertices[used]), 1)
         vertex_points = distinct[nearest[:, 0]]
-        # Of a mesh that joins the points, those that it misses are shown with it.
-        joins = np.mean(squared == 0.0) > 0.9
+        # Of a mesh that joins the points, those that it misses are shown with it, unless they are but its vertices.
+        joins = not is_whole and np.mean(squared == 0.0) > 0.9
         missed = np.setdiff1d(distinct, vertex_points) if joins else np.empty(0, dtype=np.int64)
         held = {"positions": self.blocks.add(placed.numbers), "faces": self.blocks.add(packed)}
         held["points"] = self.blocks.add(vertex_points.astype(np.uint32))  # whose colours the vertices have
