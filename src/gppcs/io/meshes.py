@@ -244,7 +244,9 @@ def write_obj(file: BinaryIO, cloud: PointCloud, faces: Faces = NO_FACES) -> Non
 
 def write_stl(file: BinaryIO, cloud: PointCloud, faces: Faces) -> None:
     """Write a mesh as binary STL."""
-    content: Any = _trimesh(cloud, cloud.points, faces).export(file_type="stl")
+    import trimesh
+
+    content: Any = trimesh.Trimesh(cloud.points, faces, process=False).export(file_type="stl")
     file.write(content)
 
 
@@ -255,11 +257,11 @@ def write_gltf(
     import trimesh
 
     origin, scales = origin_of(cloud.points), np.ones(3) if metres is None else metres
-    mesh, visual = _trimesh(cloud, cloud.points - origin, faces), trimesh.visual
+    visual: Any = trimesh.visual  # of which not all is typed
     is_open = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
     # Without a material, viewers draw metal of one side.
     material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=is_open)
-    shown: Any = visual.TextureVisuals(material=material)
+    shown = visual.TextureVisuals(material=material)
     if texture is not None:
         from PIL import Image
 
@@ -267,30 +269,22 @@ def write_gltf(
         shown.uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
     elif (colours := colours_of(cloud)) is not None:
         shown.vertex_attributes["color"] = visual.color.to_rgba(colours)
-    mesh.visual = shown
 
     def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR
         if metres is not None:
             tree["asset"]["extras"] = {METRES: scales.tolist()}
-        for primitive in (primitive for part in tree["meshes"] for primitive in part["primitives"]):
-            views = {tree["accessors"][i]["bufferView"]: 34962 for i in primitive["attributes"].values()}
-            views[tree["accessors"][primitive["indices"]]["bufferView"]] = 34963  # targets: vertices, and triangles
-            for view, target in views.items():
-                tree["bufferViews"][view]["target"] = target
+        (primitive,) = tree["meshes"][0]["primitives"]
+        targets = dict.fromkeys(primitive["attributes"].values(), 34962) | {primitive["indices"]: 34963}
+        for accessor, target in targets.items():
+            tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
 
-    scene: Any = trimesh.Scene()
+    normals, scene = cloud.normals(), trimesh.Scene()
+    mesh = trimesh.Trimesh(cloud.points - origin, faces, vertex_normals=normals, visual=shown, process=False)
     to_place = np.block([[np.diag(scales), (scales * origin)[:, None]], [0.0, 0.0, 0.0, 1.0]])
     scene.add_geometry(mesh, transform=Y_UP @ to_place)
-    has_normals = cloud.normals() is not None
-    content: Any = scene.export(file_type="glb", include_normals=has_normals, tree_postprocessor=complete)
+    content: Any = scene.export(file_type="glb", include_normals=normals is not None, tree_postprocessor=complete)
     file.write(content)
-
-
-def _trimesh(cloud: PointCloud, points: Column, faces: Faces) -> Any:
-    import trimesh
-
-    return trimesh.Trimesh(points, faces, vertex_normals=cloud.normals(), process=False)
 
 
 def origin_of(points: Column) -> Column:
