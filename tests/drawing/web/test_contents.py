@@ -148,6 +148,16 @@ def test_a_mesh_comes_back_without_vertices_that_no_triangle_uses(scan):
     np.testing.assert_allclose(page.triangles(cloud["mesh"]), corners[[[0, 2, 1], [1, 2, 3]]], atol=1e-4)
 
 
+def test_a_mesh_and_points_kept_of_it_are_shown_as_surfaces_without_its_stray_vertices(scan):
+    mesh = gppcs.mesh(scan, n_points=1500).mesh
+    vertices = np.vstack([mesh.vertices, [[0.0, 0.0, 0.5]]])
+    original = Named("dense.ply", PointCloud(vertices), Mesh(vertices, mesh.faces), is_mesh=True)
+    kept = gppcs.simplify(mesh.vertices, n_points=M).cloud
+    shown = [cloud["mesh"] for cloud in report_page(original, [Named("kept.ply", kept)], []).described["clouds"]]
+    assert all(shown)
+    assert (shown[0]["vertices"], shown[0]["missed"]) == (1500, 0)
+
+
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)])
 def test_a_cloud_without_points_is_refused_by_name(points):
     with pytest.raises(InputError, match=r"empty\.ply: expected points with finite coordinates"):
