@@ -1,7 +1,5 @@
 """Makes a cloud of named columns, as files, tables and structured arrays have them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

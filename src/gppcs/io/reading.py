@@ -1,7 +1,5 @@
 """Reads clouds from files, and takes clouds in any form."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from typing import Any, BinaryIO

@@ -1,7 +1,5 @@
 """Reads rows of numbers and text by pandas, reads records of bytes, and writes both."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -1,7 +1,5 @@
 """The nearest triangle of each dense point, found by walking over the mesh."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np

@@ -4,8 +4,6 @@ Two triangles cut each other if they have more in common than their common corne
 rounding cannot change counts as separate. So where no cut is found, there is none.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flip edges while that brings the mesh nearer to the dense points, and thin triangles vanish."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats

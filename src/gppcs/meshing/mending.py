@@ -1,7 +1,5 @@
 """Join the surroundings of triangles that cut others anew, so that they no longer do."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints

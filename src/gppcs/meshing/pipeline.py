@@ -1,7 +1,5 @@
 """Make a light mesh straight from a dense cloud: the function `mesh` and its steps."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Put new vertices where the mesh is farthest from the dense points, so that others may go where they matter less."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Ints

@@ -1,7 +1,5 @@
 """Hierarchical clustering: split a cloud by planes until its clusters are flat or small (Pauly et al. 2002)."""
 
-from __future__ import annotations
-
 import heapq
 import math
 
