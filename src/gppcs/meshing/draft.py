@@ -1,8 +1,7 @@
 """The arrays of a mesh while it is made, which the stages change."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -27,7 +26,7 @@ class Draft:
     thin_cost: float = 0.0  # energy of a triangle without area in flips; 0 before the first flips
 
     @classmethod
-    def from_mesh(cls, mesh: HalfEdges, dense: DensePoints, dense_index: Ints, fixed: Flags, moved: bool) -> Draft:
+    def from_mesh(cls, mesh: HalfEdges, dense: DensePoints, dense_index: Ints, fixed: Flags, moved: bool) -> Self:
         """Begin with a mesh between some dense points."""
         positions, normals = dense.positions[dense_index], dense.normals[dense_index]
         nearest = nearest_vertices(
@@ -36,7 +35,7 @@ class Draft:
         vertices = positions if moved else dense.raw[dense_index]
         return cls(dense, moved, mesh, dense_index, fixed, vertices, normals, nearest)
 
-    def copy(self) -> Draft:
+    def copy(self) -> Self:
         """Return a draft that can be changed without changing this one."""
         mesh = HalfEdges(*(part.copy() for part in self.mesh))
         changed_in_place = ("dense_index", "fixed", "vertices", "nearest")

@@ -3,8 +3,6 @@
 Half-edge 3 f + k leads from corner k of triangle f to its next corner. The triangle lies to the left.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -33,7 +31,7 @@ class HalfEdges(NamedTuple):
         _connect(mesh, EdgeTable.empty(n, len(origin)))
         return mesh
 
-    def changed(self, kept: Flags | None = None, new: Ints | None = None) -> HalfEdges:
+    def changed(self, kept: Flags | None = None, new: Ints | None = None) -> "HalfEdges":
         """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3).
 
         Triangles that were removed cannot be kept.
