@@ -145,10 +145,34 @@ def test_the_seed_decides_a_random_choice():
     assert re.fullmatch(r"Result\(120 points by random \(seed=1\) in \S+ s\)", repr(result))
 
 
-def test_arguments_of_reading_go_where_files_are_opened(tmp_path):
+def test_old_names_of_arguments_work_with_a_warning_that_tells_the_new_ones(tmp_path):
+    cloud = gppcs.sample("bracket", n_points=2000)
+    gppcs.write(tmp_path / "a.ply", cloud)
+    with pytest.warns(DeprecationWarning, match=r"use gppcs.open\(paths, only=...\), which gppcs.simplify takes"):
+        result = gppcs.simplify(tmp_path / "a.ply", n_points=9, only="z > 6", method="random")
+    assert result.points[:, 2].min() > 6
+    with pytest.warns(DeprecationWarning, match="which gppcs.read takes"):
+        assert len(gppcs.read(tmp_path / "a.ply", inside=[0, 0, 9, 9])) < len(cloud)
+    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.Random\(seed=3\)"):
+        assert gppcs.simplify(cloud, n_points=9, method="random", seed=3).method == gppcs.Random(seed=3)
+    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.LocalGP\(denoise=True\)"):
+        assert gppcs.simplify(cloud, n_points=9, denoise=True).method == gppcs.LocalGP(denoise=True)
+    refused = pytest.raises(gppcs.ParameterError, match="'fps' has no parameter 'seed'")
+    with pytest.warns(DeprecationWarning, match="Random"), refused:
+        gppcs.simplify(cloud, n_points=9, method="fps", seed=3)
+
+
+@pytest.mark.filterwarnings("ignore:.*is deprecated here:DeprecationWarning")
+def test_arguments_of_reading_are_taken_by_position_and_refused_without_files(tmp_path):
     (tmp_path / "a.txt").write_text("x,y,z\n0,0,1\n0,0,3\n")
-    assert len(gppcs.read(tmp_path / "a.txt", "csv")) == 2
-    for wrong in ({"format": "csv"}, {"columns": ["x", "y", "z"]}):
+    assert len(gppcs.read(tmp_path / "a.txt", "csv", only="z > 2")) == 1
+    with pytest.raises(gppcs.GppcsError, match="LAS"):
+        gppcs.read(tmp_path / "a.txt", "las", only="z > 2")
+    with pytest.raises(TypeError, match="path"):
+        gppcs.read(only="z > 2")
+    with pytest.raises(gppcs.ParameterError, match=r"cloud\[mask\]"):
+        gppcs.simplify(gppcs.sample("bracket", n_points=20), n_points=9, only="z > 2")
+    for wrong in ({"format": "csv"}, {"columns": ["x", "y", "z"]}, {"only": "z > 2"}):
         with pytest.raises(gppcs.ParameterError, match=r"gppcs\.open"):
             gppcs.read(gppcs.open(tmp_path / "a.txt", "csv"), **wrong)
 
