@@ -1,7 +1,5 @@
 """The fewest points whose local surface is as near to the original points as a tolerance says."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Let a method choose as many points as the options mean: a number, or what a tolerance, spacing or gap takes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,11 +1,9 @@
 """The class `Constraints`: what users require of single points, of a cloud in memory or of a chunk of one in files."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +33,7 @@ class Constraints:
     labels: NDArray[np.uint8] | None = None  # (n,), the quota of each point; see `quota_labels`
 
     @classmethod
-    def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Constraints:
+    def from_cloud(cls, cloud: PointCloud, indices: Ints, options: Options) -> Self:
         """Look up what the options require of the points of a cloud at some indices, (n,)."""
         mask = _keep_mask(cloud, options.keep)
         keep = mask[indices]
@@ -71,7 +69,7 @@ class WeightRange(NamedTuple):
     total: float = 0.0  # relative to the maximum
 
     @classmethod
-    def from_weights(cls, weights: Floats | None) -> WeightRange:
+    def from_weights(cls, weights: Floats | None) -> Self:
         """Measure weights, (n,), after checking that they are finite and not negative."""
         if weights is None:
             return cls()
@@ -84,7 +82,7 @@ class WeightRange(NamedTuple):
         maximum = float(positive.max(initial=0.0))
         return cls(maximum, len(positive), float((positive / (maximum or 1.0)).sum()))
 
-    def merged(self, other: WeightRange) -> WeightRange:
+    def merged(self, other: "WeightRange") -> "WeightRange":
         """Return the range of these weights and others."""
         maximum = max(self.maximum, other.maximum)
         total = sum(part.total * (part.maximum / (maximum or 1.0)) for part in (self, other))

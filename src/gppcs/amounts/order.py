@@ -1,7 +1,5 @@
 """The order of the points of a result, and the sizes of its levels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exact numbers of points for classes: quotas of conditions, and a choice that meets them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

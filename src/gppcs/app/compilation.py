@@ -1,7 +1,5 @@
 """Compiles all kernels at once, by running every method on a small scan."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace

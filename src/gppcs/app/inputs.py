@@ -1,7 +1,5 @@
 """What commands read, with a note on what of a file they do not use."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which files a command reads, and which file it writes for each."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack

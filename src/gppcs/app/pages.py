@@ -1,7 +1,5 @@
 """What the commands share that show clouds: their names, surfaces rebuilt from them, pictures, how a page was made."""
 
-from __future__ import annotations
-
 import hashlib
 import shlex
 from collections.abc import Sequence

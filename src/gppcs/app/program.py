@@ -1,7 +1,5 @@
 """The command-line program `gppcs`: results go to stdout, progress and errors to stderr."""
 
-from __future__ import annotations
-
 import inspect
 import logging
 import os

@@ -1,7 +1,5 @@
 """What `gppcs simplify` does with each cloud, and what it reports of that."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tables of a comparison: a selection of the figures for terminal and Markdown, and all of them as CSV."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Colours of points in 8 bits, however a file or a library holds them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Makes a cloud of named columns, as files, tables and structured arrays have them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -57,8 +55,14 @@ def parts_of_columns(columns: Mapping[str, Column]) -> CloudParts:
     axes = coordinate_names(columns)
     points = np.empty((len(columns[axes[0]]), 3))
     for i, axis in enumerate(axes):
-        check_coordinate(axis, columns[axis])
-        points[:, i] = columns[axis]
+        values = columns[axis]
+        if values.dtype.kind not in "iuf":
+            raise InputError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
+        if values.ndim != 1:
+            raise InputError(f"expected one {axis} for each point, found shape {values.shape}")
+        if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
+            raise InputError(f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first")
+        points[:, i] = values
     kept = np.result_type(*(columns[axis].dtype for axis in axes))
     attributes = {
         name: np.ascontiguousarray(values, values.dtype.newbyteorder("="))
@@ -66,16 +70,6 @@ def parts_of_columns(columns: Mapping[str, Column]) -> CloudParts:
         if name not in axes
     }
     return points, attributes, kept.newbyteorder("=")
-
-
-def check_coordinate(axis: str, values: Column) -> None:
-    """Check that a column can be x, y or z of a cloud."""
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"expected numbers as coordinates, found {values.dtype} in {axis}")
-    if values.ndim != 1:
-        raise InputError(f"expected one {axis} for each point, found shape {values.shape}")
-    if values.dtype.kind in "iu" and (np.abs(values.astype(np.float64)) >= EXACT).any():
-        raise InputError(f"expected coordinates below 2^53, found larger ones in {axis}; subtract an offset first")
 
 
 def exact_as_double(values: Column) -> bool:

@@ -3,8 +3,6 @@
 Numbers computed of them, such as `1 / (1 + exp(-opacity))`, have the same grammar.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 import re
@@ -12,7 +10,7 @@ import unicodedata
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +53,7 @@ class Expression:
     tree: ast.expr = field(repr=False, compare=False)
 
     @classmethod
-    def from_text(cls, text: Any) -> Expression:
+    def from_text(cls, text: Any) -> Self:
         """Read a condition."""
         # A longer text could nest so deeply that Python's parser fails.
         if not isinstance(text, str) or not text.strip() or len(text) > 2000:

@@ -1,7 +1,5 @@
 """The class `Header`: what a file says of a whole cloud."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 

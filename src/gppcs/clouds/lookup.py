@@ -1,7 +1,5 @@
 """Look up an attribute of a cloud that a user names."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import Any

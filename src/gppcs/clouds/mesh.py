@@ -1,7 +1,5 @@
 """The class `Mesh`: triangles between vertices, used to judge a simplification."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,12 +1,10 @@
 """What people write for an amount: 5k points, 3% of them, a length such as 0.5mm, or an error such as 2mm:p95."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -98,7 +96,7 @@ class Length:
     unit: str  # One of `METRES`, or `PERCENT`; empty for the unit of the coordinates
 
     @classmethod
-    def from_value(cls, name: str, value: Any) -> Length:
+    def from_value(cls, name: str, value: Any) -> Self:
         """Return the length that a value means: a number, or a text such as "0.5mm", "5 cm" or "0.02%"."""
         match = re.fullmatch(rf"{_NUMBER}\s*(?P<unit>\S*)", value.strip(), re.ASCII) if isinstance(value, str) else None
         amount, unit = (float(match["number"]), match["unit"]) if match else (number(value), "")
@@ -133,7 +131,7 @@ class Tolerance:
     measure: Measure | None
 
     @classmethod
-    def from_value(cls, value: Any) -> Tolerance:
+    def from_value(cls, value: Any) -> Self:
         """Return the error that a value means: a length, or a text with a length and a measure such as "2mm:p95"."""
         if not (isinstance(value, str) and ":" in value):
             return cls(Length.from_value("tolerance", value), None)

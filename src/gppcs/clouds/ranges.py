@@ -1,12 +1,10 @@
 """Attributes in units of their whole range: what counts as detail, and how far attributes differ."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +59,7 @@ class AttributeRange:
     classes: tuple[Any, ...] = ()
 
     @classmethod
-    def from_cloud(cls, cloud: PointCloud, name: str) -> AttributeRange:
+    def from_cloud(cls, cloud: PointCloud, name: str) -> Self:
         """Measure the range of an attribute of a cloud."""
         _check(cloud, name)
         if name == COLOURS:
@@ -75,7 +73,7 @@ class AttributeRange:
         return cls._of_numbers(name, as_floats(values))
 
     @classmethod
-    def _of_classes(cls, name: str, values: NDArray[Any], texts: bool) -> AttributeRange:
+    def _of_classes(cls, name: str, values: NDArray[Any], texts: bool) -> Self:
         classes, counts = np.unique(values, return_counts=True)
         if texts and len(classes) > MAX_CLASSES:
             raise InputError(
@@ -85,7 +83,7 @@ class AttributeRange:
         return cls(name, classes=tuple(classes[np.argsort(-counts, kind="stable")][:MAX_CLASSES].tolist()))
 
     @classmethod
-    def _of_numbers(cls, name: str, values: NDArray[np.float64]) -> AttributeRange:
+    def _of_numbers(cls, name: str, values: NDArray[np.float64]) -> Self:
         finite = values[np.isfinite(values)]
         if 2 * len(finite) < len(values):
             raise InputError(
@@ -122,7 +120,7 @@ class Details:
     weighted: tuple[tuple[AttributeRange, float], ...]  # Without attributes that are constant
 
     @classmethod
-    def from_cloud(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Details:
+    def from_cloud(cls, cloud: PointCloud, detail: Mapping[str, float]) -> Self:
         """Measure the ranges of attributes, whose weights are given, of a cloud or a sample of it."""
         ranges = ((AttributeRange.from_cloud(cloud, name), weight) for name, weight in detail.items())
         return cls(tuple((item, weight) for item, weight in ranges if item.span or len(item.classes) > 1))

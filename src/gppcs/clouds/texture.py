@@ -1,7 +1,5 @@
 """The class `Texture`: the colours of a mesh as a picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

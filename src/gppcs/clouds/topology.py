@@ -1,7 +1,5 @@
 """The topology of a mesh: whether it is a manifold, its boundary loops, pieces and handles."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

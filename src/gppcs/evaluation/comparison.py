@@ -1,7 +1,5 @@
 """Runs several methods on one cloud and evaluates each result in the same way."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from time import perf_counter

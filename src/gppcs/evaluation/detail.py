@@ -1,7 +1,5 @@
 """How far attributes of a cloud are from those of a simplified one: colours, numbers and classes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud

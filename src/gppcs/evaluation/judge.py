@@ -1,7 +1,5 @@
 """Computes the figures of a simplification from two clouds and, if there is one, the original mesh."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import warnings

@@ -5,8 +5,6 @@ from planes fitted to ten neighbours in the simplified cloud, each with the sign
 Distances are those from the vertices of one mesh to the surface of the other.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The summary of a cloud: size, spacing, attributes, repeats and invalid points."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Pickled objects, which could run code, are refused.
 """
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Iterator
 from functools import partial

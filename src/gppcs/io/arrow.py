@@ -1,7 +1,5 @@
 """Reads and writes tables in Parquet and Feather files, by PyArrow."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from io import BufferedReader

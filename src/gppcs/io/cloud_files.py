@@ -1,7 +1,5 @@
 """One or several files as one cloud, read as a whole or in chunks, as often as needed."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os
@@ -11,7 +9,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,7 +165,7 @@ class CloudFiles:
         self._streams[name] = path
         return [name]
 
-    def __enter__(self) -> CloudFiles:
+    def __enter__(self) -> Self:
         self._entered += 1
         return self
 
@@ -301,7 +299,7 @@ class CloudFiles:
                     if len(cloud):
                         yield self._in_one_system(cloud)
 
-    def parts(self, n: int) -> list[CloudFiles]:
+    def parts(self, n: int) -> list[Self]:
         """Return each file, or parts of about n points of a file, by itself."""
         parts = []
         header = self.preview.header if self._assume_same_crs else None

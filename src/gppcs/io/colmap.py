@@ -1,7 +1,5 @@
 """Reads and writes the points of COLMAP, `points3D.txt` and `points3D.bin`: seeds of Gaussian splatting."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from io import BufferedReader

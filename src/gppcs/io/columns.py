@@ -1,7 +1,5 @@
 """Converts a cloud to the named columns of a file."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Iterable

@@ -1,7 +1,5 @@
 """Coordinate reference systems: their names and units, as well-known text (WKT) or keys of GeoTIFF say them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -29,9 +27,9 @@ class _Node:
 
     keyword: str
     values: list[str] = field(default_factory=list)
-    nodes: list[_Node] = field(default_factory=list)
+    nodes: list["_Node"] = field(default_factory=list)
 
-    def named(self, *keywords: str) -> list[_Node]:
+    def named(self, *keywords: str) -> list["_Node"]:
         """Return the nodes inside with one of some keywords."""
         return [node for node in self.nodes if node.keyword in keywords]
 

@@ -4,8 +4,6 @@ pye57's own `write_scan_raw` rounds coordinates to single precision. Its `read_s
 tell whether all points were read.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

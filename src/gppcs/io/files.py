@@ -3,8 +3,6 @@
 To add a format, write a module with a `Format` and add it to `FORMATS`.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,14 +1,12 @@
 """The class `Format`, how one file format is recognised, opened and written, and `Reader`, an open file."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BufferedReader
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +115,7 @@ class Format:
                 f"{', '.join(values)}; choose another format, or leave this out with `lossy=True`"
             )
 
-    def ranked(self) -> Format:
+    def ranked(self) -> Self:
         """Return the format for points in the order of importance: the first ones go to its coarse levels, if any."""
         if "levels_by" not in self.options or self.write is None:
             return self

@@ -1,7 +1,5 @@
 """Joins clouds, of one file or of several, to one."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -69,7 +67,7 @@ class JointColumns:
         if theirs and not ours:
             self.header = header
 
-    def merge(self, other: JointColumns) -> None:
+    def merge(self, other: "JointColumns") -> None:
         """Take note of the parts that another has noted."""
         if other._first is not None:
             self.add(replace(other._first, header=other.header))

@@ -1,7 +1,5 @@
 """The scale and the offset by which LAS files store coordinates as whole numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np

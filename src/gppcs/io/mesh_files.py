@@ -1,7 +1,5 @@
 """Reads and writes mesh files: PLY, OBJ, STL and OFF, and glTF by trimesh."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from functools import partial

@@ -4,8 +4,6 @@ OFF and OBJ files are read here, because trimesh has no colours and normals of O
 file along the seams of its texture.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import re

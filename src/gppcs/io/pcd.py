@@ -1,7 +1,5 @@
 """Reads PCD files, text, binary and compressed, and writes text and binary ones."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

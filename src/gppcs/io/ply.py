@@ -1,7 +1,5 @@
 """Reads PLY files, text and binary of both byte orders, and writes text and little-endian ones."""
 
-from __future__ import annotations
-
 import os
 import re
 import struct

@@ -1,7 +1,5 @@
 """Polygons of GeoJSON files, and which points are inside."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Reads PTX files, in which Leica's programs export scans as text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import partial

@@ -1,12 +1,10 @@
 """The class `Query`: which points of a file are read."""
 
-from __future__ import annotations
-
 import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +27,7 @@ class Query:
     resolution: float | None = None  # the distance of neighbours down to which a COPC file is read
 
     @classmethod
-    def from_options(cls, inside: Any = None, only: str | None = None, resolution: float | None = None) -> Query | None:
+    def from_options(cls, inside: Any = None, only: str | None = None, resolution: float | None = None) -> Self | None:
         """Check the arguments of `gppcs.read` with these names; None if all are None."""
         if inside is None and only is None and resolution is None:
             return None

@@ -1,7 +1,5 @@
 """Opens files of servers by fsspec: of COPC files, only the ranges are fetched that are read; others are copied."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Reads rows of numbers and text by pandas, reads records of bytes, and writes both."""
 
-from __future__ import annotations
-
 import math
 import os
 import re
@@ -14,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud
-from gppcs.clouds.columns import Column, check_coordinate, coordinate_names
+from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.engine.memory import size_of
 from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
@@ -244,24 +242,10 @@ def equal_spans(count: int, n: int) -> list[Span]:
 
 def column_chunks(columns: Mapping[str, Column], n: int, span: Span | None = None) -> Iterator[PointCloud]:
     """Yield the clouds of n values each of columns that are mapped into memory."""
-    axes = coordinate_names(columns)
-    kept = [name for name in columns if name not in axes]
-    dtype = np.result_type(*(columns[axis].dtype for axis in axes)).newbyteorder("=")
-    first, last = span or (0, len(columns[axes[0]]))
+    first, last = span or (0, len(columns[coordinate_names(columns)[0]]))
     for start in range(first, max(last, first + 1), n):
-        stop = min(start + n, last)
-        points = np.empty((stop - start, 3))
-        copies = dict(zip(axes, points.T, strict=True))
-        for name in kept:
-            values = columns[name]
-            copies[name] = np.empty((stop - start, *values.shape[1:]), values.dtype.newbyteorder("="))
-        for begin in range(start, max(stop, start + 1), BLOCK):  # which fits into the processor's cache
-            for name, copy in copies.items():
-                block = columns[name][begin : min(begin + BLOCK, stop)]
-                if name in axes:
-                    check_coordinate(name, block)
-                copy[begin - start : begin - start + BLOCK] = block
-        yield PointCloud(points, {name: copies[name] for name in kept}, dtype)
+        part = slice(start, min(start + n, last))
+        yield PointCloud.from_columns({name: np.array(values[part]) for name, values in columns.items()})  # no views
 
 
 def read_records(

@@ -1,7 +1,5 @@
 """Opens files to read and to write: plain and compressed ones, standard input and output."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import os

@@ -7,8 +7,6 @@
   while the coordinates are not. Missing numbers, empty or NA, are NaN.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

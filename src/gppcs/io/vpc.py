@@ -1,7 +1,5 @@
 """Reads virtual point clouds (VPC): lists of files, kept as STAC items in GeoJSON."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

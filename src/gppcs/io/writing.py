@@ -1,7 +1,5 @@
 """Writes cloud files."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path

@@ -1,9 +1,7 @@
 """The arguments of `gppcs.mesh`, checked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +37,7 @@ class Size:
         unit: str | None,
         keep: Any | None,
         fill_holes: float | str | None,
-    ) -> Size:
+    ) -> Self:
         """Check the arguments; `keep` is only looked at for being there."""
         values = {"`n_points`": n_points, "`ratio`": ratio, "`n_faces`": n_faces, "`tolerance`": tolerance}
         values |= {"points to keep": keep}

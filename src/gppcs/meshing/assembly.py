@@ -1,7 +1,5 @@
 """Put triangles together so that they stay an oriented manifold, and fill small gaps between them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints

@@ -1,7 +1,5 @@
 """The nearest triangle of each dense point, found by walking over the mesh."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -13,14 +11,12 @@ from gppcs.meshing.halfedges import HalfEdges, around, position_of, room_for_rin
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.triangles import (
     area_vector,
-    cross,
     dot,
     minus,
     nearest_in_triangle,
     nearest_triangles,
     row,
     squared_distance,
-    unit,
 )
 
 MAX_WALK = 64  # vertices that a walk visits
@@ -36,10 +32,9 @@ class Assignment(NamedTuple):
     @classmethod
     def on_same_sheet(cls, mesh: HalfEdges, vertices: Floats, points: Floats, normals: Floats, nearest: Ints) -> Self:
         """Walk from a vertex near each point to its nearest triangle."""
-        count, (upright, sides) = len(points), _planes(mesh, vertices)
+        count = len(points)
         assigned = cls(np.full(count, -1), np.zeros(count), np.zeros((count, 2)))
-        arguments = mesh, vertices, upright, sides, points, normals, nearest, assigned
-        on_ranges(_walk_all, count, *arguments, minimum=1024)
+        on_ranges(_walk_all, count, mesh, vertices, points, normals, nearest, assigned, minimum=1024)
         return assigned
 
     @classmethod
@@ -66,29 +61,8 @@ def nearest_vertices(points: Floats, normals: Floats, vertices: Floats, vertex_n
     return nearest
 
 
-def _planes(mesh: HalfEdges, vertices: Floats) -> tuple[Floats, Floats]:
-    """Return the normals of triangles, (F, 3), and for each edge the outward unit normal and the extent, (F, 3, 4)."""
-    count = len(mesh.corners())
-    upright, sides = np.empty((count, 3)), np.empty((count, 3, 4))
-    on_ranges(_fill_planes, count, mesh, vertices, upright, sides, minimum=1024)
-    return upright, sides
-
-
 @kernel
-def _fill_planes(begin, end, mesh, vertices, upright, sides):
-    """Fill what `_planes` returns for a range of triangles."""
-    for f in range(begin, end):
-        corners = corners_from(mesh, vertices, f, (0.0, 0.0, 0.0))
-        normal = area_vector(*corners)
-        upright[f, 0], upright[f, 1], upright[f, 2] = normal
-        for k in range(3):
-            outward = unit(cross(minus(corners[(k + 1) % 3], corners[k]), normal))
-            sides[f, k, 0], sides[f, k, 1], sides[f, k, 2] = outward
-            sides[f, k, 3] = max(dot(outward, corners[0]), dot(outward, corners[1]), dot(outward, corners[2]))
-
-
-@kernel
-def _walk_all(begin, end, mesh, vertices, upright, sides, points, normals, nearest, assigned):
+def _walk_all(begin, end, mesh, vertices, points, normals, nearest, assigned):
     """Fill `assigned` at a range of points: walk until all corners of the nearest triangle were visited."""
     visited = np.empty(MAX_WALK, dtype=np.int64)
     halves, _ = room_for_ring()
@@ -101,9 +75,9 @@ def _walk_all(begin, end, mesh, vertices, upright, sides, points, normals, neare
             edges, _ = around(mesh, v, halves)
             for slot in range(edges):
                 f = halves[slot] // 3
-                if f == face or _is_farther(sides, f, point, lowest) or dot(row(upright, f), normal) <= 0.0:
-                    continue
                 a, b, c = corners_from(mesh, vertices, f, point)
+                if f == face or dot(area_vector(a, b, c), normal) <= 0.0:
+                    continue
                 s, t = nearest_in_triangle(a, b, c)
                 squared = squared_distance(a, b, c, s, t)
                 if squared < lowest:
@@ -116,17 +90,6 @@ def _walk_all(begin, end, mesh, vertices, upright, sides, points, normals, neare
         assigned.weights[i, 0], assigned.weights[i, 1] = weights
         if face >= 0 and lowest <= _longest(mesh, vertices, face):
             assigned.face[i], assigned.squared[i] = face, lowest
-
-
-@kernel(allocates=False)
-def _is_farther(sides, f, point, squared):
-    """Return whether a point surely is farther than a squared distance outside a side of a triangle, of (F, 3, 4)."""
-    for k in range(3):
-        outside = sides[f, k, 0] * point[0] + sides[f, k, 1] * point[1] + sides[f, k, 2] * point[2]
-        outside -= sides[f, k, 3] + 1e-12  # more than rounding, as clouds are of about unit size
-        if outside > 0.0 and outside * outside > squared:
-            return True
-    return False
 
 
 @kernel(allocates=False)
@@ -145,3 +108,16 @@ def _longest(mesh, vertices, f):
     _, b, c = corners_from(mesh, vertices, f, row(vertices, mesh.origin[3 * f]))
     bc = minus(c, b)
     return max(dot(b, b), dot(c, c), dot(bc, bc))
+
+
+@kernel(allocates=False)
+def assign_nearest(mesh, vertices, faces, point, i, assigned):
+    """Assign a point, number i, to the nearest of some triangles."""
+    assigned.squared[i] = np.inf
+    for f in faces:
+        a, b, c = corners_from(mesh, vertices, f, point)
+        s, t = nearest_in_triangle(a, b, c)
+        squared = squared_distance(a, b, c, s, t)
+        if squared < assigned.squared[i]:
+            assigned.face[i], assigned.squared[i] = f, squared
+            assigned.weights[i, 0], assigned.weights[i, 1] = s, t

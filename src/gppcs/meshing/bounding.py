@@ -1,7 +1,5 @@
 """Remove vertices while every point stays within a distance of the mesh, and no triangle comes to cut another."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Ints

@@ -1,7 +1,5 @@
 """Remove vertices by half-edge collapses, the cheapest first (Garland and Heckbert 1997, with the points' quadrics)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

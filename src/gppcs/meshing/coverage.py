@@ -1,7 +1,5 @@
 """Whether points of the dense cloud lie under the whole of a triangle: where they do not, the surface is open."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

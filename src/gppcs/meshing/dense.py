@@ -1,9 +1,8 @@
 """The dense points that a mesh is made from: without repeats, with signed normals, freed from thick noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Self
 
 import numpy as np
 
@@ -53,7 +52,7 @@ class DensePoints:
         thick: bool = False,
         near_sheets: bool = True,
         times: int = 1,
-    ) -> DensePoints | None:
+    ) -> Self | None:
         """Take enough points of a cloud for a mesh, evenly; noise may be thick, or there may be near sheets.
 
         Of these, so many times as many points are taken.
@@ -92,7 +91,7 @@ class DensePoints:
     @classmethod
     def _across_uneven(
         cls, indices: Ints, tree: KdTree, sigma: Floats, strides: Ints, count: int, chosen: Ints
-    ) -> DensePoints:
+    ) -> Self:
         """Project points across noise that differs from place to place, for a first mesh of so many points."""
         raw = np.ascontiguousarray(tree.points.T)
         feet, normals, fitted = projected_across(tree, strides)
@@ -112,7 +111,7 @@ class DensePoints:
         joined = _spread(indices, on_surface, chosen, count)
         return cls(indices, raw, on_surface, normals, cover, joined, float(np.sqrt((sigma**2).mean())), True)
 
-    def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> DensePoints:
+    def turned(self, signed: Ints, turned: Flags, tree: KdTree) -> Self:
         """Turn the normals of some of the points `signed`, which the tree is over; all others follow the nearest."""
         normals = np.where(turned[:, None], -self.normals[signed], self.normals[signed])
         return replace(self, normals=_following(tree, normals, self.positions, self.normals))

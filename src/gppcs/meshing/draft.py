@@ -1,8 +1,7 @@
 """The arrays of a mesh while it is made, which the stages change."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -27,7 +26,7 @@ class Draft:
     thin_cost: float = 0.0  # energy of a triangle without area in flips; 0 before the first flips
 
     @classmethod
-    def from_mesh(cls, mesh: HalfEdges, dense: DensePoints, dense_index: Ints, fixed: Flags, moved: bool) -> Draft:
+    def from_mesh(cls, mesh: HalfEdges, dense: DensePoints, dense_index: Ints, fixed: Flags, moved: bool) -> Self:
         """Begin with a mesh between some dense points."""
         positions, normals = dense.positions[dense_index], dense.normals[dense_index]
         nearest = nearest_vertices(
@@ -36,7 +35,7 @@ class Draft:
         vertices = positions if moved else dense.raw[dense_index]
         return cls(dense, moved, mesh, dense_index, fixed, vertices, normals, nearest)
 
-    def copy(self) -> Draft:
+    def copy(self) -> Self:
         """Return a draft that can be changed without changing this one."""
         mesh = HalfEdges(*(part.copy() for part in self.mesh))
         changed_in_place = ("dense_index", "fixed", "vertices", "nearest")
@@ -57,17 +56,6 @@ class Draft:
         return Assignment.on_same_sheet(
             self.mesh, self.vertices, self.dense.positions, self.dense.normals, self.nearest
         )
-
-    def reassigned(self, assigned: Assignment, corners: Ints) -> Assignment:
-        """Find anew the triangles of dense points that had none, or one of `corners`, (F, 3), that has changed."""
-        changed = (self.mesh.corners()[: len(corners)] != corners).any(axis=1)
-        stale = np.flatnonzero((assigned.face < 0) | changed[assigned.face])
-        anew = Assignment.on_same_sheet(
-            self.mesh, self.vertices, self.dense.positions[stale], self.dense.normals[stale], self.nearest[stale]
-        )
-        for part, of_stale in zip(assigned, anew, strict=True):
-            part[stale] = of_stale
-        return assigned
 
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""

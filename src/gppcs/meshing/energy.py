@@ -3,8 +3,6 @@
 It is that of Hoppe et al. 1993, *Mesh Optimization*, with the cost of thin triangles in the place of springs.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np

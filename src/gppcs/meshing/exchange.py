@@ -4,8 +4,6 @@ A collapse of an edge puts one vertex in the place of two, which costs energy (s
 a vertex, which gains some. Both fit the vertex, while all others stay.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints

@@ -1,7 +1,5 @@
 """The fans of all points, how many of them have each triangle, and the signs of normals by what they agree on."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree

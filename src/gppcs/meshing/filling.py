@@ -1,7 +1,5 @@
 """Fill boundary loops by the cheapest triangles (Barequet and Sharir 1995; Liepa 2003)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints

@@ -1,7 +1,5 @@
 """The first mesh: some of the dense points, evenly spread, joined by the triangles of their fans."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints

@@ -1,7 +1,5 @@
 """Move vertices so that the mesh fits the dense points: each in turn, by its star; on noisy clouds at last jointly."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.clouds.mesh import Mesh

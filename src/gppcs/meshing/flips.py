@@ -1,13 +1,10 @@
 """Flip edges while that brings the mesh nearer to the dense points, and thin triangles vanish."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
-from gppcs.engine.threads import on_ranges
-from gppcs.meshing.assignment import Assignment, corners_from
+from gppcs.meshing.assignment import Assignment, assign_nearest
 from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, price, thinness
@@ -46,17 +43,7 @@ def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
 def flip_all(fitted: FittedMesh, tree: TriangleTree, normals: Floats, thin_cost: float, sweeps: int) -> int:
     """Flip edges while the energy falls and nothing cuts a tree, in few `sweeps`; return how many were."""
     edges = fitted.mesh.inner_edges()
-    lowers = np.zeros(len(edges), dtype=np.bool_)
-    on_ranges(_mark_lowering, len(edges), fitted, normals, thin_cost, edges, lowers, minimum=256)
-    return _flip_queued(fitted, tree, normals, thin_cost, edges[lowers], sweeps * len(edges))
-
-
-@kernel
-def _mark_lowering(begin, end, fitted, normals, thin_cost, edges, lowers):
-    """Mark which of the edges, (m,), lower the energy by a flip; for a range of these."""
-    halves = np.empty(MAX_VALENCE, dtype=np.int64)
-    for i in range(begin, end):
-        lowers[i] = _lowers_energy(fitted, normals, thin_cost, edges[i], halves)
+    return _flip_queued(fitted, tree, normals, thin_cost, edges, (sweeps + 1) * len(edges))
 
 
 @kernel
@@ -201,15 +188,7 @@ def _share_out(fitted, f, g):
         i = begin
         while i >= 0:
             behind = fitted.after[i]
-            point = row(fitted.points, i)
-            assigned.squared[i] = np.inf
-            for side in (f, g):
-                a, b, c = corners_from(fitted.mesh, fitted.vertices, side, point)
-                s, t = nearest_in_triangle(a, b, c)
-                squared = squared_distance(a, b, c, s, t)
-                if squared < assigned.squared[i]:
-                    assigned.face[i], assigned.squared[i] = side, squared
-                    assigned.weights[i, 0], assigned.weights[i, 1] = s, t
+            assign_nearest(fitted.mesh, fitted.vertices, (f, g), row(fitted.points, i), i, assigned)
             fitted.after[i] = fitted.first[assigned.face[i]]
             fitted.first[assigned.face[i]] = i
             i = behind

@@ -3,8 +3,6 @@
 Half-edge 3 f + k leads from corner k of triangle f to its next corner. The triangle lies to the left.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -33,20 +31,14 @@ class HalfEdges(NamedTuple):
         _connect(mesh, EdgeTable.empty(n, len(origin)))
         return mesh
 
-    def changed(self, kept: Flags | None = None, new: Ints | None = None) -> HalfEdges:
+    def changed(self, kept: Flags | None = None, new: Ints | None = None) -> "HalfEdges":
         """Return a mesh of triangles that are kept, (F,), by default all that are left, and of new ones, (T, 3).
 
         Triangles that were removed cannot be kept.
         """
-        kept = self.origin[::3] >= 0 if kept is None else kept
-        n, first = len(self.leaving), 3 * int(np.count_nonzero(kept))
-        size = first + (0 if new is None else new.size)
-        mesh = HalfEdges(np.empty(size, dtype=np.int64), np.full(size, -1), np.full(n, -1))
-        if new is not None:
-            mesh.origin[first:] = new.ravel()
-        _copy_kept(self, kept, np.cumsum(kept) - 1, mesh)
-        _connect(mesh, EdgeTable.empty(n, size))
-        return mesh
+        kept_faces = self.faces() if kept is None else self.corners()[kept]
+        faces = kept_faces if new is None else np.concatenate([kept_faces, new])
+        return HalfEdges.from_faces(faces, len(self.leaving))
 
     def corners(self) -> Ints:
         """Return the corners of all triangles, (F, 3), -1 for those that were removed."""
@@ -117,25 +109,12 @@ def preceding(h):
 
 
 @kernel(allocates=False)
-def _copy_kept(mesh, kept, number, smaller):
-    """Copy the triangles that are kept, (F,), to those of these numbers, (F,), of a mesh without opposite edges."""
-    for f in range(len(kept)):
-        for k in range(3 if kept[f] else 0):
-            h, o = 3 * number[f] + k, mesh.opposite[3 * f + k]
-            smaller.origin[h] = mesh.origin[3 * f + k]
-            if o >= 0 and kept[o // 3]:
-                smaller.opposite[h] = 3 * number[o // 3] + o % 3
-
-
-@kernel(allocates=False)
 def _connect(mesh, table):
-    """Fill what is missing of `opposite`, and `leaving`, of a mesh; half-edges are added to an empty table."""
+    """Fill `opposite` and `leaving` of a mesh; half-edges are added to an empty table."""
     for h in range(len(mesh.origin)):
-        if mesh.opposite[h] < 0:
-            add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
+        add_edge(table, mesh.origin[h], mesh.origin[following(h)], h)
     for h in range(len(mesh.origin)):
-        if mesh.opposite[h] < 0:
-            mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
+        mesh.opposite[h] = find_edge(table, mesh.origin[following(h)], mesh.origin[h])
     for h in range(len(mesh.origin)):
         v = mesh.origin[h]
         if mesh.leaving[v] < 0 or mesh.opposite[h] < 0:

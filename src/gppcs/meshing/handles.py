@@ -6,8 +6,6 @@ loop across triangles; a code is drawn for each of these, and an edge has the co
 along a loop of edges cancel out if and only if it parts the mesh, but for an unlikely chance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order

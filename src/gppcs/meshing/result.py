@@ -1,7 +1,5 @@
 """The result of `gppcs.mesh`, and what was measured while it was made."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Fit one vertex to the dense points of the triangles around it, its star, while all other vertices stay."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ it for a clean surface. So quadrics are fitted to as many points of thinned clou
 radius of the fits grows, noise stays about the same, and detail grows.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints

@@ -5,8 +5,6 @@ The class is a `Method`, see `methods/method.py`. Its name, parameters and help 
 the group `gppcs.methods`.
 """
 
-from __future__ import annotations
-
 from gppcs.methods.method import Feature as Feature
 from gppcs.methods.method import Method as Method
 from gppcs.methods.method import Selection as Selection

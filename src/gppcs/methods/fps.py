@@ -1,7 +1,5 @@
 """The method `fps`: farthest point sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task

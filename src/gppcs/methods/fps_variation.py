@@ -1,7 +1,5 @@
 """The method `fps-variation`: farthest points, then the points of largest surface variation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import Method, Selection, Task, random_candidates

@@ -1,7 +1,5 @@
 """The method `gp-spectral`: the paper's Algorithm 1, exact on all points."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
 

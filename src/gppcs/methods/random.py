@@ -1,7 +1,5 @@
 """The method `random`: random sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

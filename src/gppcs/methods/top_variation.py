@@ -1,7 +1,5 @@
 """The method `top-variation`: the points of largest surface variation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task

@@ -1,7 +1,5 @@
 """Synthetic sample scans whose surfaces and normals are known exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.clouds.cloud import PointCloud

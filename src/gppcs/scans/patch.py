@@ -1,7 +1,5 @@
 """Patches: pieces of a surface given by formulas, with exact normals and curvatures; scans consist of patches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple

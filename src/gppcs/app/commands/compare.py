@@ -1,7 +1,5 @@
 """The command `gppcs compare`: several methods on one cloud, as tables and a picture."""
 
-from __future__ import annotations
-
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated

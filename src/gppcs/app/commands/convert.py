@@ -1,7 +1,5 @@
 """The command `gppcs convert`: a cloud from one format to another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """The command `gppcs evaluate`: how good a simplified cloud or mesh is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The command `gppcs methods`: list the methods, or explain one."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The command `gppcs render`: a picture of a cloud or a mesh."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command `gppcs report`: a page that shows simplified clouds beside their original."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated

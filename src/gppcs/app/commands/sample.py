@@ -1,7 +1,5 @@
 """The command `gppcs sample`: a synthetic scan."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The command `gppcs warmup`: compiles all kernels."""
 
-from __future__ import annotations
-
 from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.printing import emit, say, started

@@ -1,7 +1,5 @@
 """The method `aivs`: farthest points voxel by voxel (approximate intrinsic voxel structure)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import Method, Selection, Task

@@ -1,10 +1,8 @@
 """Farthest points voxel by voxel, away from the choice in the voxels around: isotropic AIVS (Lv et al. 2021)."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -32,7 +30,7 @@ class Voxels(NamedTuple):
     along: int
 
     @classmethod
-    def build(cls, points: Floats) -> Voxels:
+    def build(cls, points: Floats) -> Self:
         """Sort points, (N, 3), into voxels."""
         n = len(points)
         # Upper limits of the number of points, and how many voxels the longest axis then has (Lv et al. 2021).

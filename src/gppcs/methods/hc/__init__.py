@@ -1,7 +1,5 @@
 """The method `hc`: hierarchical clustering."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import Method, Selection, Task

@@ -1,7 +1,5 @@
 """The method `pc-simp`: selection by a high-pass filter on the neighbour graph."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import Method, Selection, Task

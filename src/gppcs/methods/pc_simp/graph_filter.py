@@ -1,8 +1,6 @@
 """PC-Simp: keep points with a strong upper-pass response on the neighbour graph, evenly spread (Qi et al. 2019)."""
 
-from __future__ import annotations
-
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy.sparse
@@ -25,7 +23,7 @@ class NeighbourGraph(NamedTuple):
     squared_spacing: float
 
     @classmethod
-    def build(cls, tree: KdTree, neighbours: int) -> NeighbourGraph:
+    def build(cls, tree: KdTree, neighbours: int) -> Self:
         """Connect each point with its nearest neighbours."""
         indices, squared = nearest_others(tree, neighbours)
         starts = np.arange(len(indices) + 1) * neighbours

@@ -1,7 +1,5 @@
 """The method `qem`: point pair contraction by the quadric error metric."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from gppcs.methods.method import RANKING, Feature, Method, Selection, Task

@@ -1,7 +1,5 @@
 """Point pair contraction by the quadric error metric (Pauly, Gross and Kobbelt 2002; Garland and Heckbert 1997)."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Weighted sample elimination (Yuksel 2015): a Poisson disc set of exactly the size asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

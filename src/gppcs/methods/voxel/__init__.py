@@ -1,7 +1,5 @@
 """The method `voxel`: one point for each occupied cell of a grid."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Find a cubic grid with the right number of occupied cells, and one point for each cell."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

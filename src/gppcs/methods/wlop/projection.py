@@ -1,7 +1,5 @@
 """Weighted locally optimal projection: samples pulled onto the surface and pushed apart (Huang et al. 2009)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
