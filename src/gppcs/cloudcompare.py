@@ -3,8 +3,6 @@
 It is written to the documented interface of CloudCompare-PythonRuntime. Only CloudCompare can import this module.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cccorelib  # type: ignore[import-not-found]

@@ -1,7 +1,5 @@
 """The errors that gppcs raises; each message says what was expected, what was found and what to do."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import numbers

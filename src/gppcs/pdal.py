@@ -1,7 +1,5 @@
 """gppcs in a pipeline of PDAL, by its stage `filters.python`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, MutableMapping
 from typing import Any

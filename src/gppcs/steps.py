@@ -1,7 +1,5 @@
 """The steps of every simplification: prepare the points of a cloud, choose among them, add what the options ask for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Surface variation and normals of any cloud, and how large its points are drawn, as pictures and pages show them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

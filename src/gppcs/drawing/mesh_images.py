@@ -1,7 +1,5 @@
 """Draws meshes: triangles with a depth buffer, shaded by smooth normals between sharp edges."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

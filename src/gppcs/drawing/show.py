@@ -1,7 +1,5 @@
 """Shows clouds and results in the viewer, in a notebook or in the browser."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

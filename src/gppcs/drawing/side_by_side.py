@@ -1,7 +1,5 @@
 """Draws the picture of a comparison: a row of clouds, and below it one of the meshes rebuilt from them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

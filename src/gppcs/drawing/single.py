@@ -1,7 +1,5 @@
 """Draws one cloud or mesh."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from typing import BinaryIO

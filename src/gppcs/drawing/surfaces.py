@@ -1,7 +1,5 @@
 """The surface through the points of a sparse cloud, which shows its shape where discs would hide it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

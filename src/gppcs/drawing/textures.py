@@ -1,7 +1,5 @@
 """Textures of meshes: the colours of all points of a cloud, in a picture on which the triangles are laid out."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

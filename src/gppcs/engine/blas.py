@@ -1,7 +1,5 @@
 """Run linear algebra in one thread, as its results can differ in the last bits with the number of threads."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Compare dataclasses that hold arrays, for which the comparison that `dataclass` generates raises an error."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Optional packages: imported by one function, whose error names the extra or package to install."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 from functools import partial

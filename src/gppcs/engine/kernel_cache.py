@@ -6,8 +6,6 @@ package: it runs on every usual processor (`make dist`). Unpickling runs code, s
 can have written it. Processes that need the same kernel at once compile it once: a lock for each lies in one file.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """Compile functions with Numba, and keep the compiled code."""
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Callable

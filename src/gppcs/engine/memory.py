@@ -1,7 +1,5 @@
 """Measure the memory that this process has held and may still take; write sizes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import suppress

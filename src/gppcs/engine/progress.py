@@ -1,7 +1,5 @@
 """Draws progress as a bar, or prints it as lines for programs that start this one."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from typing import TYPE_CHECKING

@@ -1,7 +1,5 @@
 """Strict JSON, which has no NaN and no infinity."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Any

@@ -4,8 +4,6 @@ The kernels release the GIL. No thread waits actively, so a thread that loses it
 range. The helping threads are shared by all callers, and a forked process starts its own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

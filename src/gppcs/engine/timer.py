@@ -1,7 +1,5 @@
 """Time the stages of a run, with the compilation of kernels as one of its own, and report progress."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

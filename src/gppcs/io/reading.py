@@ -1,7 +1,5 @@
 """Reads clouds from files, and takes clouds in any form."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import warnings

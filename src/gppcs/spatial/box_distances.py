@@ -1,7 +1,5 @@
 """Distances between boxes, and between points and boxes; corners are (3,)."""
 
-from __future__ import annotations
-
 from gppcs.engine.kernels import kernel
 
 

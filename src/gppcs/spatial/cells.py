@@ -1,7 +1,5 @@
 """Choose one point per grid cell, or the first point at each position, in O(N) by hashing."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Farthest point sampling, exact and pruned by a k-d tree (Eldar et al. 1997; buckets: Han et al. 2023)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The greatest value below each node of a k-d tree: where it is, and how it follows when values change."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.kernels import kernel

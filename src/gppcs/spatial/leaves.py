@@ -4,8 +4,6 @@ Leaves that follow each other form runs. In a run, each search takes the radius 
 needed; a query for which that is too small searches the tree by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Find the k nearest points of many queries, leaf by leaf of a tree of these."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

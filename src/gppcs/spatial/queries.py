@@ -1,7 +1,5 @@
 """Searches of single queries: all points within a distance, and the nearest points, no point twice."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints

@@ -1,7 +1,5 @@
 """Samples of points: even ones, and random ones by where points lie."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Estimate the area of the surface and that which each point stands for, and the radius of a neighbourhood."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

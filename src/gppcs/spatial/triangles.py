@@ -1,7 +1,5 @@
 """Vectors of three numbers for kernels, and the nearest point of a triangle, and of many."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

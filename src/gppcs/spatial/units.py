@@ -1,7 +1,5 @@
 """The units of the axes of a cloud, and the factors that bring all axes to one unit."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

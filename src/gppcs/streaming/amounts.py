@@ -1,7 +1,5 @@
 """As many points of tiles as the options mean: a number, or what a tolerance, spacing or gap takes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files in, files out: the kept points of each file of a cloud go to a file of its name, and a crash costs little."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

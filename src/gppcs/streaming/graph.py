@@ -1,7 +1,5 @@
 """Runs a graph of tasks: on threads of this process, on an executor of the user, or on a cluster by Dask."""
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

@@ -1,7 +1,5 @@
 """Reads the kept points again, with all their attributes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

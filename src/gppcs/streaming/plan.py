@@ -1,7 +1,5 @@
 """Decide whether a cloud in files is simplified in memory, or tile by tile."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from typing import Any

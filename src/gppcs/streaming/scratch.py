@@ -1,7 +1,5 @@
 """Temporary files, and folders for them."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Chooses points tile by tile: each with its halo and the kept points of finished neighbours, as in memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

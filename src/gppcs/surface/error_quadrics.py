@@ -4,8 +4,6 @@ The quadric of a point p is q(x) = (x - p) A (x - p) + 2 b (x - p) + c, relative
 Its ten numbers are the elements xx, xy, xz, yy, yz and zz of A, the three of b, and c.
 """
 
-from __future__ import annotations
-
 from gppcs.engine.kernels import kernel
 
 NUMBERS = 10  # of a quadric

@@ -1,7 +1,5 @@
 """The fan of a point: its triangles in the Delaunay triangulation of its neighbours, laid out in its tangent plane."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints

@@ -4,8 +4,6 @@ Denoising estimates each point alone, so it rounds edges and lowers bumps. Here 
 triangle nearest to it, and all steps of the vertices have one posterior (research/local-field.md).
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ The moments of a neighbourhood are ten numbers: the number of its points, the su
 xy, xz, yy, yz and zz, all relative to an origin.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.kernels import kernel

@@ -1,7 +1,5 @@
 """Normals from quadrics fitted to the cloud. Signs agree between neighbours, and closed pieces point outward."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

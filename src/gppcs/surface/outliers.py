@@ -1,7 +1,5 @@
 """Outliers: points that neither their neighbours nor the surface explain."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

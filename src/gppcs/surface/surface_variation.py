@@ -1,7 +1,5 @@
 """Surface variation and normals from the covariance of each point's neighbourhood (paper, section 3.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

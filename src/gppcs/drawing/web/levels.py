@@ -1,7 +1,5 @@
 """Prepares a COPC file for the page that shows it by level: it holds the first levels, and asks for other nodes."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Packs arrays for the page: whole numbers of few bits, as text that compresses well."""
 
-from __future__ import annotations
-
 import base64
 import zlib
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ Only this machine can connect. A page of another site cannot read anything: it d
 a name of its own that leads here is refused, as the browser tells which host it asked for.
 """
 
-from __future__ import annotations
-
 import re
 import secrets
 import sys

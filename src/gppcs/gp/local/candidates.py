@@ -3,8 +3,6 @@
 The row "sharpness off" of the ablation (benchmarks/results/gp_ablation.md) takes a random point of each cell.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

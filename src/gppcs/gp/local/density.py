@@ -1,7 +1,5 @@
 """The desired spacing at each candidate: small where the surface is rough, and changing slowly (Eqs. (3) and (4))."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats

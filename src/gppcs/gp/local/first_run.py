@@ -1,7 +1,5 @@
 """Parts of `choose` that other processes run on random points, to compile their kernels at a first run."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.gp.local.greedy import extend

@@ -7,8 +7,6 @@ boundaries. What is deferred after some rounds is chosen one after another. The 
 result does not depend on the number of threads.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -5,8 +5,6 @@ is conditioned. A node is skipped only if this holds for none of its points. Whe
 scores far below it wait until a lower threshold: a variance hardly ever rises.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

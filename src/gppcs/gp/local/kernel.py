@@ -4,8 +4,6 @@ The nonstationary form is that of Paciorek and Schervish (2004). The paper trunc
 This one has full rank, and its lengthscale is about the target spacing.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ This is the nearest-neighbour Gaussian process (Vecchia 1988; Datta et al. 2016)
 variance of a candidate: for all of them in `posterior_of_all`, and in `greedy_state.rescore` after each choice.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ The ball of the features (Eq. (2)) holds both sheets there. Its flattest directi
 a distance of about their radius are as thick as they are wide.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Greedy selection by uncertainty plus error, exact on all points (paper, Algorithm 1; Lalchand and Faul 2018)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Fit the hyperparameters by maximum marginal likelihood (paper, Eq. 5), for a kernel of L features."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Matérn kernel on a manifold, truncated to L eigenfunctions (paper, Eq. 6; Borovitskiy et al. 2020)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

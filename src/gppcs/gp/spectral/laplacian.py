@@ -1,7 +1,5 @@
 """Eigenpairs of the cloud's Laplace-Beltrami operator (paper, Eq. 6); large clouds are represented by landmarks."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The posterior of a Gaussian process with K = Phi Phi^T (paper, Eqs. 3 and 4), computed for its L weights."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 

@@ -6,8 +6,6 @@ cell turns out to be farther from the surface of all new points than from that o
 attributes gained, the point goes back. The order of choice stays, so every prefix gains as well.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

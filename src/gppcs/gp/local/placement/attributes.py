@@ -1,7 +1,5 @@
 """Choice in a cell by attributes that count beside its shape (Eq. (20))."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.kernels import kernel

@@ -1,7 +1,5 @@
 """The check of all exchanges together: by the surface of all placed points."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The exchange of chosen points for points of their cells, all at once, in passes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

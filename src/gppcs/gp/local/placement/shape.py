@@ -1,7 +1,5 @@
 """Choice in a cell by its shape: by the quadric error (Eq. (10)), then by the distance from the triangles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gppcs.engine.kernels import kernel
