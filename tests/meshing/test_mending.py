@@ -5,11 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gppcs
 from gppcs.clouds.topology import topology_of
+from gppcs.meshing import mending
 from gppcs.meshing.cuts import TriangleTree, cutting
 from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import HalfEdges
 from gppcs.meshing.mending import cut_out, mend, relax
+from scans import sample
 from shapes import ball, faults, random_mesh, sheet
 
 
@@ -120,3 +123,21 @@ def test_a_hole_is_not_closed_through_another_part():
     after = holes_filled(mesh, *both, 0.9).faces()
     assert np.array_equal(after[: len(pierced)], pierced)
     assert topology_of(after).boundary_loops == topology_of(pierced).boundary_loops
+
+
+@pytest.mark.parametrize("n_points", [400, 500])
+def test_vertices_are_added_by_distances_from_triangles_as_they_are_after_relaxation(monkeypatch, n_points):
+    add, calls = mending._add, []
+
+    def checked(draft, assigned, count):
+        covered = assigned.face >= 0
+        a, b, c = draft.vertices[draft.mesh.corners()[assigned.face[covered]]].transpose(1, 0, 2)
+        v, w = assigned.weights[covered].T[:, :, None]
+        steps = a + v * (b - a) + w * (c - a) - draft.dense.positions[covered]
+        np.testing.assert_allclose((steps**2).sum(axis=1), assigned.squared[covered], rtol=1e-9, atol=1e-15)
+        calls.append(count)
+        add(draft, assigned, count)
+
+    monkeypatch.setattr(mending, "_add", checked)
+    gppcs.mesh(sample("room", 10_000), n_points=n_points, moved=True)
+    assert calls

@@ -108,16 +108,3 @@ def _longest(mesh, vertices, f):
     _, b, c = corners_from(mesh, vertices, f, row(vertices, mesh.origin[3 * f]))
     bc = minus(c, b)
     return max(dot(b, b), dot(c, c), dot(bc, bc))
-
-
-@kernel(allocates=False)
-def assign_nearest(mesh, vertices, faces, point, i, assigned):
-    """Assign a point, number i, to the nearest of some triangles."""
-    assigned.squared[i] = np.inf
-    for f in faces:
-        a, b, c = corners_from(mesh, vertices, f, point)
-        s, t = nearest_in_triangle(a, b, c)
-        squared = squared_distance(a, b, c, s, t)
-        if squared < assigned.squared[i]:
-            assigned.face[i], assigned.squared[i] = f, squared
-            assigned.weights[i, 0], assigned.weights[i, 1] = s, t

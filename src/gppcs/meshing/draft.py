@@ -57,6 +57,17 @@ class Draft:
             self.mesh, self.vertices, self.dense.positions, self.dense.normals, self.nearest
         )
 
+    def reassigned(self, assigned: Assignment, corners: Ints) -> Assignment:
+        """Find anew the triangles of dense points that had none, or one of `corners`, (F, 3), that has changed."""
+        changed = (self.mesh.corners()[: len(corners)] != corners).any(axis=1)
+        stale = np.flatnonzero((assigned.face < 0) | changed[assigned.face])
+        anew = Assignment.on_same_sheet(
+            self.mesh, self.vertices, self.dense.positions[stale], self.dense.normals[stale], self.nearest[stale]
+        )
+        for part, of_stale in zip(assigned, anew, strict=True):
+            part[stale] = of_stale
+        return assigned
+
     def merge(self, into: Ints) -> None:
         """Let the dense points follow removed vertices to those that these went into, (V,)."""
         self.nearest = np.where(self.nearest >= 0, into[self.nearest], -1)

@@ -4,7 +4,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment, assign_nearest
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.energy import FittedMesh, price, thinness
@@ -188,7 +188,15 @@ def _share_out(fitted, f, g):
         i = begin
         while i >= 0:
             behind = fitted.after[i]
-            assign_nearest(fitted.mesh, fitted.vertices, (f, g), row(fitted.points, i), i, assigned)
+            point = row(fitted.points, i)
+            assigned.squared[i] = np.inf
+            for side in (f, g):
+                a, b, c = corners_from(fitted.mesh, fitted.vertices, side, point)
+                s, t = nearest_in_triangle(a, b, c)
+                squared = squared_distance(a, b, c, s, t)
+                if squared < assigned.squared[i]:
+                    assigned.face[i], assigned.squared[i] = side, squared
+                    assigned.weights[i, 0], assigned.weights[i, 1] = s, t
             fitted.after[i] = fitted.first[assigned.face[i]]
             fitted.first[assigned.face[i]] = i
             i = behind

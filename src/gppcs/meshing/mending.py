@@ -4,6 +4,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
+from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.draft import Draft
@@ -23,24 +24,30 @@ from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_p
 from gppcs.spatial.triangles import dot, minus, row
 
 
-def mend_draft(draft: Draft, counts_faces: bool) -> int:
-    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes."""
+def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
+    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes.
+
+    New vertices go where the points are farthest from the triangles to which they are assigned, which follow.
+    """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
-    for last in (False, False, False, True):
-        if len(_mended(draft)):
+    for last in (*[False] * (tries - 1), True):
+        corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
+        if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        _add(draft, missing)
+        is_stale = cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
+        assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
+        _add(draft, assigned, missing)
     return holes
 
 
-def _mended(draft: Draft) -> Ints:
+def _mended(draft: Draft, relaxations: int) -> Ints:
     """Mend cuts, and relax what still cuts; return the triangles that no round has helped, whose corners go back."""
     before = draft.vertices.copy()
-    for last in (*[False] * (12 if draft.moved else 0), True):
+    for last in (*[False] * relaxations, True):
         tree = TriangleTree.from_mesh(draft.mesh, draft.vertices)
         into, cut = mend(draft.mesh, draft.vertices, draft.normals, draft.fixed, tree)
         draft.merge(into)
@@ -52,9 +59,9 @@ def _mended(draft: Draft) -> Ints:
     return cut
 
 
-def _add(draft: Draft, count: int) -> None:
+def _add(draft: Draft, assigned: Assignment, count: int) -> None:
     """Add vertices where the dense points are farthest off, and where the new triangles cut none."""
-    n, assigned = len(draft.dense_index), draft.assigned()
+    n = len(draft.dense_index)
     faces, points = farthest_points_of(draft.mesh, assigned, unused_points(draft), 4 * count)
     positions = draft.dense.positions if draft.moved else draft.dense.raw
     trial = split(draft.mesh, faces)

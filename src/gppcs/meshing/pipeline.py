@@ -186,9 +186,9 @@ def _lightened(request: _Request, first: Draft, count: int, counts_faces: bool) 
         with timer("fit"):
             for _ in range(3):
                 assigned = flip(draft, fit(draft, assigned))
-    draft = _exchanged(request, draft, assigned)
+    draft, assigned = _exchanged(request, draft, assigned)
     with timer("mending"):
-        open_holes = mend_draft(draft, counts_faces)
+        open_holes = mend_draft(draft, assigned, counts_faces)
         draft.compact()
     with timer("distances"):
         assigned = draft.assigned()
@@ -214,16 +214,17 @@ def _thinned(request: _Request, draft: Draft, target: int, counts_faces: bool) -
         if not len(request.fixed) and excess > 0:
             for _ in range(2):
                 refine(draft, round(0.2 * n_vertices), assigned)
+                corners = draft.mesh.corners().copy()
                 collapse(draft, target, counts_faces)
-                assigned = flip(draft)
+                assigned = flip(draft, draft.reassigned(assigned, corners))
     return assigned
 
 
-def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
-    """Let vertices of a draft go to where they help more, while that gains 1 %; return it."""
+def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> tuple[Draft, Assignment]:
+    """Let vertices of a draft go to where they help more, while that gains 1 %; return it and the points' triangles."""
     rounds = (0, 2, 8)[request.effort]
     if not rounds:
-        return draft
+        return draft, assigned
     with request.timer("exchange", rounds) as on_progress:
         for _ in range(rounds):
             before = assigned.mean_square()
@@ -233,7 +234,7 @@ def _exchanged(request: _Request, draft: Draft, assigned: Assignment) -> Draft:
                 draft, assigned = changed, after
             if after.mean_square() > 0.99 * before:
                 break
-    return draft
+    return draft, assigned
 
 
 def _mean_distance(first: Draft, draft: Draft, assigned: Assignment) -> float:

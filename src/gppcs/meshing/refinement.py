@@ -4,20 +4,28 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.meshing.assignment import Assignment, assign_nearest
+from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.draft import Draft
 from gppcs.meshing.flips import flip
 from gppcs.meshing.halfedges import HalfEdges, replace_triangles
-from gppcs.spatial.triangles import row
+from gppcs.spatial.triangles import dot, minus, nearest_in_triangle, row, squared_distance
 
 
 def refine(draft: Draft, count: int, assigned: Assignment) -> None:
     """Add vertices where the dense points are farthest off their triangles, in at most so many of these."""
     insert(draft, assigned, *farthest_points_of(draft.mesh, assigned, unused_points(draft), count))
-    face, points = flip(draft, assigned).face, draft.dense.positions
-    corners = draft.mesh.corners()[face].T
-    nearest = np.argmin([((draft.vertices[corner] - points) ** 2).sum(axis=1) for corner in corners], axis=0)
-    draft.nearest = np.where(face >= 0, draft.mesh.origin[3 * face + nearest], draft.nearest)
+    _find_nearest(draft.mesh, draft.vertices, draft.dense.positions, flip(draft, assigned), draft.nearest)
+
+
+@kernel(allocates=False)
+def _find_nearest(mesh, vertices, points, assigned, nearest):
+    """Fill the nearest corner of the triangle of each point, (n,)."""
+    for i in range(len(points)):
+        lowest, first = np.inf, 3 * assigned.face[i]
+        for corner in mesh.origin[first : first + 3] if first >= 0 else mesh.origin[:0]:
+            step = minus(row(vertices, corner), row(points, i))
+            if dot(step, step) < lowest:
+                nearest[i], lowest = corner, dot(step, step)
 
 
 def farthest_points_of(
@@ -70,8 +78,16 @@ def _reassign(mesh, vertices, points, beside, assigned):
     """Find the nearest third of each split triangle's points; `beside`, (F,), is the second of the three, or -1."""
     for i in range(len(points)):
         f = assigned.face[i]
-        if f >= 0 and beside[f] >= 0:
-            assign_nearest(mesh, vertices, (f, beside[f], beside[f] + 1), row(points, i), i, assigned)
+        if f < 0 or beside[f] < 0:
+            continue
+        assigned.squared[i] = np.inf
+        for third in (f, beside[f], beside[f] + 1):
+            a, b, c = corners_from(mesh, vertices, third, row(points, i))
+            s, t = nearest_in_triangle(a, b, c)
+            squared = squared_distance(a, b, c, s, t)
+            if squared < assigned.squared[i]:
+                assigned.face[i], assigned.squared[i] = third, squared
+                assigned.weights[i, 0], assigned.weights[i, 1] = s, t
 
 
 def split(mesh: HalfEdges, faces: Ints) -> HalfEdges:
