@@ -4,6 +4,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
+from gppcs.engine.threads import on_ranges
 from gppcs.meshing.assignment import Assignment, corners_from
 from gppcs.meshing.cuts import TriangleTree, follow, is_free
 from gppcs.meshing.draft import Draft
@@ -43,7 +44,17 @@ def flip(draft: Draft, assigned: Assignment | None = None) -> Assignment:
 def flip_all(fitted: FittedMesh, tree: TriangleTree, normals: Floats, thin_cost: float, sweeps: int) -> int:
     """Flip edges while the energy falls and nothing cuts a tree, in few `sweeps`; return how many were."""
     edges = fitted.mesh.inner_edges()
-    return _flip_queued(fitted, tree, normals, thin_cost, edges, (sweeps + 1) * len(edges))
+    lowers = np.zeros(len(edges), dtype=np.bool_)
+    on_ranges(_mark_lowering, len(edges), fitted, normals, thin_cost, edges, lowers, minimum=256)
+    return _flip_queued(fitted, tree, normals, thin_cost, edges[lowers], sweeps * len(edges))
+
+
+@kernel
+def _mark_lowering(begin, end, fitted, normals, thin_cost, edges, lowers):
+    """Mark which of the edges, (m,), lower the energy by a flip; for a range of these."""
+    halves = np.empty(MAX_VALENCE, dtype=np.int64)
+    for i in range(begin, end):
+        lowers[i] = _lowers_energy(fitted, normals, thin_cost, edges[i], halves)
 
 
 @kernel
