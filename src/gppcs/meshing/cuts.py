@@ -12,7 +12,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.meshing.halfedges import HalfEdges
-from gppcs.spatial.kdtree import KdTree, after, first_leaf, join_boxes, leaf_range
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, join_boxes, leaf_range
 from gppcs.spatial.triangles import area_vector, cross, dot, has_area, minus, row, unit
 
 ROUNDING = 2.0**-48  # of coordinates and their differences, generously, as clouds are of about unit size
@@ -85,13 +85,70 @@ def follow(mesh, vertices, tree, f):
 
 def cutting(mesh: HalfEdges, vertices: Floats, tree: TriangleTree | None = None, among: Ints | None = None) -> Ints:
     """Return which triangles cut another one or have no area: of all, which the tree has, or of some."""
-    among = np.arange(len(mesh.corners())) if among is None else among
+    cut = np.zeros(len(mesh.corners()), dtype=np.bool_)
+    if among is None:
+        tree = tree or TriangleTree.from_mesh(mesh, vertices)
+        on_ranges(_mark_in_leaves, len(tree.lower) // 2, mesh, vertices, tree, cut, minimum=8)
+        return np.flatnonzero(cut)
     faces = among[mesh.origin[3 * among] >= 0]
-    cut, inside = np.zeros((2, len(mesh.corners())), dtype=np.bool_)
     if len(faces):
+        inside = np.zeros(len(cut), dtype=np.bool_)
         tree = tree or TriangleTree.from_mesh(mesh, vertices)
         on_ranges(_mark_cutting, len(faces), mesh, vertices, tree, inside, faces, cut, minimum=256)
     return faces[cut[faces]]
+
+
+@kernel
+def _mark_in_leaves(begin, end, mesh, vertices, tree, cut):
+    """Mark in `cut`, (F,), the triangles that cut others or have no area; of two leaves, the first one tests both."""
+    leaves = first_leaf(tree.lower)
+    boxes, near_boxes = np.empty((LEAF_SIZE, 2, 3)), np.empty((LEAF_SIZE, 2, 3))
+    for leaf in range(leaves + begin, leaves + end):
+        first, last = leaf_range(len(tree.order), leaves, leaf)
+        faces = tree.order[first:last]
+        _fill_boxes(mesh, vertices, faces, boxes)
+        for f in faces:
+            a, b, c = mesh.origin[3 * f], mesh.origin[3 * f + 1], mesh.origin[3 * f + 2]
+            if a >= 0 and not has_area(row(vertices, a), row(vertices, b), row(vertices, c)):
+                cut[f] = True
+        lower, upper, node = row(tree.lower, leaf), row(tree.upper, leaf), 1
+        while node:
+            near = _overlap(lower, upper, row(tree.lower, node), row(tree.upper, node))
+            if near and node < leaves:
+                node *= 2
+                continue
+            if near and node >= leaf:
+                first, last = leaf_range(len(tree.order), leaves, node)
+                near_faces = tree.order[first:last]
+                _fill_boxes(mesh, vertices, near_faces, near_boxes)
+                _mark_between(mesh, vertices, faces, boxes, near_faces, near_boxes, node == leaf, cut)
+            node = after(node, 1)
+
+
+@kernel(allocates=False)
+def _fill_boxes(mesh, vertices, faces, boxes):
+    """Fill the corners of the boxes, (LEAF_SIZE, 2, 3), around triangles, (m,); those of removed ones overlap none."""
+    for i in range(len(faces)):
+        h = 3 * faces[i]
+        lower, upper = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
+        if mesh.origin[h] >= 0:
+            lower, upper = _box(vertices, mesh.origin[h], mesh.origin[h + 1], mesh.origin[h + 2])
+        for axis in range(3):
+            boxes[i, 0, axis], boxes[i, 1, axis] = lower[axis], upper[axis]
+
+
+@kernel(allocates=False)
+def _mark_between(mesh, vertices, faces, boxes, near_faces, near_boxes, is_same, cut):
+    """Mark triangles, (m,), that cut near ones, (k,), or later ones if these are the same; mark both."""
+    for i in range(len(faces)):
+        lower, upper = row(boxes[i], 0), row(boxes[i], 1)
+        for j in range(i + 1 if is_same else 0, len(near_faces)):
+            if not _overlap(lower, upper, row(near_boxes[j], 0), row(near_boxes[j], 1)):
+                continue
+            f, g = 3 * faces[i], 3 * near_faces[j]
+            corners = mesh.origin[f], mesh.origin[f + 1], mesh.origin[f + 2]
+            if are_cut(vertices, corners, (mesh.origin[g], mesh.origin[g + 1], mesh.origin[g + 2])):
+                cut[faces[i]] = cut[near_faces[j]] = True
 
 
 @kernel
