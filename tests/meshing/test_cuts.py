@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.meshing.cuts import cutting
+from gppcs.meshing.cuts import TriangleTree, cutting, follow
 from gppcs.meshing.halfedges import HalfEdges
 from meshes import faulty_triangles
+from shapes import ball
 
 
 def loose(vertices, faces):
@@ -45,3 +46,18 @@ def test_triangles_that_cut_are_those_that_pymeshlab_finds(seed, shared):
     expected = np.flatnonzero(meshes.current_mesh().face_selection_array())
     assert len(expected) > 0
     assert np.array_equal(cutting(loose(vertices, faces), vertices), expected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tree_that_follows_the_changes_finds_what_a_new_one_finds(seed):
+    points, _, faces = ball(300, seed)
+    mesh = HalfEdges.from_faces(faces, 300)
+    tree = TriangleTree.from_mesh(mesh, points)
+    assert len(cutting(mesh, points, tree)) == 0
+    moved = points.copy()
+    moved[::60] *= -0.95
+    for f in np.flatnonzero((faces % 60 == 0).any(axis=1)):
+        follow(mesh, moved, tree, f)
+    found = cutting(mesh, moved, tree)
+    assert len(found) > 0
+    assert np.array_equal(found, cutting(mesh, moved))
