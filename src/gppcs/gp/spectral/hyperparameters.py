@@ -10,6 +10,7 @@ from gppcs.engine.arrays import Floats
 from gppcs.engine.blas import one_blas_thread
 from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, log_spectrum, spectral_weights
 
+AT_LIMIT = 1  # the status of L-BFGS-B after the last iteration that it may take
 STARTS = (0.03, 0.1, 0.3, 1.0)  # lengthscales to start from, since the likelihood has several maxima
 
 
@@ -81,7 +82,7 @@ def fit(
             loss, start[free], (start,), "L-BFGS-B", jac=True, bounds=bounds[free], options=options
         )
         start[free] = end.x
-        ends.append((end.fun, end.success, start))
+        ends.append((end.fun, end.status != AT_LIMIT, start))  # else no step lowers the loss, but for rounding
     _, converged, logarithms = min(ends, key=lambda end: end[0])
     if not converged:
         warnings.warn("the fit of the hyperparameters stopped before it converged", stacklevel=2)
