@@ -7,7 +7,6 @@ import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.surface.moments import flattest
 
 
 def hierarchical_clusters(
@@ -84,11 +83,40 @@ def _spread(coordinates, begin, end, centroid, axis):
 
 @kernel
 def _principal_axis(xx, xy, xz, yy, yz, zz, axis):
-    """Fill `axis`, (3,), with the first principal axis; return lambda_0 / trace."""
+    """Fill `axis`, (3,), with the first principal axis by Jacobi's rotations; return lambda_0 / trace."""
     trace = xx + yy + zz
-    smallest = flattest(xx, xy, xz, yy, yz, zz, axis)
-    flattest(trace - xx, -xy, -xz, trace - yy, -yz, trace - zz, axis)  # whose smallest eigenvalue is the largest here
-    return smallest if smallest > 1e-8 else 0.0  # less is rounding
+    if not trace > 0.0:
+        axis[0], axis[1], axis[2] = 1.0, 0.0, 0.0
+        return 0.0
+    a = np.empty((3, 3), dtype=np.float64)
+    a[0] = xx / trace, xy / trace, xz / trace
+    a[1] = xy / trace, yy / trace, yz / trace
+    a[2] = xz / trace, yz / trace, zz / trace
+    vectors = np.eye(3)
+    while abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2]) > 1e-17:
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if a[p, q] != 0.0:
+                _rotate(a, vectors, p, q)
+    largest = np.argmax(np.array([a[0, 0], a[1, 1], a[2, 2]]))
+    axis[:] = vectors[:, largest]
+    smallest = min(a[0, 0], a[1, 1], a[2, 2])
+    return smallest if smallest > 1e-12 else 0.0  # less is rounding
+
+
+@kernel
+def _rotate(a, vectors, p, q):
+    """Rotate the axes p and q of `a` and `vectors`, (3, 3), so that a[p, q] becomes zero."""
+    theta = (a[q, q] - a[p, p]) / (2 * a[p, q])
+    t = (1.0 if theta >= 0 else -1.0) / (abs(theta) + np.hypot(theta, 1.0))
+    c = 1 / np.sqrt(t * t + 1)
+    s = t * c
+    r = 3 - p - q
+    a[p, p], a[q, q] = a[p, p] - t * a[p, q], a[q, q] + t * a[p, q]
+    a[p, r], a[q, r] = c * a[p, r] - s * a[q, r], s * a[p, r] + c * a[q, r]
+    a[p, q] = a[q, p] = 0.0
+    a[r, p], a[r, q] = a[p, r], a[q, r]
+    for row in vectors:
+        row[p], row[q] = c * row[p] - s * row[q], s * row[p] + c * row[q]
 
 
 @kernel
