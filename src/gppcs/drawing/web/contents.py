@@ -102,7 +102,7 @@ def report_page(
     for number, result in enumerate(results, start=1):
         with timer(f"views of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
-            if result.mesh is None:
+            if result.mesh is None and (original.mesh is None or original.is_mesh):  # else all were rebuilt already
                 result = _with_surface(result, surface_through(kept.cloud, surface.cloud))
             layer = Layer(blocks, result, "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
