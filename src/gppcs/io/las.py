@@ -26,7 +26,7 @@ from gppcs.io.format import Format, Reader, Span
 from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
 from gppcs.io.las_scales import multiples, scale_and_offset
 from gppcs.io.laz import check_counts, checked_chunks, points_of
-from gppcs.io.rows import BLOCK, at_most, check_unpacked, size_of_repeats
+from gppcs.io.rows import BLOCK, MAX_EXPANSION, at_most, check_unpacked, size_of_repeats
 
 if TYPE_CHECKING:
     import laspy
@@ -72,7 +72,8 @@ def open_las(
 
     bounds = np.array([las.mins, las.maxs])
     memory, size = 0, file.seek(0, 2)
-    if las.are_points_compressed and las.point_count * las.point_format.size > 100 * size:  # unless the header lies
+    unpacked = las.point_count * las.point_format.size
+    if las.are_points_compressed and unpacked > MAX_EXPANSION * size:  # unless the header lies
         chunk_table = select(file, las)
         check_counts(chunk_table)
         count = int(chunk_table["count"].sum())

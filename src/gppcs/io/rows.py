@@ -18,6 +18,7 @@ from gppcs.errors import FileFormatError, GppcsError, OutputError
 from gppcs.io.format import Span
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
+MAX_EXPANSION = 100  # by which files may be smaller than what they unpack to: scans are 4 to 20 times
 MISSING = ("", "NA", "N/A", "null", "nan", "NaN", "NAN", "-nan", "-NaN")  # fields that stand for NaN
 
 is_row = re.compile(r"\s*+(?!#|//)\S").match  # whether a line is neither empty nor a comment
@@ -77,10 +78,10 @@ def size_of_repeats(count: int, size: int) -> int:
 
 def check_unpacked(unpacked: int, size: int, spare: int = 1 << 28) -> None:
     """Raise an error if a file of `size` bytes unpacks to so many that it would fill the memory, or take minutes."""
-    if unpacked > 100 * size + spare:
+    if unpacked > MAX_EXPANSION * size + spare:
         raise FileFormatError(
-            f"expected a file that unpacks to at most 100 times its {size:,} bytes, found {size_of(unpacked)} or more; "
-            "if you trust it, unpack it first, or write it with less compression"
+            f"expected a file that unpacks to at most {MAX_EXPANSION} times its {size:,} bytes, found "
+            f"{size_of(unpacked)} or more; if you trust it, unpack it first, or write it with less compression"
         )
 
 

@@ -43,9 +43,8 @@ class Boxes:
     @classmethod
     def from_sample(cls, sample: Floats, lowest: Floats, highest: Floats, n_points: int) -> Boxes:
         """Divide the box between two corners, (3,), into boxes with about as many points of a sample, (n, 3), each."""
-        count = (
-            1 << min(BOXES, max(1, min(len(sample) // SAMPLED_PER_BOX, n_points // POINTS_PER_BOX))).bit_length() - 1
-        )
+        at_most = min(BOXES, len(sample) // SAMPLED_PER_BOX, n_points // POINTS_PER_BOX)
+        count = 1 << max(1, at_most).bit_length() - 1
         axes, cuts = np.zeros(count, dtype=np.int64), np.zeros(count)
         lower, upper = np.empty((2, 2 * count, 3))
         lower[1], upper[1] = lowest, highest

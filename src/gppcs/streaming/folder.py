@@ -74,10 +74,8 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
     It stays if the run is stopped again, but not if the input or the options are to blame.
     """
     work = targets[0].path.parent / WORK
-    try:
+    with _written(work.parent):
         work.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
     with _without_others(work.parent):
         try:
             _begin(work, files, options, targets, force)
@@ -86,6 +84,15 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
             shutil.rmtree(work, ignore_errors=True)
             raise
         shutil.rmtree(work)
+
+
+@contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    """Raise an error of the system as one that names the folder."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{folder}: expected a folder to write to, but {error.strerror}") from error
 
 
 @contextmanager
@@ -130,13 +137,11 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
     existing = [file for file in (*(target.path for target in targets), work.parent / INDEX) if file.exists()]
     if existing and not force:
         raise OutputError(f"{existing[0]}: the file exists; choose another folder, or overwrite it with `force`")
-    try:
+    with _written(work.parent):
         shutil.rmtree(work, ignore_errors=True)
         work.mkdir()
         with whole_output(path) as file:
             file.write(json.dumps(manifest).encode())
-    except OSError as error:
-        raise OutputError(f"{work.parent}: expected a folder to write to, but {error.strerror}") from error
 
 
 def _state_of(path: Path) -> list[str | int]:

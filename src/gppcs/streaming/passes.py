@@ -18,7 +18,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.rows import Rows
-from gppcs.streaming.tiles import Tiling, with_normals
+from gppcs.streaming.tiles import Tiling, with_signed_normals
 from gppcs.surface.outliers import CLUMP_NEIGHBOURS, outliers_among
 
 BINS = np.exp2(np.arange(-160, 161) / 16.0)  # Edges of the histogram of distances, in tolerances, which is one of them.
@@ -165,4 +165,4 @@ def file_of_gaps(tiling: Tiling, number: int) -> Path:
 def _added(tiling: Tiling, number: int, rows: Rows) -> Rows:
     """Return points that are kept besides those that were chosen."""
     kept = Rows(rows.indices, rows.points, {"label": rows.labels, "rank": np.full(len(rows), np.inf)})
-    return with_normals(tiling, number, kept) if tiling.options.normals else kept
+    return with_signed_normals(tiling, number, kept) if tiling.options.normals else kept

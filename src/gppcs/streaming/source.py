@@ -15,6 +15,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
+from gppcs.io.arrays import header_lock
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
 from gppcs.spatial.samples import HASHES, point_hashes
@@ -62,12 +63,12 @@ class Part:
             return self.options
         return replace(self.options, keep=keep, weight=weight)
 
-    def read(self, boxes: Boxes, wanted: Flags) -> Iterator[Rows]:
+    def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
-        if wanted[boxes.meeting(self.lower, self.upper)].any():
+        if mask[boxes.meeting(self.lower, self.upper)].any():
             # Several tasks may read a file at once, each with a file object of its own.
             for rows in replace(self, files=copy(self.files)).chunks():
-                yield rows.only(wanted[boxes.box_of(rows.points)])
+                yield rows.only(mask[boxes.box_of(rows.points)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +91,13 @@ class Run:
             np.save(file, stored)
         return cls(path, np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))]))
 
-    def read(self, boxes: Boxes, wanted: Flags) -> Iterator[Rows]:
+    def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
-        ends = np.flatnonzero(np.diff(wanted, prepend=False, append=False)).reshape(-1, 2)  # of boxes one after another
+        ends = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)  # of boxes one after another
         spans = [(first, last) for first, last in self.starts[ends] if first < last]
         if spans:
-            stored = np.load(self.path, mmap_mode="r")
+            with header_lock:
+                stored = np.load(self.path, mmap_mode="r")
             rows = np.concatenate([stored[first:last] for first, last in spans])
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
             yield Rows(columns.pop("index"), columns.pop("point"), columns)
@@ -112,15 +114,15 @@ class Source:
 
     def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
         """Read a fraction of the points between two corners, (3,), in an order that does not depend on the files."""
-        wanted = np.zeros(len(self.boxes), dtype=np.bool_)
-        wanted[self.boxes.meeting(lower, upper)] = True
-        rows = self.joined(self.read_piece(wanted, fraction, piece) for piece in self.pieces)
+        mask = np.zeros(len(self.boxes), dtype=np.bool_)
+        mask[self.boxes.meeting(lower, upper)] = True
+        rows = self.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
         return rows.only(inside(rows.points, lower, upper))
 
-    def read_piece(self, wanted: Flags, fraction: float, piece: Part | Run) -> Rows:
-        """Read a fraction of the places in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
+    def read_piece(self, mask: Flags, fraction: float, piece: Part | Run) -> Rows:
+        """Read a fraction of the points in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
         parts = [self.nothing]
-        for rows in piece.read(self.boxes, wanted):
+        for rows in piece.read(self.boxes, mask):
             parts.append(rows)
             if fraction < 1.0:
                 parts[-1] = rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))

@@ -146,7 +146,7 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     rows, ranks, settled, is_own = rows.only(taken), ranks[taken], settled[taken], is_own[taken]
     kept = _kept(tiling, number, rows, is_own, _selection(tiling, number, rows, ranks, settled, is_own))
     if tiling.options.normals:
-        kept = with_normals(tiling, number, kept)
+        kept = with_signed_normals(tiling, number, kept)
     kept.write(tiling.file(number))
     return kept.counts
 
@@ -242,7 +242,7 @@ def _ranks(tiling: Tiling, number: int, ranks: Floats) -> Floats:
     return np.nan_to_num(ranks, nan=tiling.n_points)
 
 
-def with_normals(tiling: Tiling, number: int, kept: Rows) -> Rows:
+def with_signed_normals(tiling: Tiling, number: int, kept: Rows) -> Rows:
     """Return kept points of a tile with normals that have signs: by all points, if they are not measured already."""
     from gppcs.surface.normals import estimate_normals, with_signs_of
 

@@ -48,16 +48,17 @@ def _mark_farther(begin, end, others, normals, chosen, placed, feet, members, st
             continue  # fans may reach from one sheet to the other, so the distances say little
         judged, full = pack_feet(feet, cell, apex, local)
         before = _off_fans(local, squared[:full], judged, chosen, near, i, apex, triangles, 0.0)
-        most = before + judged * allowed[i]
-        is_farther[i] = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles, most) > most
+        threshold = before + judged * allowed[i]
+        after = _off_fans(local, squared[:full], judged, placed, near, i, apex, triangles, threshold)
+        is_farther[i] = after > threshold
 
 
 @kernel(allocates=False)
-def _off_fans(local, squared, judged, fans, near, i, origin, triangles, enough):
+def _off_fans(local, squared, judged, fans, near, i, origin, triangles, threshold):
     """Return the summed distance of the first feet, of (3, n), from a point and some fans; both may share triangles.
 
-    Fans that can only lower a distance that is `enough` are left out. Feet are relative to an origin; `squared`, (n,),
-    and `triangles`, (3, t), are scratch memory.
+    Fans that can only lower a distance that is at most a threshold are left out. Feet are relative to an origin;
+    `squared`, (n,), and `triangles`, (3, t), are scratch memory.
     """
     (vertices, corners), step = fans, minus(row(fans[0], i), origin)
     _measure_from(local, squared, step)
@@ -76,7 +77,7 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles, enough):
             count += 1
             approach(local, squared, a, b, c)
         limit, total = radius + np.sqrt(_greatest(squared)), sum_of_roots(squared[:judged])
-        if total <= enough:
+        if total <= threshold:
             break
     return total
 
