@@ -3,7 +3,8 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,8 @@ from gppcs.surface.outliers import outliers_among
 MINIMUM_EXPONENT, MAXIMUM_EXPONENT = 0.25, 4.0  # Bounds on the estimated exponent p in error ~ M^-p.
 MAXIMUM_STEP = 100.0  # Growth of the number of points from one estimate to the next.
 RESOLUTION = 1.02  # The result is at most this factor above the smallest number that reaches the tolerance.
+
+Errors: TypeAlias = Callable[[int], dict[Measure, float]]  # of a number of points
 
 
 def fewest_points(
@@ -41,18 +44,10 @@ def fewest_points(
         with timer("outliers"):
             outliers = outliers_among(points)
     judged = in_tree_order(points[~outliers] if outliers.any() else points)
-    search = _Search(
-        points=points,
-        judged=judged,
-        sample=_sample(judged),
-        tolerance=scale.inside(tolerance.length),
-        measure=tolerance.measure or "max",
-        choose=choose,
-        minimum=minimum,
-        timer=timer,
-    )
+    goal = Goal(tolerance.measure or "max", scale.inside(tolerance.length), minimum)
+    search = _Search(points, judged, goal, choose, timer)
     selection, errors = search.among_prefixes() if is_ranking else search.among_numbers()
-    diagnostics = {"tolerance": scale.outside(search.tolerance)}
+    diagnostics = {"tolerance": scale.outside(goal.tolerance)}
     if tolerance.measure is None:
         diagnostics["largest_error"] = scale.outside(errors["max"])
         if outliers.any() and errors["max"]:
@@ -83,18 +78,49 @@ def errors_of(distances: Floats) -> dict[Measure, float]:
     }
 
 
-def _sample(points: Floats) -> Floats:
-    """Return at most 20,000 points at random, from which an error is estimated."""
-    if len(points) <= 20_000:
-        return points
-    indices = np.random.default_rng(0).choice(len(points), 20_000, replace=False, shuffle=False)
-    return points[np.sort(indices)]
-
-
 def _lower_bound(distances: Floats, n: int, measure: Measure) -> float:
     """Return a lower bound of the 95th percentile or maximum of n distances, given the distances of a subset."""
     rank = 1 if measure == "max" else n - math.floor(0.95 * (n - 1))
     return float(np.partition(distances, -rank)[-rank]) if rank <= len(distances) else 0.0
+
+
+class Goal(NamedTuple):
+    """The error that points may have, and their least number."""
+
+    measure: Measure
+    tolerance: float
+    minimum: int
+
+    def smallest(
+        self, errors: Errors, maximum: int, start: float, exponent: float = 1.0
+    ) -> tuple[int, dict[Measure, float]]:
+        """Return the smallest number of points that reaches it, up to 2 %, and its errors; `maximum` points do.
+
+        The search begins at `start`, and takes error ~ M^-p with about this exponent p.
+        """
+        errors = cache(errors)
+        estimate, enough = min(max(round(start), self.minimum), maximum), maximum
+        while True:
+            maximum, few, steps, is_enough = enough, self.minimum - 1, 0, True
+            while enough > few + 1 and enough > RESOLUTION * few:
+                error = errors(estimate)[self.measure]
+                was_enough, is_enough = is_enough, error <= self.tolerance
+                # Steps to one side grow, as the error may stay for long.
+                steps = steps + 1 if is_enough == was_enough else 1
+                step = RESOLUTION**2.0 ** max(0, steps - 2)
+                crossing = _crossing(estimate, error, self.tolerance, exponent) * RESOLUTION**0.15
+                if is_enough:
+                    enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
+                else:
+                    few, estimate = estimate, math.floor(max(estimate * step, crossing))
+                lower, upper = few + 1, enough - 1
+                if few >= self.minimum and enough < maximum:  # bracketed: not too near the ends
+                    lower, upper = (round(few * (enough / few) ** fraction) for fraction in (0.2, 0.8))
+                estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
+            estimate = math.floor(0.95 * enough)
+            if estimate < self.minimum or errors(estimate)[self.measure] > self.tolerance:
+                return enough, errors(enough)
+            enough = estimate
 
 
 @dataclass
@@ -103,13 +129,18 @@ class _Search:
 
     points: Floats  # (N, 3), among which is chosen
     judged: Floats  # whose distances count
-    sample: Floats  # of these
-    tolerance: float
-    measure: Measure
+    goal: Goal
     choose: Callable[[int], Selection]
-    minimum: int
     timer: Timer
     farthest: Floats | None = None  # of the judged points, at the last exact measurement: mostly farthest again
+
+    @cached_property
+    def sample(self) -> Floats:
+        """At most 20,000 of the judged points at random, from which an error is estimated."""
+        if len(self.judged) <= 20_000:
+            return self.judged
+        indices = np.random.default_rng(0).choice(len(self.judged), 20_000, replace=False, shuffle=False)
+        return self.judged[np.sort(indices)]
 
     def positions(self, selection: Selection) -> Floats:
         """Return the positions of the chosen points, (M, 3)."""
@@ -120,11 +151,11 @@ class _Search:
         n = len(self.judged)
         with self.timer("accuracy"):
             if self.farthest is not None:
-                error = _lower_bound(distances_to(kept, self.farthest), n, self.measure)
-                if error > self.tolerance:
-                    return {self.measure: error}
+                error = _lower_bound(distances_to(kept, self.farthest), n, self.goal.measure)
+                if error > self.goal.tolerance:
+                    return {self.goal.measure: error}
             distances = distances_to(kept, self.judged)
-            if self.measure in ("p95", "max"):
+            if self.goal.measure in ("p95", "max"):
                 nearer = int(0.85 * n)  # the 95th percentile needs the farthest 5 %, here with a margin
                 self.farthest = self.judged[np.sort(np.argpartition(distances, nearer)[nearer:])]
             return errors_of(distances)
@@ -134,12 +165,12 @@ class _Search:
         if not len(kept):
             return math.inf
         with self.timer("accuracy"):
-            return errors_of(distances_to(kept, self.sample))[self.measure]
+            return errors_of(distances_to(kept, self.sample))[self.goal.measure]
 
     def among_prefixes(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among the first points of a ranking, which is made longer until it suffices."""
         n = len(self.points)
-        count = judged = max(min(1000, n - 1), self.minimum)
+        count = judged = max(min(1000, n - 1), self.goal.minimum)
         previous, previous_error = 0, math.inf
         lower = 0.7  # of the exponent: estimates from few points are unreliable, so the first bound is tighter
         while 0 < count < n:
@@ -150,12 +181,11 @@ class _Search:
                 previous = judged // 2
                 previous_error = self.estimated_error(positions[:previous])
             exponent = _exponent(previous, previous_error, judged, error, lower)
-            estimate = _crossing(judged, error, self.tolerance, exponent)
+            estimate = _crossing(judged, error, self.goal.tolerance, exponent)
             if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
-                errors_of_prefix = cache(lambda m: self.errors(positions[:m]))  # noqa: B023
-                enough = self._smallest(errors_of_prefix, estimate, count, exponent)
-                errors = errors_of_prefix(enough)
-                if errors[self.measure] <= self.tolerance:
+                of_prefix = lambda m: self.errors(positions[:m])  # noqa: B023, E731
+                enough, errors = self.goal.smallest(of_prefix, count, estimate, exponent)
+                if errors[self.goal.measure] <= self.goal.tolerance:
                     return ranking.arranged(ranking.indices[:enough]), errors
             previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
             judged = min(max(round(estimate), count), n - 1)
@@ -166,53 +196,9 @@ class _Search:
     def among_numbers(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among choices of all numbers of points."""
         choose = cache(self.choose)
-        errors = cache(lambda m: self.errors(self.positions(choose(m))))
-        enough = self._smallest(errors, 1000, len(self.points), exponent=1.0)
-        return choose(enough), errors(enough)
-
-    def _smallest(
-        self, errors: Callable[[int], dict[Measure, float]], start: float, maximum: int, exponent: float
-    ) -> int:
-        search = Bracketing(lambda m: errors(m)[self.measure], self.tolerance, self.minimum)
-        return search.smallest(start, maximum, exponent)
-
-
-@dataclass(frozen=True)
-class Bracketing:
-    """Search for the smallest number of points, at least a minimum, whose error is within a tolerance."""
-
-    error: Callable[[int], float]  # of a number of points
-    tolerance: float
-    minimum: int
-
-    def smallest(self, start: float, maximum: int, exponent: float) -> int:
-        """Return it up to 2 %, if `maximum` points reach the tolerance; error ~ M^-p with about this exponent p."""
-        estimate, enough = min(max(round(start), self.minimum), maximum), maximum
-        while True:
-            enough = self._bracketed(estimate, enough, exponent)
-            estimate = math.floor(0.95 * enough)
-            if estimate < self.minimum or self.error(estimate) > self.tolerance:
-                return enough
-            enough = estimate
-
-    def _bracketed(self, estimate: int, maximum: int, exponent: float) -> int:
-        """Return a number of points that reaches the tolerance, while a little fewer miss it."""
-        few, enough, steps, is_enough = self.minimum - 1, maximum, 0, True
-        while enough > few + 1 and enough > RESOLUTION * few:
-            value = self.error(estimate)
-            was_enough, is_enough = is_enough, value <= self.tolerance
-            steps = steps + 1 if is_enough == was_enough else 1  # to one side, which grow: the error may stay for long
-            step = RESOLUTION**2.0 ** max(0, steps - 2)
-            crossing = _crossing(estimate, value, self.tolerance, exponent) * RESOLUTION**0.15
-            if is_enough:
-                enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
-            else:
-                few, estimate = estimate, math.floor(max(estimate * step, crossing))
-            lower, upper = few + 1, enough - 1
-            if few >= self.minimum and enough < maximum:  # bracketed: not too near the ends
-                lower, upper = (round(few * (enough / few) ** fraction) for fraction in (0.2, 0.8))
-            estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
-        return enough
+        of_number = lambda m: self.errors(self.positions(choose(m)))  # noqa: E731
+        enough, errors = self.goal.smallest(of_number, len(self.points), 1000)
+        return choose(enough), errors
 
 
 def _crossing(count: int, error: float, tolerance: float, exponent: float) -> float:

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache, partial, reduce
+from functools import partial, reduce
 from operator import add
 
 import numpy as np
 
-from gppcs.amounts.accuracy import Bracketing, fewest_points
+from gppcs.amounts.accuracy import Goal, fewest_points
 from gppcs.amounts.choice import check_count, number_of_discs
 from gppcs.amounts.quotas import numbers_of
 from gppcs.clouds.quantities import Measure, Tolerance
@@ -163,15 +163,13 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         if count >= n or errors(count)[measure] <= limit:
             break
         count = 2 * count
-    errors_of = cache(errors)
-    search = Bracketing(lambda m: errors_of(m)[measure], limit, minimum)
-    enough = search.smallest(count / 2, min(count, n), 1.0)
+    enough, reached = Goal(measure, limit, minimum).smallest(errors, min(count, n), count / 2)
     diagnostics = {**diagnostics, "tolerance": survey.scale.outside(limit)}
     if tolerance.measure is None:
-        diagnostics["largest_error"] = survey.scale.outside(errors_of(enough)["max"])
+        diagnostics["largest_error"] = survey.scale.outside(reached["max"])
         if n_outliers:
             diagnostics["points_set_aside"] = float(n_outliers)
-    diagnostics |= {f"surface_{name}": survey.scale.outside(error) for name, error in errors_of(enough).items()}
+    diagnostics |= {f"surface_{name}": survey.scale.outside(error) for name, error in reached.items()}
     return replace(choice, last=float(enough - n_keep)), diagnostics
 
 
