@@ -13,6 +13,7 @@ from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
 from gppcs.drawing.estimates import disc_radii, estimates, tree_over
 from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.surface.surface_variation import features_of_nearest
@@ -163,38 +164,26 @@ def _splat(
     pixels: Ints, depth: Floats, radii: Floats, normals: Floats | None, shape: tuple[int, int]
 ) -> tuple[Ints, Floats]:
     """Return the nearest point and its depth in each pixel, drawn as a disc that faces the viewer or has a normal."""
-    width, height = shape
-    empty = np.iinfo(np.int64).max
-    buffer = np.full(height * width, empty)
-    widest = radii.max(initial=0.0)
-    nearest_depth = depth.min(initial=np.inf) - 2.0 * widest
-    # One integer holds the depth in its upper half and the index in its lower half; its minimum is the nearest point.
-    step = max(depth.max(initial=-np.inf) - nearest_depth, 1.0) + 4.0 * widest
-    sizes = np.round(2.0 * radii).astype(np.int64)
-    for size in np.unique(sizes):
-        members = np.flatnonzero(sizes == size)
-        x, y, z = pixels[members, 0], pixels[members, 1], depth[members] - nearest_depth
-        slope = np.zeros((len(members), 2))
-        if normals is not None:
-            slope = normals[members, :2] * (1.0, -1.0) / np.maximum(normals[members, 2:], 0.1)  # do not tilt further
-        offsets = _disc(size)
-        for part in np.array_split(offsets, math.ceil(len(offsets) * len(members) / (1 << 18))):
-            dx, dy = part.T
-            deeper = slope[:, :1] * dx + slope[:, 1:] * dy
-            column, row = x[:, None] + dx, y[:, None] + dy
-            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            inside &= 4.0 * (dx * dx + dy * dy + deeper * deeper) <= size * size
-            member, _ = np.nonzero(inside)
-            key = ((z[:, None] + deeper)[inside] * (2**30 / step)).astype(np.int64) << 32 | members[member]
-            np.minimum.at(buffer, (row * width + column)[inside], key)
-    image = buffer.reshape(height, width)
-    covered = image != empty
-    nearest = np.where(covered, image & (2**32 - 1), -1)
-    return nearest, np.where(covered, (image >> 32) * (step / 2**30) + nearest_depth, np.inf)
+    nearest, depths = np.full(shape[::-1], -1), np.full(shape[::-1], np.inf)
+    slopes = np.zeros((len(pixels), 2))
+    if normals is not None:
+        slopes = normals[:, :2] * (1.0, -1.0) / np.maximum(normals[:, 2:], 0.1)  # do not tilt further
+    _draw_discs(pixels, depth, np.round(2.0 * radii).astype(np.int64), slopes, nearest, depths)
+    return nearest, depths
 
 
-def _disc(size: int) -> Ints:
-    """Return the pixels (K, 2) of a disc relative to its centre, given its diameter."""
-    steps = np.arange(-(size // 2), size // 2 + 1)
-    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    return offsets[4 * (offsets * offsets).sum(axis=1) <= size * size]
+@kernel(allocates=False)
+def _draw_discs(pixels, depth, sizes, slopes, nearest, depths):
+    """Enter into each pixel the nearest disc, the first of several as near, and its depth there."""
+    height, width = nearest.shape
+    for index in range(len(pixels)):
+        size = sizes[index]
+        for dy in range(-(size // 2), size // 2 + 1):
+            for dx in range(-(size // 2), size // 2 + 1):
+                column, row = pixels[index, 0] + dx, pixels[index, 1] + dy
+                deeper = slopes[index, 0] * dx + slopes[index, 1] * dy
+                if not (0 <= column < width and 0 <= row < height):
+                    continue
+                is_covered = 4.0 * (dx * dx + dy * dy + deeper * deeper) <= size * size
+                if is_covered and depth[index] + deeper < depths[row, column]:
+                    nearest[row, column], depths[row, column] = index, depth[index] + deeper

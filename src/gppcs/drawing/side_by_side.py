@@ -33,11 +33,6 @@ class Column:
     mesh: Mesh | None
     is_mesh: bool = False  # whether the mesh stands in place of the cloud, in its colours
 
-    @property
-    def size_text(self) -> str:
-        """The number of points, or of vertices and triangles."""
-        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud.points):,} points"
-
 
 def draw_comparison(
     file: BinaryIO,
@@ -129,7 +124,8 @@ class _Sheet:
     def write(self, number: int, column: Column) -> None:
         """Write the title, the size and the caption of a column, and "no mesh" in place of one."""
         self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
-        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), column.size_text, TEXT, color="0.35")
+        size = size_text(column.mesh) if column.is_mesh and column.mesh else f"{len(column.cloud.points):,} points"
+        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), size, TEXT, color="0.35")
         for line, text in enumerate(column.caption.split("\n")):
             self._text(number, self.tops[-1] + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
         if self.with_meshes and not column.mesh:
