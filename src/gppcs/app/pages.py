@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gppcs import __version__, io
-from gppcs.app.printing import print_error
+from gppcs.app.inputs import read_each
+from gppcs.app.printing import names_of, print_error
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Viewpoint, spread_over
@@ -16,7 +17,7 @@ from gppcs.drawing.side_by_side import CLOSE_UPS, Column, draw_comparison
 from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, with_addresses
-from gppcs.evaluation.comparison import Entry, rebuilt_mesh, trimmed_mesh
+from gppcs.evaluation.comparison import Entry, rebuilt_mesh
 from gppcs.io.remote import address_of
 
 SUFFIXES = (".html", ".htm")  # of pages
@@ -39,18 +40,19 @@ def rebuilt(name: str, cloud: PointCloud, original: PointCloud, advice: str = ""
 
 def named_clouds(entries: Sequence[Entry], finite: PointCloud, is_measured: bool, is_drawn: bool) -> list[Named]:
     """Return the clouds of a comparison, with their surfaces if these were measured or are drawn."""
+    named = []
+    for entry in entries:
+        measured, mesh = entry.report.rebuilt, None
+        if measured or (is_drawn and not is_measured):
+            mesh = rebuilt_mesh(entry.result.cloud, finite, measured and measured.mesh)
+        named.append(Named(str(entry.method), entry.result.cloud, mesh, entry.method.summary))
+    return named
 
-    def mesh_of(entry: Entry) -> Mesh | None:
-        if is_measured:
-            return trimmed_mesh(entry.report.rebuilt.mesh, finite) if entry.report.rebuilt else None
-        return rebuilt_mesh(entry.result.cloud, finite) if is_drawn else None
 
-    results = [(entry.result, mesh_of(entry)) for entry in entries]
-    return [Named(str(result.method), result.cloud, mesh, result.method.summary) for result, mesh in results]
-
-
-def named_inputs(paths: Sequence[Path], read: Sequence[tuple[PointCloud, Mesh | None]]) -> list[Named]:
-    """Return clouds and meshes that were read, by the names of their files."""
+def read_named(paths: Sequence[Path], input_format: str | None, columns: str | None, timer: Timer) -> list[Named]:
+    """Read clouds and meshes, and name them by their files."""
+    with timer("reading"):
+        read = read_each(paths, input_format, names_of(columns), use_faces=True)
     named = zip(different_names(paths), read, strict=True)
     return [Named(name, cloud, mesh, is_mesh=mesh is not None) for name, (cloud, mesh) in named]
 

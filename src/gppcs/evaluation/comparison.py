@@ -143,22 +143,17 @@ def checked_methods(
     return chosen
 
 
-def rebuilt_mesh(cloud: PointCloud, original: PointCloud) -> Mesh | None:
-    """Return the surface rebuilt from a cloud, for a picture."""
-    normals, (positions, frame) = original.normals(), normalised(original.points, original.units)
-    points, guides = frame.near(cloud.points), () if normals is None else (positions, normals)
-    try:
-        mesh = reconstruct(points, estimated_normals(points, *guides))
-    except NoSurfaceError:
-        return None
-    return trimmed_mesh(Mesh(frame.world(mesh.vertices), mesh.faces), original)
+def rebuilt_mesh(cloud: PointCloud, original: PointCloud, mesh: Mesh | None = None) -> Mesh | None:
+    """Return the surface rebuilt from a cloud, or one that is there already, for a picture.
 
-
-def trimmed_mesh(mesh: Mesh, original: PointCloud) -> Mesh | None:
-    """Return a rebuilt surface for a picture, without the membranes that close the gaps of an open scan."""
-    points, frame = normalised(original.points, original.units)
+    It has not the membranes that close the gaps of an open scan.
+    """
+    (points, frame), normals = normalised(original.points, original.units), original.normals()
     try:
-        left = without_membranes(Mesh(frame.near(mesh.vertices), mesh.faces), points)
-        return Mesh(mesh.vertices, left.faces)
+        if mesh is None:
+            kept, guides = frame.near(cloud.points), () if normals is None else (points, normals)
+            mesh = reconstruct(kept, estimated_normals(kept, *guides))
+            mesh = Mesh(frame.world(mesh.vertices), mesh.faces)
+        return Mesh(mesh.vertices, without_membranes(Mesh(frame.near(mesh.vertices), mesh.faces), points).faces)
     except NoSurfaceError:
         return None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gppcs.amounts.accuracy import errors_of
 from gppcs.clouds.cloud import CloudLike, PointCloud, usable
 from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.ranges import names_of_detail
@@ -15,15 +16,9 @@ from gppcs.clouds.topology import topology_of
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
+from gppcs.evaluation import reconstruction
 from gppcs.evaluation.detail import attribute_errors
-from gppcs.evaluation.reconstruction import (
-    count_self_intersections,
-    distances_to,
-    estimated_normals,
-    exact_normals,
-    reconstruct,
-    require_area,
-)
+from gppcs.evaluation.reconstruction import distances_to
 from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
 from gppcs.spatial.cells import first_occurrences
@@ -127,17 +122,18 @@ def evaluate_mesh(
     >>> gppcs.evaluate_mesh(cloud, fine).mesh_mean < gppcs.evaluate_mesh(cloud, coarse).mesh_mean
     True
     """
-    _require_measurable(require_mesh(simplified).vertices, "mesh")
-    before, frame, mesh = _required_original(original, mesh)
-    simplified = _local_mesh(simplified, frame)
+    before, frame = _prepared(as_cloud(original))
+    simplified, mesh = _local_mesh(simplified, frame), None if mesh is None else _local_mesh(mesh, frame)
     with timer_of(timer)("distances"):
         forth = _distances_to_original(simplified, before, before, frame)
+        if mesh is not None:
+            _distances_to_original(mesh, before, before, frame)
         used = simplified.vertices[np.unique(simplified.faces)]
         if mesh is None:
             back = LocalSurface.from_points(before).nearest_to(used)[0]
         else:
             forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
-        intersections = count_self_intersections(simplified)
+        intersections = reconstruction.count_self_intersections(simplified)
     topology = topology_of(simplified.faces)
     report = MeshReport(
         vertices=len(used),
@@ -156,18 +152,12 @@ def evaluate_mesh(
     return report.in_unit(_unit_in(frame))
 
 
-def _required_original(original: CloudLike, mesh: Mesh | None) -> tuple[Floats, Frame, Mesh | None]:
-    """Return the distinct points of a cloud, (N, 3), and its surface, in a frame; or raise an error about them."""
-    original = as_cloud(original)
+def _prepared(original: PointCloud) -> tuple[Floats, Frame]:
+    """Return the distinct points of a cloud, (N, 3), in a frame, and this; or raise an error about them."""
     points = usable(original, "original cloud")
     _require_measurable(points, "original cloud")
     frame = Frame.from_bounds(*bounds(points), original.units)
-    points = frame.near(points[first_occurrences(points)])
-    if mesh is not None:
-        _require_measurable(require_mesh(mesh).vertices, "mesh")
-        mesh = _local_mesh(mesh, frame)
-        _distances_to_original(mesh, points, points, frame)
-    return points, frame, mesh
+    return frame.near(points[first_occurrences(points)]), frame
 
 
 def judged(
@@ -175,48 +165,41 @@ def judged(
 ) -> tuple[Report, NoSurfaceError | None]:
     """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
     original, simplified = as_cloud(original), as_cloud(simplified)
-    before, after = usable(original, "original cloud"), usable(simplified, "simplified cloud")
-    _require_measurable(before, "original cloud")
+    (before, frame), after = _prepared(original), usable(simplified, "simplified cloud")
     _require_measurable(after, "simplified cloud")
     carried = None
     if mesh is not None:
-        _require_measurable(require_mesh(mesh).vertices, "mesh")
-        carried = _carried_normals(simplified)
-    frame = Frame.from_bounds(*bounds(before), original.units)
-    counts, first = (len(before), len(after)), first_occurrences(after)
-    before, after = (frame.near(points) for points in (before[first_occurrences(before)], after[first]))
+        mesh, carried = _local_mesh(mesh, frame), _carried_normals(simplified)
+    first = first_occurrences(after)
+    counts, after = (len(original), len(simplified)), frame.near(after[first])
     with timer("distances"):
         report = _without_mesh(before, after, frame, counts).in_unit(_unit_in(frame))
     if detail:
         with timer("detail"):
             distinct = original.take(np.flatnonzero(first_occurrences(original.points)))
-            report = dataclasses.replace(report, detail=_detail_errors(distinct, simplified, list(detail)))
+            figures = {
+                name: DetailErrors(*(float(f) for errors in pair for f in (errors.mean(), np.quantile(errors, 0.95))))
+                for name, pair in attribute_errors(distinct, simplified, list(detail)).items()
+            }
+            report = dataclasses.replace(report, detail=figures)
     if mesh is None:
         return report, None
-    mesh, made, failures = _local_mesh(mesh, frame), dict[str, Any](), dict[str, NoSurfaceError]()
+    made, failures = dict[str, Any](), dict[str, NoSurfaceError]()
     with timer("normals"):
         _distances_to_original(mesh, before, after, frame)
         nearest = KdTree.build(before).nearest_of(after, 1)[0][:, 0]  # of a point that has not moved, itself
         kinds: dict[str, Floats] = {
-            "rebuilt": exact_normals(mesh, before[nearest]),
-            "rebuilt_estimated": estimated_normals(after, mesh.vertices, mesh.vertex_normals()),
+            "rebuilt": reconstruction.exact_normals(mesh, before[nearest]),
+            "rebuilt_estimated": reconstruction.estimated_normals(after, mesh.vertices, mesh.vertex_normals()),
             **({} if carried is None else {"rebuilt_carried": carried[first]}),
         }
     for name, normals in kinds.items():
         with timer("rebuilding"):
             try:
-                made[name] = _rebuilt(reconstruct(after, normals), mesh, frame, _diagonal(before))
+                made[name] = _rebuilt(reconstruction.reconstruct(after, normals), mesh, frame, _diagonal(before))
             except NoSurfaceError as error:
                 failures[name] = error
     return dataclasses.replace(report, **made), failures.get("rebuilt")
-
-
-def _detail_errors(original: PointCloud, simplified: PointCloud, names: list[str]) -> dict[str, DetailErrors]:
-    """Return the figures of some attributes."""
-    figures = {}
-    for name, pair in attribute_errors(original, simplified, names).items():
-        figures[name] = DetailErrors(*(float(f) for errors in pair for f in (errors.mean(), np.quantile(errors, 0.95))))
-    return figures
 
 
 def require_mesh(mesh: Any) -> Mesh:
@@ -227,6 +210,8 @@ def require_mesh(mesh: Any) -> Mesh:
 
 
 def _local_mesh(mesh: Mesh, frame: Frame) -> Mesh:
+    """Return a mesh in a frame, or raise an error about it."""
+    _require_measurable(require_mesh(mesh).vertices, "mesh")
     return Mesh(frame.near(mesh.vertices), mesh.faces)
 
 
@@ -295,12 +280,9 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
         mean_distance=float(distances.mean()),
         mean_distance_by_area=float(np.average(distances, weights=areas)),
         chamfer=float(to_kept.mean() + to_original.mean()),
-        surface_mean=float(to_surface.mean()),
         surface_mean_by_area=float(np.average(to_surface, weights=areas)),
-        surface_rms=float(np.sqrt((to_surface**2).mean())),
-        surface_p95=float(np.quantile(to_surface, 0.95)),
         surface_p95_by_area=_weighted_quantile(to_surface, areas, 0.95),
-        surface_max=float(to_surface.max()),
+        **{f"surface_{measure}": error for measure, error in errors_of(to_surface).items()},
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
         feature_recall=float((distances[_rough(variation)] <= spacing).mean()),
@@ -360,7 +342,7 @@ def _rebuilt(rebuilt: Mesh, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuil
 
 def _distances_to_original(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> Floats:
     """Return the distances of points (K, 3) to a mesh that has an area and lies on the original, or raise an error."""
-    require_area(mesh, "mesh")
+    reconstruction.require_area(mesh, "mesh")
     distances = distances_to(mesh, after)
     _require_near(distances, "mesh", mesh.vertices[np.unique(mesh.faces)], before, frame)
     return distances

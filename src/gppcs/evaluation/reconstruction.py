@@ -49,10 +49,16 @@ def exact_normals(mesh: Mesh, points: Floats) -> Floats:
 def reconstruct(points: Floats, normals: Floats) -> Mesh:
     """Return the screened Poisson mesh of points with normals, (M, 3) (Kazhdan and Hoppe 2013)."""
     meshes = _mesh_set(points, v_normals_matrix=normals)
-    work = f"the screened Poisson reconstruction of the {len(points)} points"
-    # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
-    parameters = {"depth": OCTREE_DEPTH, "preclean": True, "threads": 1}
-    return _filtered(meshes, work, "generate_surface_reconstruction_screened_poisson", **parameters)
+    try:
+        # One thread: several threads on few cores wait actively for each other, which takes minutes instead of seconds.
+        meshes.generate_surface_reconstruction_screened_poisson(depth=OCTREE_DEPTH, preclean=True, threads=1)
+        made = meshes.current_mesh()
+        mesh = Mesh(made.vertex_matrix(), made.face_matrix())
+        require_area(mesh, "rebuilt mesh")
+        return mesh
+    except (require_pymeshlab().PyMeshLabException, InputError) as error:
+        work = f"the screened Poisson reconstruction of the {len(points)} points"
+        raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error
 
 
 def without_membranes(mesh: Mesh, points: Floats) -> Mesh:
@@ -84,19 +90,6 @@ def require_area(mesh: Mesh, name: str) -> None:
     """Raise an error if no triangle has an area above zero."""
     if not mesh.face_areas().any():
         raise InputError(f"the {name} has no area: expected triangles whose corners do not lie on a line")
-
-
-def _filtered(meshes: Any, work: str, name: str, **parameters: Any) -> Mesh:
-    """Return what a filter of PyMeshLab makes of a MeshSet; if that is no surface, the error says of which work."""
-    pymeshlab = require_pymeshlab()
-    try:
-        meshes.apply_filter(name, **parameters)
-        made = meshes.current_mesh()
-        mesh = Mesh(made.vertex_matrix(), made.face_matrix())
-        require_area(mesh, "rebuilt mesh")
-        return mesh
-    except (pymeshlab.PyMeshLabException, InputError) as error:
-        raise NoSurfaceError(f"{work} gave no surface ({error}): expected points on a surface, with normals") from error
 
 
 def _mesh_set(points: Floats, **columns: NDArray[Any]) -> Any:

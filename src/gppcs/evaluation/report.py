@@ -220,9 +220,8 @@ class Report(Figures):
 
 def definition_of(name: str) -> Figure:
     """Return the definition of a figure by its name in `Report.figures` or `MeshReport.figures`."""
-    definitions = Report.definitions() | Rebuilt.definitions() | MeshReport.definitions()
-    if (bare := name.removeprefix("carried_").removeprefix("estimated_")) in definitions:
-        return definitions[bare]
-    # Of an attribute: the longest name that it ends in, as "nearest_error_mean" ends in "error_mean", too.
-    ends = [figure for figure in DetailErrors.definitions() if name.endswith(f"_{figure}")]
-    return DetailErrors.definitions()[max(ends, key=len)]
+    definitions = {
+        key: one for part in (Report, Rebuilt, MeshReport, DetailErrors) for key, one in part.definitions().items()
+    }
+    # Behind the name of an attribute or another prefix: the longest, as "nearest_error_mean" ends in "error_mean", too.
+    return definitions[max((key for key in definitions if f"_{name}".endswith(f"_{key}")), key=len)]

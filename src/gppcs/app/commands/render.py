@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, print_error, say, started, visible
+from gppcs.app.printing import print_error, say, started, visible
 from gppcs.errors import ParameterError, shown
 
 EPILOG = (
@@ -41,9 +41,8 @@ def render(
     the RGB of the first; a cloud without it shows surface variation.
     """
     from gppcs import io
-    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import draw_beside, named_inputs
+    from gppcs.app.pages import draw_beside, read_named
     from gppcs.drawing.colours import RGB, Colourable
     from gppcs.drawing.single import checked_size, draw_single
     from gppcs.drawing.surfaces import surface_through
@@ -58,12 +57,10 @@ def render(
     require_matplotlib()
     if len(sources) > 2:
         raise ParameterError(f"expected one cloud, or two to draw beside each other, found {len(sources)}")
-    with timer("reading"):
-        read = read_each(sources, input_format, names_of(columns), use_faces=True)
+    clouds = read_named(sources, input_format, columns, timer)
     if len(sources) == 2:
         first, second = (
-            replace(named, name=visible(named.name), cloud=named.cloud[named.cloud.is_finite()])
-            for named in named_inputs(sources, read)
+            replace(named, name=visible(named.name), cloud=named.cloud[named.cloud.is_finite()]) for named in clouds
         )
         if colour is None and Colourable.from_cloud(first.cloud).rgb is not None:
             colour = RGB
@@ -80,10 +77,9 @@ def render(
         if not quiet and not io.is_standard(output):
             say(f"{output}: {first.size_text} beside {second.size_text}")
         return
-    (source,) = sources
-    ((cloud, mesh),) = read
+    (source,), (named,) = sources, clouds
     with naming(source), io.whole_output(output, force) as file, timer("drawing"):
-        title, excluded, outside = draw_single(file, cloud, mesh, colour, viewpoint, pixels)
+        title, excluded, outside = draw_single(file, named.cloud, named.mesh, colour, viewpoint, pixels)
     if excluded:
         print_error(f"note: {source}: {excluded:,} points with NaN or infinite coordinates are left out")
     if outside:

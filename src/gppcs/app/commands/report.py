@@ -8,7 +8,7 @@ import typer
 
 from gppcs.app import options
 from gppcs.app.options import option
-from gppcs.app.printing import names_of, print_error, say, started
+from gppcs.app.printing import print_error, say, started
 
 EPILOG = (
     "gppcs report scan.ply small.ply -o report.html\n\n"
@@ -44,9 +44,8 @@ def report(
     original to each result, by the order of choice, by any attribute or RGB, and holds the figures of gppcs evaluate.
     """
     from gppcs import io
-    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import SUFFIXES, how_made, named_inputs, rebuilt
+    from gppcs.app.pages import SUFFIXES, how_made, read_named, rebuilt
     from gppcs.drawing.web.contents import report_page
     from gppcs.engine.extras import require_pymeshlab
 
@@ -56,8 +55,7 @@ def report(
     check_output(output, inputs, force, SUFFIXES)
     if meshes:
         require_pymeshlab()
-    with timer("reading"):
-        clouds = named_inputs(inputs, read_each(inputs, input_format, names_of(columns), use_faces=True))
+    clouds = read_named(inputs, input_format, columns, timer)
     finite = [named.cloud[named.cloud.is_finite()] for named in clouds]
     if meshes and all(map(len, finite)):  # the page refuses empty clouds
         with timer("meshes"):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gppcs.app import options
-from gppcs.app.printing import names_of, print_error, say, started
+from gppcs.app.printing import print_error, say, started
 
 if TYPE_CHECKING:
     from gppcs.drawing.web.serving import LevelsServer
@@ -41,9 +41,8 @@ def view(
     at an address of this machine, and asks for the points that are looked at until Ctrl-C ends the command.
     """
     from gppcs import io
-    from gppcs.app.inputs import read_each
     from gppcs.app.outputs import check_output
-    from gppcs.app.pages import SUFFIXES, how_made, how_run, named_inputs
+    from gppcs.app.pages import SUFFIXES, how_made, how_run, read_named
     from gppcs.drawing.show import new_page
     from gppcs.drawing.web.contents import view_page
     from gppcs.drawing.web.layers import MOST_SHOWN
@@ -63,8 +62,7 @@ def view(
                     levels = Levels(nodes, inputs[0].name, how_run(context.obj), viewpoint)
                 _serve(LevelsServer(levels), opened, quiet)
                 return
-    with timer("reading"):
-        clouds = named_inputs(inputs, read_each(inputs, input_format, names_of(columns), use_faces=True))
+    clouds = read_named(inputs, input_format, columns, timer)
     page = view_page(clouds, how_made(context.obj, inputs), viewpoint)
     if output is None:
         output = new_page()
