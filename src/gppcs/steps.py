@@ -28,7 +28,11 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         check_addable(cloud, options)
         points = cloud.points
         lower, upper = bounds(points)
-        indices = None if np.isfinite([lower, upper]).all() else _finite_indices(cloud, options.invalid)
+        indices = None
+        if not np.isfinite([lower, upper]).all():
+            bad = np.flatnonzero(~cloud.is_finite())
+            check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, options.invalid)
+            indices = np.delete(np.arange(len(cloud)), bad)
     outliers = None
     if options.drop_outliers:
         indices, outliers = _without_outliers(cloud, indices, units, timer)
@@ -64,13 +68,6 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         with timer("normals"):
             kept = _with_estimated_normals(kept, points, selection)
     return result_of(replace(selection, indices=rows), kept, ranks, outliers, len(points), options, timer)
-
-
-def _finite_indices(cloud: PointCloud, invalid: str) -> Ints:
-    """Return the indices of the points with finite coordinates, if the others may be dropped."""
-    bad = np.flatnonzero(~cloud.is_finite())
-    check_finite(len(cloud), len(bad), int(bad[0]) if len(bad) else 0, invalid)
-    return np.delete(np.arange(len(cloud)), bad)
 
 
 def _without_outliers(

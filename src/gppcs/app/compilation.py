@@ -1,6 +1,5 @@
 """Compiles all kernels at once, by running every method on a small scan."""
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 import gppcs
 from gppcs import METHODS, PointCloud, Timer, mesh, sample, simplify
 from gppcs.amounts.options import Options
-from gppcs.engine.helpers import Part, run_all
+from gppcs.engine.helpers import Part
 from gppcs.errors import MissingExtraError
 from gppcs.evaluation.comparison import PREPARATION_POINTS
 from gppcs.gp.local.first_run import compile_choice, compile_placement
@@ -46,17 +45,9 @@ def parts() -> list[Part]:
     ]
 
 
-def compile_all() -> Iterator[int]:
-    """Compile every kernel, on all cores; yield how many of them each part of the work took."""
-    return run_all(parts())
-
-
-def _scan() -> PointCloud:
-    return sample("medallion", PREPARATION_POINTS, noise=0.002)  # noise needs additional kernels
-
-
-def _stray() -> PointCloud:
-    return sample("fan", 30_000, noise=0.001, outliers=0.01)
+def _scan(name: str = "medallion", n_points: int = PREPARATION_POINTS, outliers: float = 0.0) -> PointCloud:
+    noise = {"fan": 0.001, "medallion": 0.002}.get(name, 0.0)  # which needs additional kernels
+    return sample(name, n_points, noise=noise, outliers=outliers)
 
 
 def _simplify(method: str) -> None:
@@ -64,9 +55,7 @@ def _simplify(method: str) -> None:
 
 
 def _mesh(scan: str, n_points: int, options: dict[str, Any]) -> None:
-    noise = {"fan": 0.001, "medallion": 0.002}.get(scan, 0.0)
-    outliers = 0.01 if "fill_holes" in options else 0.0
-    mesh(sample(scan, n_points, noise=noise, outliers=outliers), **options)
+    mesh(_scan(scan, n_points, 0.01 if "fill_holes" in options else 0.0), **options)
 
 
 def _evaluate() -> None:
@@ -79,7 +68,7 @@ def _evaluate() -> None:
 
 
 def _options() -> None:
-    scan, stray = _scan(), _stray()
+    scan, stray = _scan(), _scan("fan", 30_000, 0.01)
     simplify(stray, ratio=0.02, drop_outliers=True, max_gap="2%", normals=True)
     features_in_radius(KdTree.build(stray.points), 100.0)  # balls that hold whole nodes of the tree
     simplify(scan, tolerance="2%", keep="curvature > 0", weight=abs(scan.attributes["curvature"]))
@@ -100,7 +89,7 @@ def _tiles() -> None:
     """Compile what only clouds beyond memory need."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "scan.ply")
-        gppcs.write(path, _stray())
+        gppcs.write(path, _scan("fan", 30_000, 0.01))
         for method in ("gp", "fps", "voxel"):
             options = Options(ratio=0.02, method=method, drop_outliers=True)
             with CloudFiles([path]) as files:

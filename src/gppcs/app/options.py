@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -38,14 +39,17 @@ def from_field(name: str, panel: str | None = None, metavar: str | None = None, 
     return option(HELP[name] + repeats, panel, *names, metavar=metavar)
 
 
-def output(metavar: str, text: str) -> Any:
+def output(metavar: str, text: str, parser: Callable[[Any], Path] | None = file_path) -> Any:
     """Declare the option for the file that a command writes."""
-    return option(text, None, "--output", "-o", metavar=metavar, parser=file_path)
+    return option(text, None, "--output", "-o", metavar=metavar, parser=parser)
 
 
-def files(metavar: str, text: str) -> Any:
-    """Declare an argument that names a file, or several."""
-    return typer.Argument(metavar=metavar, help=text, parser=file_path, show_default=False)
+def argument(metavar: str, text: str, **more: Any) -> Any:
+    """Declare an argument."""
+    return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
+
+
+files = partial(argument, parser=file_path)  # names a file, or several
 
 
 FILES = "Point cloud files, folders or .vpc lists."

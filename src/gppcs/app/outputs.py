@@ -72,7 +72,8 @@ class Output:
             if not (io.is_standard(source) or address_of(source)):
                 source.stat()  # a missing input is reported before its name is taken for that of the output
         for target, _ in zip(self.targets, self.formats, strict=True):
-            io.check_writable(target, self.force, self.makes_folders)
+            # Files by input may be those of a run that was stopped, which goes on.
+            io.check_writable(target, self.force or self.by_input, self.makes_folders)
 
     def check_storable(self, options: Options) -> None:
         """Check that the targets can hold the first points with the attributes that the options add."""

@@ -3,17 +3,16 @@
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from gppcs.amounts.options import Options
 from gppcs.app.inputs import note_unused
 from gppcs.app.outputs import Output
 from gppcs.app.printing import note_left_out, note_units, print_error, record_of_run, text_of, time_in_words
-from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.quantities import unit_of
 from gppcs.engine.memory import size_of
 from gppcs.engine.timer import Timer
-from gppcs.result import Result
 from gppcs.simplification import simplify_each, simplify_files
 from gppcs.steps import simplify_cloud
 from gppcs.streaming.folder import Target
@@ -41,86 +40,75 @@ def plan_job(options: Options, output: Output) -> tuple[dict[str, Any], dict[str
 def run_job(options: Options, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
     """Simplify one cloud and write it; return its record, as `--json` prints it, and the rows of a table."""
     output.check()
-    if options.mark is None:
-        options = replace(options, order=output.orders[-1])
     with output.source as files:
-        plan = make_plan(files, options, options.mark and "`mark`")
+        plan = make_plan(files, options, options.mark and "`mark`", to_files=output.by_input)
         output.check_storable(options)
-        result, clouds = _simplified(options, output, plan, timer)
-        note_unused(output.input_title, files)
-    with timer("writing"):
-        dropped = output.write(clouds, result.ranked and options.mark is None)
-    note_left_out(output.targets[-1], dropped)
+        work = _to_files_by_input if output.by_input else _to_files_of_levels
+        counts, points_in, points_out, diagnostics = work(options, output, plan, timer)
     note_units(output.input_title, files.preview, options.unit)
-    for note in _notes(len(result), result.points_in, result.diagnostics, options):
-        print_error(f"note: {output.input_title}: {note}")
-    named = zip(output.targets, clouds, strict=True) if len(clouds) > 1 else ()
-    record = {
-        "input": output.input,
-        "output": str(output.targets[-1]),
-        "levels": [{"output": str(target), "points_out": len(cloud)} for target, cloud in named],
-        "points_in": result.points_in,
-        "points_out": len(result),
-        "method": result.method.name,
-        "parameters": dataclasses.asdict(result.method),
-        "readings": plan.readings,
-        **record_of_run(result.diagnostics, timer.seconds),
-    }
-    return record, _rows(record, result, options, unit_of(files.preview.header, options.unit))
-
-
-def run_folder(options: Options, output: Output, timer: Timer) -> tuple[dict[str, Any], dict[str, str]]:
-    """Simplify several files as one cloud, and write the kept points of each; return record and rows, as `run_job`."""
-    ordered = zip(output.targets, output.orders, strict=True)
-    targets = [Target(target, output.suffix, order, output.lossy) for target, order in ordered]
-    with output.source as files:
-        plan = make_plan(files, options, to_files=True)
-        output.check_storable(options)
-        written, points_in, diagnostics = simplify_each(files, targets, options, plan, timer, output.force)
-    points_out = sum(file.n_points for file in written)
     for note in _notes(points_out, points_in, diagnostics, options):
-        print_error(f"note: {len(written)} files: {note}")
+        print_error(f"note: {output.input_title}: {note}")
+    named = [{"output": str(target), "points_out": n} for target, n in counts.items()]
     record = {
         "input": output.input,
-        "output": [{"output": str(file.target), "points_out": file.n_points} for file in written],
+        "output": named if output.by_input else str(output.targets[-1]),
+        "levels": [] if output.by_input or len(named) == 1 else named,
         "points_in": points_in,
         "points_out": points_out,
         "method": options.algorithm.name,
         "parameters": dataclasses.asdict(options.algorithm),
+        "readings": plan.readings,
         **record_of_run(diagnostics, timer.seconds),
     }
-    rows = {
-        "points": f"{points_in:,} in, {points_out:,} out ({100 * points_out / points_in:.3g} %)",
-        "files": f"{len(written):,}, and index.vpc, which lists them",
-        "method": str(options.algorithm),
-        "time": time_in_words(timer.seconds),
-    }
-    return record, rows
+    return record, _rows(record, options, unit_of(files.preview.header, options.unit))
 
 
-def _simplified(options: Options, output: Output, plan: Plan, timer: Timer) -> tuple[Result, list[PointCloud]]:
-    """Return the result, and what goes to each target."""
+# The number of points in each file, those among which was chosen, those kept, and diagnostics.
+Done = tuple[dict[Path, int], int, int, Mapping[str, float]]
+
+
+def _to_files_of_levels(options: Options, output: Output, plan: Plan, timer: Timer) -> Done:
+    """Simplify one cloud, and write the result, or the input with a mark, or each level."""
     if options.mark is not None:
         with timer("reading"):
             cloud = output.source.read()
         result = simplify_cloud(cloud, options, timer)
-        return result, [result.marked(cloud, options.mark)]
-    result = simplify_files(output.source, options, plan, timer)
-    by_level = len(output.targets) > 1
-    levels = None if by_level else options.levels
-    result = result.with_attributes(index=options.index, rank=options.rank, levels=levels)
-    return result, [level.cloud for level in (result.levels(options.sizes) if by_level else [result])]
+        clouds = [result.marked(cloud, options.mark)]
+    else:
+        options = replace(options, order=output.orders[-1])
+        result = simplify_files(output.source, options, plan, timer)
+        by_level = len(output.targets) > 1
+        levels = None if by_level else options.levels
+        result = result.with_attributes(index=options.index, rank=options.rank, levels=levels)
+        clouds = [level.cloud for level in (result.levels(options.sizes) if by_level else [result])]
+    note_unused(output.input_title, output.source)
+    with timer("writing"):
+        dropped = output.write(clouds, result.ranked and options.mark is None)
+    note_left_out(output.targets[-1], dropped)
+    counts = dict(zip(output.targets, map(len, clouds), strict=True))
+    return counts, result.points_in, len(result), result.diagnostics
 
 
-def _rows(record: Mapping[str, Any], result: Result, options: Options, unit: str | None) -> dict[str, str]:
+def _to_files_by_input(options: Options, output: Output, plan: Plan, timer: Timer) -> Done:
+    """Simplify several files as one cloud, and write the kept points of each."""
+    ordered = zip(output.targets, output.orders, strict=True)
+    targets = [Target(target, output.suffix, order, output.lossy) for target, order in ordered]
+    written, points_in, diagnostics = simplify_each(output.source, targets, options, plan, timer, output.force)
+    counts = {file.target: file.n_points for file in written}
+    return counts, points_in, sum(counts.values()), diagnostics
+
+
+def _rows(record: Mapping[str, Any], options: Options, unit: str | None) -> dict[str, str]:
     """Return the rows of the table of a run."""
     percent = 100 * record["points_out"] / record["points_in"]
     rows = {"points": f"{record['points_in']:,} in, {record['points_out']:,} out ({percent:.3g} %)"}
     for number, file in enumerate(record["levels"]):
         rows[f"level {number}"] = f"{file['output']}: {file['points_out']:,} points"
-    if record["readings"] > 1 and options.memory is not None:
+    if isinstance(record["output"], list):
+        rows["files"] = f"{len(record['output']):,}, and index.vpc, which lists them"
+    elif record["readings"] > 1 and options.memory is not None:
         rows["files"] = f"read {record['readings']} times"
-    rows["method"] = str(result.method)
+    rows["method"] = str(options.algorithm)
     limits = {"largest_gap": options.lengths.get("max_gap")}
     if options.max_error is not None:
         measure = options.max_error.measure

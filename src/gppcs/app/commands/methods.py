@@ -3,8 +3,6 @@
 import dataclasses
 from typing import Annotated
 
-import typer
-
 from gppcs.app import options
 from gppcs.app.printing import emit, say
 from gppcs.methods import METHODS, Method
@@ -16,12 +14,7 @@ EPILOG = "gppcs methods\n\ngppcs methods wlop"
 def methods(
     name: Annotated[
         str | None,
-        typer.Argument(
-            metavar="NAME",
-            help="A method to explain in full.",
-            show_default=False,
-            autocompletion=lambda: list(METHODS),
-        ),
+        options.argument("NAME", "A method to explain in full.", autocompletion=lambda: list(METHODS)),
     ] = None,
     as_json: options.Json = False,
 ) -> None:

@@ -3,31 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from gppcs import __version__
 from gppcs.app import options
 from gppcs.app.options import option
 from gppcs.app.printing import emit, note_left_out, say, started
 
 EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
-
-
-def _names() -> list[str]:
-    from gppcs.scans import SCANS
-
-    return list(SCANS)
+NAMES = ("medallion", "bracket", "fan", "sphere", "fresco", "road", "village")
 
 
 def sample(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME",
-            help="medallion, bracket, fan, sphere, fresco, road or village.",
-            show_default=False,
-            autocompletion=_names,
-        ),
+        options.argument("NAME", f"{', '.join(NAMES[:-1])} or {NAMES[-1]}.", autocompletion=lambda: list(NAMES)),
     ],
     output: Annotated[Path, options.output("OUT", "The file to write.")],
     points: Annotated[

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
 from gppcs.amounts.options import Options, Order
 from gppcs.app import options
 from gppcs.app.options import ATTRIBUTES, CHOICE, HELP, SIZE, from_field, option
@@ -32,12 +34,8 @@ def simplify(
     inputs: Annotated[list[Path], options.files("IN...", options.FILES)],
     output: Annotated[
         str,
-        option(
-            "The file to write, or a folder for a file of each input, with a slash behind a new one.",
-            None,
-            "--output",
-            "-o",
-            metavar="OUT",
+        options.output(
+            "OUT", "The file to write, or a folder for a file of each input, with a slash behind a new one.", None
         ),
     ],
     ratio: options.Ratio = None,
@@ -66,7 +64,7 @@ def simplify(
             CHOICE,
             "--set",
             metavar="KEY=VALUE",
-            autocompletion=lambda ctx, incomplete: _completed_settings(ctx.params.get("method"), incomplete),
+            autocompletion=_completed,
         ),
     ] = None,
     denoise: Annotated[bool, option("Move points out of noise: --set denoise=true.", CHOICE, "--denoise")] = False,
@@ -86,10 +84,7 @@ def simplify(
     threads: options.Threads = None,
     memory: options.Memory = None,
     workers: options.Workers = None,
-    separately: Annotated[
-        bool,
-        option("Simplify each of several inputs by itself.", None, "--separately"),
-    ] = False,
+    separately: Annotated[bool, option("Simplify each of several inputs by itself.", None, "--separately")] = False,
     dry_run: Annotated[bool, option("Print the plan and do nothing.", None, "--dry-run")] = False,
     force: options.Force = False,
     lossy: options.Lossy = False,
@@ -104,15 +99,17 @@ def simplify(
     arguments = {name: value for name, value in locals().items() if name in HELP}
     from gppcs.amounts.options import method_of
     from gppcs.app.outputs import outputs_of
-    from gppcs.app.runs import plan_job, run_folder, run_job
+    from gppcs.app.runs import plan_job, run_job
     from gppcs.engine.timer import Timer
     from gppcs.io import check_distinct, is_standard
 
     timer = started(quiet, threads)
+    parameters = _pairs(settings, "(.*?)=(.*)", "--set KEY=VALUE")
+    quotas = _pairs(quota, r"\s*(.*\S)\s*:\s*([^:]*[^:\s])\s*", "--quota as CONDITION: NUMBER, such as 'z > 6: 10%'")
     arguments |= {
-        "method": method_of(method, _settings(settings) | ({"denoise": True} if denoise else {})),
+        "method": method_of(method, parameters | ({"denoise": True} if denoise else {})),
         "detail": options.weights_of(detail),
-        "quota": None if quota is None else dict(map(_condition_and_number, quota)),
+        "quota": quotas or None,
         "order": order or "importance",
     }
     chosen = Options(**arguments)
@@ -127,8 +124,7 @@ def simplify(
     check_distinct(targets, [*inputs, *sources, *options.files_of_inside(inside)])
 
     def work(result: Output) -> None:
-        run = run_folder if result.by_input else run_job
-        record, rows = plan_job(chosen, result) if dry_run else run(chosen, result, Timer(timer.on_progress))
+        record, rows = plan_job(chosen, result) if dry_run else run_job(chosen, result, Timer(timer.on_progress))
         line = ", ".join(rows[name].partition(";")[0] for name in ("points", "memory", "time") if name in rows)
         if is_standard(result.targets[-1]) and not dry_run:  # where only the cloud goes
             if not quiet:
@@ -141,26 +137,19 @@ def simplify(
     for_each(((result.source.paths[0], result) for result in outputs), work)
 
 
-def _completed_settings(method: str | None, incomplete: str) -> list[str]:
+def _completed(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the parameters of a method, and of such as have few values these, that begin as a user has typed."""
     settings = list[str]()
-    for key, parameter in parameters_of(METHODS.get(method or "", DEFAULT)).items():
+    for key, parameter in parameters_of(METHODS.get(ctx.params.get("method") or "", DEFAULT)).items():
         values = ["True", "False"] if parameter.kind == "bool" else re.findall(r'"(.+?)"', parameter.kind)
         settings += [f"{key}={value}" for value in values or [""]]
     return [setting for setting in settings if setting.startswith(incomplete)]
 
 
-def _settings(settings: list[str] | None) -> dict[str, str]:
-    """Return settings of the form KEY=VALUE as a dictionary."""
-    for setting in settings or ():
-        if "=" not in setting:
-            raise ParameterError(f"expected --set KEY=VALUE, found {setting!r}")
-    return {key: value for key, _, value in (setting.partition("=") for setting in settings or ())}
-
-
-def _condition_and_number(quota: str) -> tuple[str, str]:
-    """Return condition and number of a quota, given as CONDITION: NUMBER."""
-    condition, colon, number = quota.rpartition(":")
-    if not colon or not condition.strip() or not number.strip():
-        raise ParameterError(f"expected --quota as CONDITION: NUMBER, such as 'z > 6: 10%', found {shown(quota)}")
-    return condition.strip(), number.strip()
+def _pairs(texts: list[str] | None, pattern: str, expected: str) -> dict[str, str]:
+    """Return names and values that are given in one text each."""
+    pairs = [(text, re.fullmatch(pattern, text, re.DOTALL)) for text in texts or ()]
+    for text, match in pairs:
+        if not match:
+            raise ParameterError(f"expected {expected}, found {shown(text)}")
+    return dict(match.groups() for _, match in pairs if match)

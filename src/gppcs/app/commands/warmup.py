@@ -15,15 +15,16 @@ def warmup(threads: options.Threads = None, quiet: options.Quiet = False, as_jso
     that of the installed package, the user's cache folder. Run this again after an update of gppcs or Numba, or on
     another kind of processor.
     """
-    from gppcs.app.compilation import compile_all, parts
+    from gppcs.app.compilation import parts
+    from gppcs.engine.helpers import run_all
     from gppcs.engine.kernel_cache import folder_to_write
 
     folder, compiled = folder_to_write(), 0
     if not folder:
         raise OutputError("expected a folder for kernels that can be written, found none; set NUMBA_CACHE_DIR to one")
-    timer = started(quiet, threads)
-    with timer("compiling kernels", len(parts())) as on_progress:
-        for count in compile_all():
+    timer, work = started(quiet, threads), parts()
+    with timer("compiling kernels", len(work)) as on_progress:
+        for count in run_all(work):
             compiled += count
             on_progress(1)
     seconds = sum(timer.seconds.values())
