@@ -9,13 +9,7 @@ import numpy as np
 
 
 class WebPage:
-    """The data in a page.
-
-    Attributes
-    ----------
-    described : dict
-        The page's description.
-    """
+    """The data in a page: `described` is what it says."""
 
     def __init__(self, text):
         self.text = text
@@ -63,17 +57,7 @@ def faces_of(packed):
 
 
 class ServedNode:
-    """The points of a node, as the script in the page reads what the command sends.
-
-    Attributes
-    ----------
-    level, cell : int and list of 3 int
-    rows : ndarray, shape (n,)
-        The rows in the file of its points.
-    points : ndarray, shape (n, 3)
-    colours : ndarray, shape (n, 3)
-        Empty if the cloud has none.
-    """
+    """The points of a node, (n, 3), with their rows in the file, as the script in the page reads what is served."""
 
     def __init__(self, cloud, number, content):
         octree = cloud["octree"]

@@ -5,21 +5,15 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import gppcs
 from command_line import FAST, SIMPLIFY
 
 
-@pytest.fixture
-def tiles(scan):
-    """A folder with two clouds."""
+def test_a_folder_is_thinned_into_folders_that_are_made(printed, scan):
     Path("tiles").mkdir()
     gppcs.write("tiles/a.ply", scan)
     gppcs.write("tiles/b.csv", gppcs.sample("fan", 200))
-
-
-def test_a_folder_is_thinned_into_folders_that_are_made(printed, tiles):
     words = ("simplify", "tiles", "-o", "new/deep/", "--ratio", "10%", "--separately", *FAST)
     first, second = printed(*words).splitlines()
     assert first.startswith("tiles/a.ply → new/deep/a.ply: 400 in, 40 out (10 %), ")

@@ -13,6 +13,7 @@ import typer.main
 import gppcs
 from command_line import FAST, files
 from gppcs.app import program
+from gppcs.methods.parameters import parameters_of
 
 
 def test_version(printed):
@@ -41,6 +42,17 @@ def test_flags_take_no_value_and_settings_are_completed(printed):
     ):
         context = SimpleNamespace(params={"method": method})
         assert [item.value for item in settings.shell_complete(context, text)] == expected
+
+
+@pytest.mark.parametrize("name", gppcs.METHODS.built_in)
+def test_methods_explains_one_and_each_of_its_parameters(printed, record, name):
+    text, method = " ".join(printed("methods", name).split()), gppcs.METHODS[name]
+    assert text.startswith(f"{name}: {method.summary}")
+    assert method.source in text
+    for key, parameter in parameters_of(method).items():
+        assert f"{key} ({parameter.kind}, default {parameter.default}) {parameter.meaning}" in text
+    meanings = {key: parameter.meaning for key, parameter in parameters_of(method).items()}
+    assert record("methods", name)["meanings"] == meanings
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gppcs.app.outputs import outputs_of, sources_of
+from gppcs.app.outputs import outputs_of
 from gppcs.errors import OutputError
 
 
@@ -16,63 +16,50 @@ def tiles(folder):
         Path("tiles", name).parent.mkdir(parents=True, exist_ok=True)
         Path("tiles", name).touch()
     Path("tiles/folder.ply").mkdir()
-    return Path("tiles")
+    Path("there").mkdir()
 
 
-def targets(inputs, output, levels=0):
-    found = outputs_of(list(map(Path, inputs)), output, {}, levels)
-    return [str(target) for each in found for target in each.targets]
-
-
-def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
-    expected = [Path("scan.ply"), tiles / "A.XYZ", tiles / "b.ply"]
-    assert sources_of([Path("scan.ply"), tiles]) == expected
-    each = outputs_of([Path("scan.ply"), tiles], "out", {}, separately=True)
-    assert [output.source.paths for output in each] == [[path] for path in expected]
+def found(inputs, output, **options):
+    return outputs_of(list(map(Path, inputs)), output, {}, **options)
 
 
 @pytest.mark.parametrize(
-    ("output", "expected", "makes"),
+    ("inputs", "output", "levels", "expected"),
     [
-        ("out.ply", "out.ply", False),
-        ("new/", "new/scan.v1.ply", True),
-        ("there", "there/scan.v1.ply", True),
-        ("{stem}.ply", "{stem}.ply", False),
+        (["scans/scan.v1.ply"], "out.ply", 0, ["out.ply"]),
+        (["scans/scan.v1.ply"], "new/", 0, ["new/scan.v1.ply"]),
+        (["scans/scan.v1.ply"], "there", 0, ["there/scan.v1.ply"]),
+        (["scans/scan.v1.ply"], "{stem}.ply", 0, ["{stem}.ply"]),
+        (["a.ply", "x/b.csv"], "new", 0, ["new/a.ply", "new/b.csv"]),
+        (["a.ply", "x/b.csv"], "new.d/", 0, ["new.d/a.ply", "new.d/b.csv"]),
+        (["a.ply", "tiles"], "out.ply", 0, ["out.ply"]),
+        (["a.ply", "tiles"], "-", 0, ["-"]),
+        (["a.ply", "tiles"], "all/{level}.ply", 2, ["all/0.ply", "all/1.ply"]),
     ],
 )
-def test_where_the_result_of_one_input_goes(folder, output, expected, makes):
-    Path("there").mkdir()
-    [found] = outputs_of([Path("scans/scan.v1.ply")], output, {})
-    assert (found.targets, found.makes_folders) == ([Path(expected)], makes)
+def test_where_the_result_goes(tiles, inputs, output, levels, expected):
+    [made] = found(inputs, output, levels=levels)
+    assert list(map(str, made.targets)) == expected
+    assert made.makes_folders == ("/" in expected[0])
 
 
-@pytest.mark.parametrize("output", ["new", "new/", "new.d/"])
-def test_several_results_go_to_a_folder(folder, output):
-    place = output.partition("/")[0]
-    assert targets(["a.ply", "x/b.csv"], output) == [f"{place}/a.ply", f"{place}/b.csv"]
+def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
+    expected = ["a.ply", "tiles/A.XYZ", "tiles/b.ply"]
+    [whole], each = found(["a.ply", "tiles"], "out.ply"), found(["a.ply", "tiles"], "out", separately=True)
+    assert list(map(str, whole.source.paths)) == [str(one.source.paths[0]) for one in each] == expected
 
 
 @pytest.mark.parametrize(("output", "reason"), [("out/", "different names"), ("out_{level}.ply", "with `levels`")])
 def test_names_that_mean_no_file_for_each_result_are_refused(folder, output, reason):
     with pytest.raises(OutputError, match=re.escape(output) + f".*{reason}"):
-        targets(["x/a.ply", "y/a.ply"], output)
-
-
-@pytest.mark.parametrize(
-    ("output", "levels", "expected"),
-    [("out.ply", 0, ["out.ply"]), ("-", 0, ["-"]), ("all/{level}.ply", 2, ["all/0.ply", "all/1.ply"])],
-)
-def test_several_inputs_are_one_cloud_in_one_file(tiles, output, levels, expected):
-    [found] = outputs_of([Path("a.ply"), tiles], output, {}, levels)
-    assert found.source.paths == [Path("a.ply"), tiles / "A.XYZ", tiles / "b.ply"]
-    assert list(map(str, found.targets)) == expected
+        found(["x/a.ply", "y/a.ply"], output)
 
 
 def test_a_file_is_no_folder(folder):
     for name in ("a.ply", "b.ply"):
         Path(name).touch()
     with pytest.raises(OutputError, match=r"a.ply/: expected a folder, found a file"):
-        targets(["b.ply"], "a.ply/")
-    [made] = outputs_of([Path("b.ply")], "a.ply/deeper/", {})
+        found(["b.ply"], "a.ply/")
+    [made] = found(["b.ply"], "a.ply/deeper/")
     with pytest.raises(OutputError, match=r"expected a folder .*a.ply, found a file"):
         made.check()
