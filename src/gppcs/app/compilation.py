@@ -23,10 +23,8 @@ from gppcs.surface.surface_variation import features_in_radius
 
 
 def parts() -> list[Part]:
-    """Return parts of the work that together compile every kernel, for all types of arrays that it is called with.
-
-    What takes longest comes first, and neighbours call different kernels, as processes work on them at once.
-    """
+    """Return parts of the work that together compile every kernel, for all types of arrays that it is called with."""
+    # What takes longest comes first, and neighbours call different kernels, as processes work on them at once.
     methods: list[Part] = [(_simplify, str(method)) for method in METHODS if method != "gp"]
     return [
         (_simplify, "gp"),

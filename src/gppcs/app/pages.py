@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gppcs import __version__, io
-from gppcs.app.inputs import read_each
+from gppcs.app.outputs import read_each
 from gppcs.app.printing import names_of, print_error
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gppcs.amounts.options import Options
-from gppcs.app.inputs import note_unused
-from gppcs.app.outputs import Output
+from gppcs.app.outputs import Output, note_unused
 from gppcs.app.printing import note_left_out, note_units, print_error, record_of_run, text_of, time_in_words
 from gppcs.clouds.quantities import unit_of
 from gppcs.engine.memory import size_of

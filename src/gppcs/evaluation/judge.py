@@ -270,6 +270,7 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
     normals = features_of_nearest(tree, PLANE_NEIGHBOURS).normals
     spacing = np.sqrt(surface_area(tree) / len(after))
     distances, areas = np.sqrt(to_kept), areas_of_points(tree)
+    measures: dict[str, Any] = {f"surface_{measure}": error for measure, error in errors_of(to_surface).items()}
     errors = to_surface * np.radians(_angles(normals, surface.normals_at(feet)))
     return Report(
         points_in=counts[0],
@@ -282,7 +283,7 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
         chamfer=float(to_kept.mean() + to_original.mean()),
         surface_mean_by_area=float(np.average(to_surface, weights=areas)),
         surface_p95_by_area=_weighted_quantile(to_surface, areas, 0.95),
-        **{f"surface_{measure}": error for measure, error in errors_of(to_surface).items()},
+        **measures,
         feature_error=float(errors.mean()),
         feature_error_by_area=float(np.average(errors, weights=areas)),
         feature_recall=float((distances[_rough(variation)] <= spacing).mean()),

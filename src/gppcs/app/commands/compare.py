@@ -57,7 +57,7 @@ def compare(
 ) -> None:
     """Simplify a cloud by several methods, evaluate each result, and write tables and a picture."""
     from gppcs import io
-    from gppcs.app.inputs import read_each
+    from gppcs.app.outputs import read_each
     from gppcs.app.pages import draw_beside, how_made, named_clouds, rebuilt
     from gppcs.app.tables import as_csv, as_markdown, columns_of, print_table, record_of
     from gppcs.drawing.colours import Colourable

@@ -51,8 +51,7 @@ def convert(
     import numpy as np
 
     from gppcs import io
-    from gppcs.app.inputs import note_empty, note_unused
-    from gppcs.app.outputs import check_output, sources_of
+    from gppcs.app.outputs import check_output, note_empty, note_unused, sources_of
     from gppcs.clouds.quantities import bytes_of
     from gppcs.streaming.copc import write_beyond_memory
 

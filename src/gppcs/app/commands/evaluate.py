@@ -51,7 +51,7 @@ def evaluate(
     as_json: options.Json = False,
 ) -> None:
     """Measure how good a simplified cloud or mesh is. Points with NaN or infinite coordinates are left out."""
-    from gppcs.app.inputs import read_each
+    from gppcs.app.outputs import read_each
     from gppcs.clouds.quantities import unit_of
 
     timer = started(quiet, threads)

@@ -40,8 +40,7 @@ def info(
     the exit code is 2.
     """
     from gppcs import io
-    from gppcs.app.inputs import note_empty, note_unused
-    from gppcs.app.outputs import sources_of
+    from gppcs.app.outputs import note_empty, note_unused, sources_of
 
     def show_info(file: Path) -> None:
         with io.CloudFiles([file], input_format, names_of(columns), inside or None, only, resolution) as clouds:

@@ -84,7 +84,7 @@ def mesh(
     relative to the diagonal (0.2%).
     """
     from gppcs import io
-    from gppcs.app.inputs import read_each
+    from gppcs.app.outputs import read_each
     from gppcs.clouds.quantities import unit_of
     from gppcs.drawing.textures import bake_texture, checked_texture_size, require_colours
     from gppcs.io.files import naming
