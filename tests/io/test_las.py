@@ -201,13 +201,14 @@ def test_attributes_may_come_go_and_change(tmp_path):
     del attributes["intensity"], attributes["extra 0"]
     attributes |= {"score": np.arange(300.0), "index": np.arange(300), "flag": np.arange(300) % 2 == 0}
     attributes["scaled"] = np.arange(300, dtype=np.float32) / 3  # no multiples of the scale
+    attributes["column"] = np.arange(300)[:, None]
     attributes["embedding"] = np.arange(1500, dtype=np.float32).reshape(300, 5)
     write(tmp_path / "b.las", replace(cloud, attributes=attributes))
     found = laspy.read(tmp_path / "b.las")
     assert found.point_format.id == 1
     assert not np.asarray(found.intensity).any()
     extra = [f"extra {i}" for i in range(1, 31)]
-    extra += ["scaled", "score", "index", "flag", *(f"embedding_{i}" for i in range(5))]
+    extra += ["scaled", "score", "index", "flag", "column", *(f"embedding_{i}" for i in range(5))]
     assert sorted(found.point_format.extra_dimension_names) == sorted(extra)
     assert found.points.array["scaled"].tobytes() == attributes["scaled"].tobytes()
     assert not found.point_format.dimension_by_name("scaled").is_scaled

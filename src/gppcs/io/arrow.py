@@ -27,6 +27,7 @@ def open_parquet(file: BufferedReader) -> Reader:
     size = bytes_left(file)
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
+        _check_names(table.schema_arrow.names)
         groups = map(table.metadata.row_group, range(table.metadata.num_row_groups))
         sizes = [group.column(i).total_uncompressed_size for group in groups for i in range(group.num_columns)]
         count, schema = table.metadata.num_rows, table.schema_arrow
@@ -42,6 +43,7 @@ def open_feather(file: BufferedReader) -> Reader:
     size = bytes_left(file)
     with _reported():
         table = pyarrow.ipc.open_file(file)
+        _check_names(table.schema.names)
         count = pyarrow.dataset.IpcFileFormat().make_fragment(file).count_rows()
         batches = range(table.num_record_batches)
         memory = count * sum(map(_width, table.schema.types)) // max(1, len(batches))
@@ -58,11 +60,13 @@ def _width(kind: Any) -> int:
         return 0
 
 
+def _check_names(names: list[str]) -> None:
+    if len(set(names)) < len(names):
+        raise FileFormatError(f"expected columns of different names, found {', '.join(map(repr, names))}; rename some")
+
+
 def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int, size: int, memory: int) -> Reader:
     """Return a reader of a table of `size` bytes, whose batches have at most n rows and take some memory."""
-    if len(set(schema.names)) < len(schema.names):
-        names = ", ".join(map(repr, schema.names))
-        raise FileFormatError(f"expected columns of different names, found {names}; rename some")
     check_unpacked(count * sum(map(_width, schema.types)), size)
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 

@@ -94,6 +94,8 @@ class Format:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
                 found, are_degrees = stored.attributes[new], (name, new) == ("scan_angle_rank", "scan_angle")
+                # LAS holds one number for each point without a second axis.
+                column = column if column is found else column.reshape(found.shape)
                 is_same = column is found or np.array_equal(column, found, equal_nan=column.dtype.kind == "f")
                 if not (is_same or are_degrees):
                     limits, is_exact = _scaling(column, found)
