@@ -28,8 +28,8 @@ def open_parquet(file: BufferedReader) -> Reader:
     with _reported():
         table = pyarrow.parquet.ParquetFile(file)
         _check_names(table.schema_arrow.names)
-        groups = map(table.metadata.row_group, range(table.metadata.num_row_groups))
-        sizes = [group.column(i).total_uncompressed_size for group in groups for i in range(group.num_columns)]
+        # PyArrow reads a group of rows at once. It ends the process where the size of a column is damaged.
+        sizes = [table.metadata.row_group(i).total_byte_size for i in range(table.metadata.num_row_groups)]
         count, schema = table.metadata.num_rows, table.schema_arrow
         memory = max([min(count, _ROWS) * sum(map(_width, schema.types)), *sizes])
         return _reader(schema, lambda n: table.iter_batches(min(n, _ROWS)), count, size, memory)
