@@ -34,6 +34,19 @@ def lzf(data):
     return b"".join(bytes([len(run) - 1]) + run for run in runs)
 
 
+def glb(text, numbers=b""):
+    """A binary glTF file of a description in JSON and the bytes of its buffer."""
+    chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", numbers + b"\0" * (-len(numbers) % 4))]
+    body = b"".join(struct.pack("<I", len(content)) + name + content for name, content in chunks)
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def parts_of_glb(data):
+    """The description and the bytes of the buffer of a binary glTF file."""
+    end = 20 + int.from_bytes(data[12:16], "little")
+    return data[20:end], data[end + 8 :]
+
+
 def compressed_pcd(points):
     """A PCD file of float32 coordinates in the encoding with compression."""
     data = points.astype("<f4").T.tobytes()

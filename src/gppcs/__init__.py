@@ -81,8 +81,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "clouds.cloud": "CloudLike PointCloud",
     "clouds.header": "Header",
-    "clouds.mesh": "Mesh",
-    "clouds.texture": "Texture",
+    "clouds.mesh": "Mesh Texture",
     "drawing.show": "show",
     "drawing.textures": "bake_texture",
     "engine.threads": "set_threads",

@@ -3,7 +3,7 @@ from gppcs.clouds.cloud import CloudLike as CloudLike
 from gppcs.clouds.cloud import PointCloud as PointCloud
 from gppcs.clouds.header import Header as Header
 from gppcs.clouds.mesh import Mesh as Mesh
-from gppcs.clouds.texture import Texture as Texture
+from gppcs.clouds.mesh import Texture as Texture
 from gppcs.drawing.show import show as show
 from gppcs.drawing.textures import bake_texture as bake_texture
 from gppcs.engine.threads import set_threads as set_threads

@@ -30,13 +30,18 @@ def binary():
 
 
 @pytest.mark.parametrize(("name", "content"), [("points3D.txt", TEXT.encode()), ("points3D.bin", binary())])
-def test_points_have_numbers_colours_and_errors(tmp_path, name, content):
+def test_points_have_numbers_colours_errors_and_lengths_of_tracks(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     cloud = gppcs.read(tmp_path / name)
     assert cloud.points.tolist() == PLACES
     assert cloud.attributes["point3D_id"].tolist() == IDS
     assert np.stack([cloud.attributes[each] for each in ("red", "green", "blue")], axis=1).tolist() == COLOURS
     assert cloud.attributes["error"].tolist() == ERRORS
+    seen = gppcs.open(tmp_path / name, only="track_length >= 2").read()
+    assert seen.attributes["track_length"].tolist() == [2]
+    assert losses(f"other.{name}", seen) == ["the tracks of the points, so that COLMAP's images no longer fit"]
+    gppcs.write(tmp_path / f"other.{name}", seen)
+    assert "track_length" not in gppcs.read(tmp_path / f"other.{name}").attributes
 
 
 def test_points_under_another_name_are_recognised_or_the_format_is_named(tmp_path):
@@ -61,16 +66,6 @@ def test_what_colmap_cannot_hold_is_told(tmp_path):
     with pytest.raises(gppcs.errors.OutputError, match=r"depth .*point3D_id"):
         gppcs.write(tmp_path / "points3D.bin", cloud)
     assert not (tmp_path / "points3D.bin").exists()
-
-
-@pytest.mark.parametrize(("name", "content"), [("points3D.txt", TEXT.encode()), ("points3D.bin", binary())])
-def test_the_length_of_tracks_is_an_attribute_and_the_tracks_are_left_out_with_a_word(tmp_path, name, content):
-    (tmp_path / name).write_bytes(content)
-    cloud = gppcs.open(tmp_path / name, only="track_length >= 2").read()
-    assert cloud.attributes["track_length"].tolist() == [2]
-    assert losses(f"other.{name}", cloud) == ["the tracks of the points, so that COLMAP's images no longer fit"]
-    gppcs.write(tmp_path / f"other.{name}", cloud)
-    assert "track_length" not in gppcs.read(tmp_path / f"other.{name}").attributes
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Each reader makes of damaged files a cloud or one of our errors, whatever bytes are damaged, and soon."""
 
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -32,18 +33,6 @@ def written(path, **options):
     gppcs.write(path, cloud(), lossy=True, **options)
 
 
-def as_text(path):
-    written(path, ascii=True)
-
-
-def as_compressed_pcd(path):
-    path.write_bytes(compressed_pcd(cloud().points))
-
-
-def as_colmap(path):
-    gppcs.write(path, gppcs.PointCloud(np.random.default_rng(0).random((60, 3))))
-
-
 def as_ptx(path):
     rows = [f"{x:.4f} {y:.4f} {z:.4f} 0.5 1 2 3\n" for x, y, z in cloud().points]
     missing = "0 0 0 0.5 0 0 0\n" * 6
@@ -64,29 +53,29 @@ def as_copc(path):
     write_copc(path, las_of(cloud().points, 7), 2, 1.0)
 
 
+FACES = np.arange(N).reshape(-1, 3)
+
+
 def as_mesh(path):
-    points = cloud().points
-    faces = np.arange(N).reshape(-1, 3)
-    gppcs.write_mesh(path, gppcs.Mesh(points, faces), lossy=True)
+    gppcs.write_mesh(path, gppcs.Mesh(cloud().points, FACES), lossy=True)
 
 
 def as_text_stl(path):
-    mesh = trimesh.Trimesh(cloud().points, np.arange(N).reshape(-1, 3), process=False)
-    mesh.export(path, file_type="stl_ascii")
+    trimesh.Trimesh(cloud().points, FACES, process=False).export(path, file_type="stl_ascii")
 
 
 FILES = {
     "ply": (".ply", written),
-    "ply ascii": (".ply", as_text),
+    "ply ascii": (".ply", partial(written, ascii=True)),
     "las": (".las", written),
     "laz": (".laz", written),
     "rich las": (".las", as_rich_las),
     "rich laz": (".laz", as_rich_las),
     "copc": (".copc.laz", as_copc),
     "copc by index": (".copc.laz", as_copc),
-    "pcd ascii": (".pcd", as_text),
+    "pcd ascii": (".pcd", partial(written, ascii=True)),
     "pcd binary": (".pcd", written),
-    "pcd compressed": (".pcd", as_compressed_pcd),
+    "pcd compressed": (".pcd", lambda path: path.write_bytes(compressed_pcd(cloud().points))),
     "ptx": (".ptx", as_ptx),
     "e57": (".e57", written),
     "parquet": (".parquet", written),
@@ -102,8 +91,8 @@ FILES = {
     "stl ascii": (".stl", as_text_stl),
     "ply mesh": (".ply", as_mesh),
     "glb": (".glb", as_mesh),
-    "colmap": (".points3D.bin", as_colmap),
-    "colmap text": (".points3D.txt", as_colmap),
+    "colmap": (".points3D.bin", written),
+    "colmap text": (".points3D.txt", written),
     "gz": (".csv.gz", written),
 }
 PACKAGES = {".e57": "pye57", ".parquet": "pyarrow", ".feather": "pyarrow"}

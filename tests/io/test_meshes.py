@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 import gppcs
+from formats import glb
 from gppcs.errors import FileFormatError
 from gppcs.io import CloudFiles, read
 
@@ -15,26 +16,32 @@ TRIANGLES = np.array([[[0, 0, 1], [1, 0, 0], [0, 2, 0]], [[1, 0, 0], [0, 2, 0], 
 CORNERS = [[0, 0, 1], [1, 0, 0], [0, 2, 0], [5, 5, 5]]
 
 
+OBJ = "# made by hand\nmtllib a.mtl\nv 1 2 3{0}\nvn 0 0 1\nvt 0 0\n v\t4 5 6{0}\nf 1 2 1\n"
+
+
 @pytest.mark.parametrize(
-    ("text", "names"),
+    ("suffix", "text", "names"),
     [
-        ("OFF\n2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
-        ("OFF 2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
-        ("OFF2 1 0\r\n1 2 3\r\n4 5 6\r\n3 0 1 0\r\n", []),
-        ("# made by hand\nOFF # so\n\n# counts\n2 0 0 # these\n1 2 3 # first\n\n# next\n4 5 6\n", []),
-        ("COFF\n2 0 0\n1 2 3 10 20 30\n4 5 6 11 21 31\n", ["red", "green", "blue"]),
-        ("COFF\n2 0 0\n1 2 3 10 20 30 255\n4 5 6 11 21 31 255\n", ["red", "green", "blue", "alpha"]),
-        ("NOFF\n2 0 0\n1 2 3 0 0 1\n4 5 6 0 1 0\n", ["nx", "ny", "nz"]),
-        ("CNOFF\n2 0 0\n1 2 3 0 0 1 9 9 9\n4 5 6 0 0 1 9 9 9\n", ["nx", "ny", "nz", "red", "green", "blue"]),
-        ("OFF\n2 0 0\n1 2 3 9\n4 5 6 9\n", ["column_4"]),
+        (".off", "OFF\n2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
+        (".off", "OFF 2 1 0\n1 2 3\n4 5 6\n3 0 1 0\n", []),
+        (".off", "OFF2 1 0\r\n1 2 3\r\n4 5 6\r\n3 0 1 0\r\n", []),
+        (".off", "# made by hand\nOFF # so\n\n# counts\n2 0 0 # these\n1 2 3 # first\n\n# next\n4 5 6\n", []),
+        (".off", "COFF\n2 0 0\n1 2 3 10 20 30\n4 5 6 11 21 31\n", ["red", "green", "blue"]),
+        (".off", "COFF\n2 0 0\n1 2 3 1 2 3 255\n4 5 6 1 2 3 255\n", ["red", "green", "blue", "alpha"]),
+        (".off", "NOFF\n2 0 0\n1 2 3 0 0 1\n4 5 6 0 1 0\n", ["nx", "ny", "nz"]),
+        (".off", "CNOFF\n2 0 0\n1 2 3 0 0 1 9 9 9\n4 5 6 0 0 1 9 9 9\n", ["nx", "ny", "nz", "red", "green", "blue"]),
+        (".off", "OFF\n2 0 0\n1 2 3 9\n4 5 6 9\n", ["column_4"]),
+        (".obj", OBJ.format(""), []),
+        (".obj", OBJ.format(" .1 .2 .3"), ["red", "green", "blue"]),
+        (".obj", OBJ.format(" 1"), ["column_4"]),
     ],
-)  # fmt: skip
-def test_off(file_of, text, names):
-    cloud = read(file_of(".off", text))
+)
+def test_vertices_have_names_by_the_kind_of_the_file(file_of, suffix, text, names):
+    cloud = read(file_of(suffix, text))
     assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert cloud.coordinate_dtype == np.float64
     assert list(cloud.attributes) == names
-    if "red" in names:
+    if "red" in names and suffix == ".off":
         assert cloud.attributes["red"].dtype == np.int64
 
 
@@ -51,22 +58,6 @@ def test_colours_and_alpha_are_written_back(file_of, tmp_path, suffix, text):
     cloud = read(file_of(suffix, text))
     gppcs.write(tmp_path / f"again{suffix}", cloud)
     assert (tmp_path / f"again{suffix}").read_text() == text
-
-
-@pytest.mark.parametrize(
-    ("extra", "names"),
-    [
-        ("", []),
-        (" .1 .2 .3", ["red", "green", "blue"]),
-        (" 1", ["column_4"]),
-    ],
-)
-def test_obj(file_of, extra, names):
-    text = f"# made by hand\nmtllib a.mtl\nv 1 2 3{extra}\nvn 0 0 1\nvt 0 0\n v\t4 5 6{extra}\nf 1 2 1\n"
-    cloud = read(file_of(".obj", text))
-    assert cloud.points.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert cloud.coordinate_dtype == np.float64
-    assert list(cloud.attributes) == names
 
 
 def text_stl():
@@ -154,7 +145,7 @@ def test_infinite_vertices_of_gltf_warn_of_nothing_and_a_scene_is_needed(file_of
     scene.add_geometry(ball, transform=np.diag([9.0, 9.0, 9.0, 1.0]))
     gppcs.read(file_of(".glb", scene.export(file_type="glb")))
     with pytest.raises(FileFormatError, match="a scene"):
-        gppcs.read(file_of(".glb", glb({"asset": {"version": "2.0"}}, b"")))
+        gppcs.read(file_of(".glb", glb(b'{"asset": {"version": "2.0"}}')))
 
 
 def test_polygons_of_any_size_become_fans(file_of):
@@ -174,38 +165,28 @@ def test_what_a_gltf_file_has_beside_vertices_and_faces_is_named(file_of):
         assert files.skipped() == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]
 
 
-def glb(description, numbers=b""):
-    """Return a binary glTF file of a description and the bytes of its buffer."""
-    text = json.dumps(description).encode()
-    chunks = [(b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", numbers + b"\0" * (-len(numbers) % 4))]
-    body = b"".join(struct.pack("<I", len(content)) + name + content for name, content in chunks)
-    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
-
-
-def triangle(**accessor):
-    """Return the description of a glTF triangle and its coordinates, float32."""
-    return {
-        "asset": {"version": "2.0"},
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"} | accessor],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36}],
-    }, TRIANGLES[0].astype("<f4").tobytes()
-
-
 def test_vertices_of_gltf_that_trimesh_would_make_up_are_refused(file_of):
-    description, numbers = triangle()
-    assert read(file_of(".glb", glb(description, numbers))).points.tolist() == [[0, 0, 1], [1, 0, 0], [0, 2, 0]]
-    description["extensionsRequired"] = ["KHR_texture_transform"]  # which says nothing of vertices
-    assert len(read(file_of(".glb", glb(description, numbers)))) == 3
-    description["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}
+
+    def triangle(changes=(), **more):
+        description = {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [accessor | dict(changes)],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "buffers": [{"byteLength": 36}],
+        }
+        return file_of(".glb", glb(json.dumps(description | more).encode(), TRIANGLES[0].astype("<f4").tobytes()))
+
+    assert read(triangle()).points.tolist() == [[0, 0, 1], [1, 0, 0], [0, 2, 0]]
+    assert len(read(triangle(extensionsRequired=["KHR_texture_transform"]))) == 3  # which says nothing of vertices
     with pytest.raises(FileFormatError, match="without KHR_draco_mesh_compression"):
-        read(file_of(".glb", glb(description, numbers)))
-    for accessor in ({"sparse": {"count": 1}}, {"normalized": True, "componentType": 5122}):
+        read(triangle(extensionsRequired=["KHR_draco_mesh_compression"]))
+    for changes in ({"sparse": {"count": 1}}, {"normalized": True, "componentType": 5122}):
         with pytest.raises(FileFormatError, match="sparse or normalized"):
-            read(file_of(".glb", glb(*triangle(**accessor))))
+            read(triangle(changes))
     with pytest.raises(FileFormatError, match="version 2 of glTF, found 1"):
         read(file_of(".glb", b"glTF" + struct.pack("<5I", 1, 20, 0, 0, 0)))
 

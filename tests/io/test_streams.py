@@ -172,7 +172,12 @@ class Pipe(io.BytesIO):
         return False
 
 
-def test_an_open_file_is_read_again_or_refused_if_one_cannot_seek_in_it():
+def test_an_open_file_is_read_again_or_refused_if_one_cannot_seek_in_it(tmp_path):
+    write(tmp_path / "a.laz", PointCloud(np.eye(3)))
+    with open(tmp_path / "a.laz", "rb") as file:
+        assert read(file) == read(tmp_path / "a.laz")
+    with pytest.raises(FileFormatError, match="open it as 'rb'"):
+        read(io.StringIO("1 2 3\n"))
     stream = io.BytesIO(b"junk" + TEXT)
     stream.seek(4)
     files = CloudFiles(stream, "xyz")

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
-from gppcs.clouds.mesh import Mesh
-from gppcs.clouds.texture import Texture
+from gppcs.clouds.mesh import Mesh, Texture
 from gppcs.drawing.colours import Colourable
 from gppcs.drawing.mesh_images import rasterised
 from gppcs.engine.arrays import Floats, Ints

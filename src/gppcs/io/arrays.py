@@ -4,7 +4,6 @@ Pickled objects, which could run code, are refused.
 """
 
 import zipfile
-from collections.abc import Iterator
 from functools import partial
 from io import BufferedReader
 from threading import Lock
@@ -17,8 +16,8 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import check_name, columns_of, coordinate_type, default_names
-from gppcs.io.format import Format, Reader, Span, keeping, read_at_once
-from gppcs.io.rows import bytes_left, check_unpacked, column_chunks, equal_spans, read_records, reported
+from gppcs.io.format import Format, Reader, begins, keeping, read_at_once
+from gppcs.io.rows import bytes_left, check_unpacked, column_chunks, equal_spans, records_reader, reported
 
 header_lock = Lock()  # Python 3.11 may fail if two threads parse the headers of NumPy's files at once
 
@@ -76,12 +75,7 @@ def open_records(file: BufferedReader, names: tuple[str, ...]) -> Reader:
             f"expected points of {record.itemsize} bytes, found {rest} bytes behind the last; get the whole file "
             "again, or name another format"
         )
-
-    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
-        file.seek(0)
-        return map(_plausible, read_records(file, record, n_points, n, span=span))
-
-    return Reader(chunks, n_points, spans=partial(equal_spans, n_points))
+    return records_reader(file, record, n_points, _plausible)
 
 
 def _plausible(cloud: PointCloud) -> PointCloud:
@@ -131,8 +125,8 @@ def write_npz(file: BinaryIO, cloud: PointCloud) -> None:
 
 _stored = partial(keeping, holds=lambda name, values: not values.dtype.hasobject)
 FORMATS = (
-    Format("NPY", (".npy",), open_npy, write_npy, lambda start, size: start.startswith(b"\x93NUMPY"), _stored),
-    Format("NPZ", (".npz",), open_npz, write_npz, lambda start, size: start.startswith(b"PK\x03\x04"), _stored),
+    Format("NPY", (".npy",), open_npy, write_npy, begins(rb"\x93NUMPY"), _stored),
+    Format("NPZ", (".npz",), open_npz, write_npz, begins(rb"PK\x03\x04"), _stored),
     Format("KITTI", (".kitti",), partial(open_records, names=("x", "y", "z", "intensity"))),
     Format("nuScenes", (".nuscenes",), partial(open_records, names=("x", "y", "z", "intensity", "ring"))),
 )

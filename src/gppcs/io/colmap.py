@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.clouds.header import Header
-from gppcs.errors import FileFormatError
-from gppcs.io.format import Format, keeping, read_at_once
+from gppcs.io.format import Format, begins, keeping, read_at_once
 from gppcs.io.meshes import colours_of
-from gppcs.io.rows import cast, is_row, lines_of, read_table, write_rows
+from gppcs.io.rows import cast, damaged, is_row, lines_of, read_table, write_rows
 
 ID, ERROR, LENGTH = "point3D_id", "error", "track_length"
 TITLE = "# 3D point list with one line of data per point:"
@@ -47,28 +46,17 @@ def _read_text(file: BufferedReader) -> tuple[PointCloud, list[str]]:
 
 def _read_binary(file: BufferedReader) -> tuple[PointCloud, list[str]]:
     """Return the points of a binary file."""
-    data = np.frombuffer(file.read(), dtype=np.uint8)
-    starts = _starts(data)
-    records = data[starts[:, np.newaxis] + np.arange(RECORD.itemsize)].reshape(-1).view(RECORD)
+    data, at = file.read(), 8
+    count, parts = int.from_bytes(data[:8], "little"), list[bytes]()
+    while at + RECORD.itemsize <= len(data) and len(parts) < count:
+        parts.append(data[at : at + RECORD.itemsize])
+        at += RECORD.itemsize + 8 * int.from_bytes(parts[-1][-8:], "little")
+    if len(parts) < count or at != len(data):
+        filled = f"{count:,} points of COLMAP to fill the file of {len(data):,} bytes"
+        raise damaged(filled, f"{len(parts):,} that end at byte {at:,}")
+    records = np.frombuffer(b"".join(parts), RECORD)
     colours = records["colour"].T
     return _cloud([records["id"], *records["position"].T, *colours, records["error"], records["track"]]), []
-
-
-def _starts(data: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return where the records of the points begin, (N,)."""
-    count, at = int.from_bytes(data[:8].tobytes(), "little"), 8
-    starts: list[int] = []
-    buffer = data.data
-    while at + RECORD.itemsize <= len(data) and len(starts) < count:
-        starts.append(at)
-        at += RECORD.itemsize
-        at += 8 * int.from_bytes(buffer[at - 8 : at], "little")
-    if len(starts) < count or at != len(data):
-        raise FileFormatError(
-            f"expected {count:,} points of COLMAP to fill the file of {len(data):,} bytes, found {len(starts):,} that "
-            f"end at byte {at:,}; export the model again as points3D.bin"
-        )
-    return np.array(starts, dtype=np.int64)
 
 
 def _cloud(columns: list[Column]) -> PointCloud:
@@ -129,7 +117,7 @@ FORMATS = (
         (".points3d.txt",),
         partial(read_at_once, read=_read_text),
         write_colmap_text,
-        lambda start, size: start.startswith(TITLE.encode()),
+        begins(TITLE.encode()),
         _stored,
     ),
     Format(

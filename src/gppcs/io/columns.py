@@ -45,8 +45,13 @@ def with_digits(cloud: PointCloud) -> PointCloud:
     return cloud if shift <= 1e-6 * diagonal else replace(cloud, coordinate_dtype=np.dtype(np.float64))
 
 
-def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
-    """Return coordinates and attributes by name; those of `flat` columns are one number or text for each point."""
+def columns_of(
+    cloud: PointCloud, flat: bool = True, types: Collection[np.dtype[Any]] | None = None
+) -> dict[str, Column]:
+    """Return coordinates and attributes by name; those of `flat` columns are one number or text for each point.
+
+    If a format has few types, each column gets one of them that holds it exactly, or else float64.
+    """
     points = cloud.points.astype(coordinate_type(cloud), copy=False)
     columns: dict[str, Column] = dict(zip("xyz", points.T, strict=True))
     for name, values in cloud.attributes.items():
@@ -57,7 +62,9 @@ def columns_of(cloud: PointCloud, flat: bool = True) -> dict[str, Column]:
         for column, part in parts.items():
             check_name(column, columns)
             columns[column] = part
-    return columns
+    if types is None:
+        return columns
+    return {name: part.astype(exact_type(part, types) or "f8", copy=False) for name, part in columns.items()}
 
 
 def with_byte_colours(cloud: PointCloud, kinds: str = "if") -> PointCloud:

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.errors import FileFormatError
 from gppcs.io import las as las_files
-from gppcs.io.format import Reader
+from gppcs.io.format import Reader, begins
 from gppcs.io.las_header import LasHeader, read_header
 from gppcs.io.laz import points_of
 from gppcs.io.query import Query
+from gppcs.io.rows import damaged
 
 if TYPE_CHECKING:
     import laspy
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 # An entry of the index, as the COPC specification places its fields: a node, whose points are a chunk of the file.
 ENTRY = np.dtype([("level", "<i4"), ("cell", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")])
+
+is_copc = begins(rb"LASF.{373}copc\0")
 
 
 def open_copc(file: BufferedReader, query: Query | None = None) -> Reader:
@@ -58,10 +61,7 @@ def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, N
         raise FileFormatError("expected a COPC file, found LAS or LAZ without its index")
     info = records[0]
     if not (0 < info.spacing < math.inf and 0 < info.halfsize < math.inf):
-        raise FileFormatError(
-            "expected a COPC index with a spacing and a size above 0, found "
-            f"{info.spacing:g} and {info.halfsize:g}; get the whole file again"
-        )
+        raise damaged("a COPC index with a spacing and a size above 0", f"{info.spacing:g} and {info.halfsize:g}")
     size = unread = file.seek(0, 2)
     pages, parts = [(info.hierarchy_root_offset, info.hierarchy_root_size)], [np.empty(0, ENTRY)]
     visited = set[int]()
@@ -70,7 +70,7 @@ def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, N
         unread -= length
         # Pages that overlap, or lead to each other, would be read for ever.
         if not 0 <= length <= size - offset or unread < 0 or offset in visited:
-            raise FileFormatError("expected a COPC index within the file, found another; get the whole file again")
+            raise damaged("a COPC index within the file", "another")
         visited.add(offset)
         file.seek(offset)
         page = np.frombuffer(file.read(length // ENTRY.itemsize * ENTRY.itemsize), ENTRY)
@@ -81,7 +81,7 @@ def index_of(file: BufferedReader, las: laspy.LasHeader) -> tuple[CopcInfoVlr, N
     entries = entries[np.lexsort([entries["count"], entries["size"], entries["offset"]])]
     ends = entries["offset"] + entries["size"].astype(np.uint64)
     if (ends[:-1] > entries["offset"][1:]).any():
-        raise FileFormatError("expected a COPC index of chunks side by side, found some that overlap; get it again")
+        raise damaged("a COPC index of chunks side by side", "some that overlap")
     if (count := int(entries["count"].sum(dtype=np.int64))) != las.point_count:
         raise FileFormatError(
             f"expected a COPC index of all {las.point_count:,} points, found one of {count:,}; get the file again, or "
@@ -122,8 +122,3 @@ def nodes_of(path: Path, more_than: int = 0) -> Iterator[CopcNodes | None]:
     with open(path, "rb") as file:
         nodes = CopcNodes(file) if is_copc(file.read(1024), path.stat().st_size) else None
         yield nodes if nodes and nodes.entries["count"].sum() > more_than else None
-
-
-def is_copc(start: bytes, size: int) -> bool:
-    """Return whether a file is COPC, given its first bytes."""
-    return start.startswith(b"LASF") and start[377:382] == b"copc\0"

@@ -36,18 +36,14 @@ def write_copc(file: BinaryIO, cloud: PointCloud, levels_by: str | None = None) 
     """Write a COPC file of a cloud in memory, which `stored` has returned."""
     header = las.header_of(cloud)
     records = las.records_of(cloud, header)
-    rank = cloud.attributes.get("rank")
-    if levels_by is None and rank is not None and _is_ranking(rank):
+    rank = cloud.attributes.get("rank", np.empty(0))
+    # whether it numbers the points, as that of `gppcs simplify --rank` does
+    if levels_by is None and rank.dtype.kind in "iu" and rank.ndim == 1 and len(np.unique(rank)) == len(rank):
         records, levels_by = records[np.argsort(rank)], "order"
     is_even = levels_by != "order"
     if is_even and len(records) > BLOCK:
         records = records[np.random.default_rng(0).permutation(len(records))]
     write_octree(file, header, records, is_even)
-
-
-def _is_ranking(rank: NDArray[Any]) -> bool:
-    """Return whether an attribute numbers the points, as that of `gppcs simplify --rank` does."""
-    return rank.dtype.kind in "iu" and rank.ndim == 1 and len(np.unique(rank)) == len(rank)
 
 
 def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any], is_even: bool) -> None:

@@ -26,7 +26,7 @@ from gppcs.clouds.header import Header
 from gppcs.engine.extras import require_pye57
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type, with_byte_colours
-from gppcs.io.format import Format, Reader, keeping, read_at_once
+from gppcs.io.format import Format, Reader, begins, keeping, read_at_once
 from gppcs.io.joining import joined
 from gppcs.io.rows import check_unpacked, ends_early, reported
 
@@ -288,7 +288,7 @@ def _limits(columns: Mapping[str, Column]) -> dict[str, dict[str, float]]:
 
 def _columns_written(cloud: PointCloud) -> dict[str, Column]:
     """Return what is written of each point, by the name of its field."""
-    columns = {name: values.astype(exact_type(values, _TYPES) or "f8") for name, values in columns_of(cloud).items()}
+    columns = columns_of(cloud, types=_TYPES)
     fields = dict(zip("xyz", _CARTESIAN, strict=True)) | {name: field for field, name in _ATTRIBUTES.items()}
     for group in (COLOUR, NORMALS):  # E57 allows all of these or none
         if not set(group) <= set(columns):
@@ -306,4 +306,4 @@ def _stored(cloud: PointCloud) -> PointCloud:
     return keeping(with_byte_colours(cloud), holds, E57Header, plain_names=True)
 
 
-FORMAT = Format("E57", (".e57",), open_e57, write_e57, lambda start, _: start.startswith(b"ASTM-E57"), _stored)
+FORMAT = Format("E57", (".e57",), open_e57, write_e57, begins(rb"ASTM-E57"), _stored)

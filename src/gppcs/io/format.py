@@ -1,6 +1,7 @@
 """The class `Format`, how one file format is recognised, opened and written, and `Reader`, an open file."""
 
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -92,9 +93,12 @@ class Format:
             if new in stored.attributes:
                 if new != name:
                     remarks.append(f"the name {name!a} (it becomes {new})")
-                is_same_unit = (name, new) != ("scan_angle_rank", "scan_angle")
-                if is_same_unit and not _are_equal(column, stored.attributes[new]):
-                    limits, is_exact = _scaling(column, stored.attributes[new])
+                found, are_degrees = stored.attributes[new], (name, new) == ("scan_angle_rank", "scan_angle")
+                # LAS holds one number for each point without a second axis.
+                column = column if column is found else column.reshape(found.shape)
+                is_same = column is found or np.array_equal(column, found, equal_nan=column.dtype.kind == "f")
+                if not (is_same or are_degrees):
+                    limits, is_exact = _scaling(column, found)
                     (remarks if is_exact else values).append(
                         f"the {'scale' if is_exact else 'exact values'} of attribute {name}{limits}"
                     )
@@ -126,6 +130,12 @@ class Format:
         return f".{name.lower().removeprefix('.')}".endswith(self.suffixes)
 
 
+def begins(pattern: bytes) -> Callable[[bytes, int], bool]:
+    """Return a function that recognises files by a regular expression for their first bytes; a dot is any byte."""
+    compiled = re.compile(pattern, re.DOTALL)
+    return lambda start, size: compiled.match(start) is not None
+
+
 def keeping(
     cloud: PointCloud,
     holds: Callable[[str, Column], object],
@@ -143,11 +153,6 @@ def keeping(
             check_name(new, kept)
             kept[new] = values
     return replace(cloud, attributes=kept, header=cloud.header if header and isinstance(cloud.header, header) else None)
-
-
-def _are_equal(values: Column, stored: Column) -> bool:
-    """Return whether an attribute is stored exactly."""
-    return values is stored or np.array_equal(values, stored, equal_nan=values.dtype.kind == "f")
 
 
 def _scaling(values: Column, stored: Column) -> tuple[str, bool]:

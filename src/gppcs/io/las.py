@@ -20,13 +20,22 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.colours import full_scale
 from gppcs.clouds.columns import COLOUR, Column, exact_as_double
-from gppcs.errors import FileFormatError, InputError, OutputError
+from gppcs.errors import InputError, OutputError
 from gppcs.io.columns import check_name, exact_type
-from gppcs.io.format import Format, Reader, Span
-from gppcs.io.las_header import WAVEFORMS, LasHeader, dated, descriptions_of, kind_of, no_data_of, read_header
-from gppcs.io.las_scales import multiples, scale_and_offset
+from gppcs.io.format import Format, Reader, Span, begins
+from gppcs.io.las_header import (
+    WAVEFORMS,
+    LasHeader,
+    dated,
+    descriptions_of,
+    kind_of,
+    multiples,
+    no_data_of,
+    read_header,
+    scale_and_offset,
+)  # fmt: skip
 from gppcs.io.laz import check_counts, checked_chunks, points_of
-from gppcs.io.rows import BLOCK, MAX_EXPANSION, at_most, check_unpacked, size_of_repeats
+from gppcs.io.rows import BLOCK, MAX_EXPANSION, at_most, check_unpacked, damaged, size_of_repeats
 
 if TYPE_CHECKING:
     import laspy
@@ -43,9 +52,7 @@ def open_las(
     """Open a LAS, LAZ or COPC file; `select` returns the chunks that are read."""
     las = read_header(file)
     if not (np.isfinite([las.scales, las.offsets]).all() and las.scales.all()):
-        raise FileFormatError(
-            f"expected finite scales and offsets, found {las.scales} and {las.offsets}; the file may be damaged"
-        )
+        raise damaged("finite scales and offsets", f"{las.scales} and {las.offsets}")
     header = LasHeader.from_laspy(las)
     skipped = [
         f"the mark of no data of attribute {name} ({' '.join(map(str, value))} is read as a number, with its scale)"
@@ -361,13 +368,9 @@ def _extra_columns(name: str, values: Column, widest: int) -> dict[str, Column]:
     return {name: columns} if width <= widest else {f"{name}_{i}": column for i, column in enumerate(columns.T)}
 
 
-def _format(name: str, suffix: str, compressed: bool) -> Format:
-    def recognises(start: bytes, size: int) -> bool:
-        return start.startswith(b"LASF") and len(start) > 104 and bool(start[104] & 0b11000000) == compressed
-
-    return Format(
-        name, (suffix,), open_las, partial(write_las, compressed=compressed), recognises, stored, renamed=las_name
-    )
-
-
-FORMATS = (_format("LAS", ".las", False), _format("LAZ", ".laz", True))
+_write_las, _write_laz = partial(write_las, compressed=False), partial(write_las, compressed=True)
+_is_las, _is_laz = begins(rb"LASF.{100}[\x00-\x3f]"), begins(rb"LASF.{100}[\x40-\xff]")  # by the point format
+FORMATS = (
+    Format("LAS", (".las",), open_las, _write_las, _is_las, stored, renamed=las_name),
+    Format("LAZ", (".laz",), open_las, _write_laz, _is_laz, stored, renamed=las_name),
+)

@@ -1,4 +1,4 @@
-"""The header of LAS files: laspy reads it, after its counts and sizes have been checked against the file's length.
+"""The header of LAS files and its scales: laspy reads it, after its counts and sizes have been checked.
 
 The chunks of the points are checked in laz.py (`checked_chunks`).
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
@@ -17,11 +17,12 @@ from io import BufferedReader, BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io.crs import in_one_line, name_of_wkt, units_of_keys, units_of_wkt
-from gppcs.io.rows import reported
+from gppcs.io.rows import damaged, reported
 from gppcs.spatial.units import Units
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 logging.getLogger("laspy").addHandler(logging.NullHandler())  # else its warnings are printed
 
+_LARGEST = 2**31 - 1  # of the whole numbers that coordinates are stored as
 WAVEFORMS = ("LASF_Spec", 65535)
 _EXTRA_BYTES = ("LASF_Spec", 4)
 _PROJECTION = "LASF_Projection"  # user of the records of the coordinate system
@@ -176,24 +178,19 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
 
     size = file.seek(0, 2)
     if size < 227:  # the header of LAS 1.0 to 1.2
-        raise FileFormatError(f"expected a LAS header of at least 227 bytes, found {size}; get the whole file again")
+        raise damaged("a LAS header of at least 227 bytes", str(size))
     file.seek(0)
     block = file.read(375)  # of LAS 1.4, which is the longest
     length, start, n_records = struct.unpack_from("<HII", block, 94)
     minimum = {3: 235, 4: 375}.get(block[25], 227)
     if not minimum <= length <= min(start, size):
-        raise FileFormatError(
-            f"expected a LAS header of at least {minimum} bytes before the points, found that it gives its own size as "
-            f"{length}, and {start} as the place of the points, in {size:,} bytes; get the file again"
-        )
+        given = f"that it gives its own size as {length}, and {start} as the place of the points, in {size:,} bytes"
+        raise damaged(f"a LAS header of at least {minimum} bytes before the points", given)
     n_complete = _n_complete(file, length, min(start, size), n_records)
     if block[25] >= 4:
         position, n_extended = struct.unpack_from("<QI", block, 235)
         if (n := _n_complete(file, position, size, n_extended, size=60, width=8)) < n_extended:
-            raise FileFormatError(
-                f"expected {n_extended:,} extended variable-length records in the file, found {n:,}; get the whole "
-                "file again"
-            )
+            raise damaged(f"{n_extended:,} extended variable-length records in the file", f"{n:,}")
     file.seek(0)
     content = bytearray(file.read(start))
     with reported("laspy", "a LAS header"):
@@ -223,3 +220,52 @@ def _n_complete(file: BufferedReader, position: int, end: int, count: int, size:
         if position > end:
             return i
     return count
+
+
+def scale_and_offset(
+    parts: Callable[[], Iterable[NDArray[np.float64]]], scale: float, offset: float
+) -> tuple[float, float]:
+    """Return the scale and the offset in which one axis is stored, given its coordinates in parts, as often as needed.
+
+    They are those of the header if these are exact. Otherwise the scale is the coarsest power of ten that is exact and
+    fits 32 bits, or else the finest one that fits.
+    """
+    if scale and all(_is_exact(part, scale, offset) for part in parts()):
+        return scale, offset
+    limits = np.array([(part.min(), part.max()) for part in parts() if len(part)] or [(0.0, 0.0)])
+    for scale, offset in _scales(float(limits[:, 0].min()), float(limits[:, 1].max())):
+        if all(_is_exact(part, scale, offset) for part in parts()):
+            break
+    return scale, offset
+
+
+def multiples(
+    values: NDArray[np.float64], scale: float | NDArray[np.float64], offset: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return coordinates as they are read from a file, NaN where they do not fit."""
+    with np.errstate(all="ignore"):
+        numbers = np.rint((values - offset) / scale)
+        numbers[~(np.abs(numbers) <= _LARGEST)] = np.nan
+        result: NDArray[np.float64] = numbers * scale + offset
+    return result
+
+
+def _is_exact(values: NDArray[np.float64], scale: float, offset: float) -> bool:
+    """Return whether values are multiples of a scale that fit, but for two units in the last place: 41 times 0.01."""
+    for part in (values[:1000], values[1000:]):  # most scales fail at the first
+        with np.errstate(over="ignore"):
+            tolerance = 2 * np.spacing(np.maximum(np.abs(part), abs(offset)))
+        if not (np.abs(multiples(part, scale, offset) - part) <= tolerance).all():
+            return False
+    return True
+
+
+def _scales(lower: float, upper: float) -> Iterator[tuple[float, float]]:
+    """Yield powers of ten that fit, the finest last, each with a fitting offset."""
+    for offset in (0.0, float(np.rint(lower / 2 + upper / 2))):
+        distance = max(upper - offset, offset - lower)
+        fits = (e for e in range(-300, 309) if distance <= float(f"1e{e}") * (_LARGEST - 1))
+        finest = next(fits) if distance else 0
+        # In multiples of coarser scales than the first, all but zero are too small.
+        for exponent in range(max(finest, min(finest + 10, 0)), finest - 1, -1):
+            yield float(f"1e{exponent}"), offset

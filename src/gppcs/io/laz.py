@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.errors import FileFormatError
-from gppcs.io.rows import BLOCK, check_length, reported
+from gppcs.io.rows import BLOCK, check_length, damaged, reported
 
 if TYPE_CHECKING:
     import laspy
 
 CHUNK = np.dtype([("offset", "<u8"), ("size", "<i8"), ("count", "<i8")])  # bytes of a chunk in the file, its points
 _LAZRS = ("lazrs", "whole compressed points")
+_WITHIN = ("all compressed points within the file", "fewer")
 
 
 def chunks_of(file: BinaryIO, las: laspy.LasHeader) -> NDArray[Any]:
@@ -30,7 +31,7 @@ def chunks_of(file: BinaryIO, las: laspy.LasHeader) -> NDArray[Any]:
         table = _whole_number(file, size - 8, 8)
     n_chunks = _whole_number(file, table + 4, 4) & 0xFFFFFFFF if start < table <= size - 8 else -1
     if not 0 < n_chunks <= size:
-        raise FileFormatError("expected a table of the compressed points, found none; get the whole file again")
+        raise damaged("a table of the compressed points", "none")
     file.seek(start)
     with reported(*_LAZRS):
         counts, sizes = np.array(lazrs.read_chunk_table(file, lazrs.LazVlr(laszip)), np.int64).T
@@ -62,7 +63,7 @@ def checked_chunks(file: BufferedReader, las: laspy.LasHeader) -> NDArray[Any]:
     check_counts(chunks)
     ends = np.cumsum(chunks["count"])
     if count > ends.max(initial=0):
-        raise _ends_early()
+        raise damaged(*_WITHIN)
     chunks = chunks[: np.searchsorted(ends, count) + 1]
     chunks["count"][-1:] -= ends[len(chunks) - 1 : len(chunks)] - count
     return chunks
@@ -72,7 +73,7 @@ def check_counts(chunks: NDArray[Any]) -> None:
     """Check that chunks have so few points that a table that lies takes no more memory."""
     bad = chunks["count"][(chunks["count"] <= 0) | (chunks["count"] > 10_000_000)]
     if len(bad):
-        raise FileFormatError(f"expected chunks of 1 to 10,000,000 points, found one of {bad[0]:,}")
+        raise damaged("chunks of 1 to 10,000,000 points", f"one of {bad[0]:,}")
 
 
 def points_of(file: BufferedReader, las: laspy.LasHeader, chunks: NDArray[Any]) -> Iterator[NDArray[Any]]:
@@ -93,7 +94,7 @@ def points_of(file: BufferedReader, las: laspy.LasHeader, chunks: NDArray[Any]) 
         size = lazrs.LazVlr(laszip).item_size()
         n_layers = _number_of_layers(laszip)
     if size != record.itemsize:
-        raise FileFormatError(f"expected compressed points of {record.itemsize} bytes, found {size}")
+        raise damaged(f"compressed points of {record.itemsize} bytes", str(size))
     everything = lazrs.DecompressionSelection(lazrs.SELECTIVE_DECOMPRESS_ALL)
     blocks = np.cumsum(chunks["count"]) // (4 * BLOCK)  # of several chunks, for several cores
     for block in np.split(chunks, np.flatnonzero(np.diff(blocks)) + 1) if len(chunks) else ():
@@ -111,7 +112,7 @@ def _laszip(las: laspy.LasHeader) -> bytes:
     """Return the content of the record that describes the compression."""
     records = las.vlrs.get("LasZipVlr")
     if not records:
-        raise FileFormatError("expected a record of the compression, found none; get the whole file again")
+        raise damaged("a record of the compression", "none")
     laszip = bytes(records[0].record_data)
     if (compressor := int.from_bytes(laszip[:2], "little")) not in (2, 3):
         raise FileFormatError(
@@ -134,7 +135,7 @@ def _checked_chunk(file: BufferedReader, offset: int, size: int, point_size: int
     calls itself until the stack is full, which ends the process.
     """
     if not 0 < size <= file.seek(0, 2) - offset:
-        raise _ends_early()
+        raise damaged(*_WITHIN)
     file.seek(offset)
     content = file.read(size)
     sizes, start = [size - point_size], point_size
@@ -143,13 +144,9 @@ def _checked_chunk(file: BufferedReader, offset: int, size: int, point_size: int
         sizes = np.frombuffer(content[start : start + 4 * n_layers].ljust(4 * n_layers, b"\0"), "<u4").tolist()
         start += 4 * n_layers
     if sum(sizes) > size:
-        raise _ends_early()
+        raise damaged(*_WITHIN)
     for layer in sizes:
         if content[start : start + min(layer, 4)] == b"\xff" * 4:
-            raise FileFormatError("expected whole compressed points, found damaged ones; get the whole file again")
+            raise damaged("whole compressed points", "damaged ones")
         start += layer
     return content
-
-
-def _ends_early() -> FileFormatError:
-    return FileFormatError("expected all compressed points within the file, found fewer; get it again")

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.mesh import Mesh
+from gppcs.clouds.mesh import Mesh, Texture
 from gppcs.clouds.quantities import units_of
-from gppcs.clouds.texture import Texture
 from gppcs.errors import FileFormatError, InputError, file_path, flag, shown
 from gppcs.io.files import FORMATS, format_of, naming
 from gppcs.io.format import Fit, Format

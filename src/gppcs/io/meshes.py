@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
 from gppcs.clouds.columns import COLOUR, Column
-from gppcs.clouds.texture import Texture
+from gppcs.clouds.mesh import Texture
 from gppcs.errors import FileFormatError, number, shown
 from gppcs.io.columns import coordinate_type, default_names, with_digits
-from gppcs.io.format import Format, Reader, keeping
+from gppcs.io.format import Format, Reader, begins, keeping
 from gppcs.io.rows import as_count, ends_early, is_row, lines_of, read_table, reported, shortened, write_rows
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it prints tracebacks for damaged files
@@ -351,7 +351,7 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         (".off",),
         open_off,
         write_off,
-        lambda start, size: re.match(rb"\s*C?N?OFF(?![A-Za-z])", start) is not None,
+        begins(rb"\s*C?N?OFF(?![A-Za-z])"),
         partial(stored_of, groups=(NORMALS, COLOUR, (*COLOUR, "alpha"))),
         _MESH,
     ),
@@ -364,5 +364,5 @@ OFF, OBJ, STL, GLTF = FORMATS = (
         options=_MESH,
     ),
     Format("STL", (".stl",), open_stl, recognises=_is_stl, options=_MESH),
-    Format("glTF", (".glb",), open_gltf, recognises=lambda start, size: start.startswith(b"glTF"), options=_MESH),
+    Format("glTF", (".glb",), open_gltf, recognises=begins(rb"glTF"), options=_MESH),
 )

@@ -1,10 +1,10 @@
 """Reads PCD files, text, binary and compressed, and writes text and binary ones."""
 
 import math
-import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from io import BufferedReader
 from typing import Any, BinaryIO
 
@@ -15,33 +15,23 @@ from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.errors import FileFormatError, OutputError
 from gppcs.io import rows
 from gppcs.io.columns import check_name, columns_of, exact_type, with_byte_colours
-from gppcs.io.format import Format, Reader, keeping
+from gppcs.io.format import Format, Reader, begins, keeping
 
 _TYPES = [np.dtype(name) for name in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")]
 _KEYWORDS = frozenset(["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"])
 _PADDING = "_"
 _BYTES = {"red": 2, "green": 1, "blue": 0, "alpha": 3}  # where a packed colour holds them, on little-endian machines
-_START = re.compile(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+FIELDS\s)")
 
 
 def open_pcd(file: BufferedReader) -> Reader:
     """Open a PCD file."""
     record, n_points, encoding = _read_header(file)
-    start = file.tell()
     coordinate_names(record.names or ())
-
-    def chunks(n: int) -> Iterator[PointCloud]:
-        file.seek(start)
-        if encoding == "binary":
-            clouds = rows.read_records(file, record, n_points, n)
-        else:
-            read = _text_columns if encoding == "ascii" else _unpacked_columns
-            clouds = rows.at_most(n, map(PointCloud.from_columns, read(file, record, n_points)))
-        return map(_with_channels, clouds)
-
-    is_compressed = encoding == "binary_compressed"
-    memory = n_points * record.itemsize if is_compressed else 0
-    return Reader(chunks, n_points, at_once=is_compressed, memory=memory)
+    if encoding == "binary":
+        return rows.records_reader(file, record, n_points, _with_channels)
+    read = _text_columns if encoding == "ascii" else _unpacked_columns
+    reader = rows.blocks_reader(file, partial(read, record=record, n_points=n_points), n_points, _with_channels)
+    return reader if encoding == "ascii" else replace(reader, at_once=True, memory=n_points * record.itemsize)
 
 
 def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
@@ -57,14 +47,10 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
             raise FileFormatError(f"expected lines of keywords up to DATA in a PCD file, found {actual}")
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
-        raise FileFormatError(
-            f"expected DATA to be ascii, binary or binary_compressed, found {rows.shortened(encoding)}"
-        )
+        raise rows.damaged("DATA to be ascii, binary or binary_compressed", rows.shortened(encoding))
     texts = [" ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT")]
     if None in map(rows.as_count, texts):
-        raise FileFormatError(
-            f"expected whole numbers as WIDTH and HEIGHT, found {' and '.join(map(rows.shortened, texts))}"
-        )
+        raise rows.damaged("whole numbers as WIDTH and HEIGHT", " and ".join(map(rows.shortened, texts)))
     return _record(entries), math.prod(map(int, texts)), encoding
 
 
@@ -82,10 +68,9 @@ def _record(entries: dict[str, list[str]]) -> np.dtype[Any]:
 
 def _text_columns(file: BufferedReader, record: np.dtype[Any], n_points: int) -> Iterator[dict[str, Column]]:
     """Yield the columns of a text file, block by block."""
-    fields, are_single = {name: record[name] for name in record.names or ()}, True
-    single = [axis for axis in coordinate_names(fields) if fields[axis] == np.float32]
-    fields |= dict.fromkeys(single, np.dtype(np.float64))
-    for columns in rows.read_fields(rows.lines_of(file), fields, n_points):
+    single, are_single = [axis for axis in coordinate_names(record.names or ()) if record[axis] == np.float32], True
+    wide = np.dtype([(name, np.float64 if name in single else record[name]) for name in record.names or ()])
+    for columns in rows.read_fields(file, wide, n_points):
         are_single = are_single and not any(_loses_digits(columns[axis]) for axis in single)
         if are_single:
             columns |= {axis: rows.cast(columns[axis], np.dtype(np.float32), axis) for axis in single}
@@ -105,10 +90,8 @@ def _unpacked_columns(file: BufferedReader, record: np.dtype[Any], n_points: int
     n_packed, n_bytes = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
     expected, left = n_points * record.itemsize, rows.bytes_left(file)
     if n_bytes != expected or n_packed > left:
-        raise FileFormatError(
-            f"expected {expected} bytes of points in at most {left} compressed ones, found {n_bytes} in {n_packed} "
-            "announced; get the whole file again"
-        )
+        whole = f"{expected} bytes of points in at most {left} compressed ones"
+        raise rows.damaged(whole, f"{n_bytes} in {n_packed} announced")
     data, start, columns = _decompressed(file.read(n_packed), n_bytes), 0, {}
     for name in record.names or ():
         columns[name] = np.frombuffer(data, record[name], n_points, start)
@@ -139,7 +122,7 @@ def _decompressed(data: bytes, size: int) -> bytearray:
             part = out[first : first + length]
             out += (part * (length // len(part) + 1))[:length]  # a copy can go on with bytes that it has just made
     if at != len(data) or len(out) != size:
-        raise FileFormatError(f"expected {size} bytes of points in LZF compression, found damaged data; get it again")
+        raise rows.damaged(f"{size} bytes of points in LZF compression", "damaged data")
     return out
 
 
@@ -186,10 +169,9 @@ def _with_packed_colours(cloud: PointCloud, ascii: bool) -> PointCloud:  # noqa:
 
 def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  # noqa: A002
     """Write a PCD file with the attributes as fields, colours packed."""
-    columns = columns_of(_with_packed_colours(cloud, ascii), flat=False)
+    columns = columns_of(_with_packed_colours(cloud, ascii), flat=False, types=_TYPES)
     if _PADDING in columns:
         raise OutputError("expected a name other than '_', which PCD files give to padding; rename the attribute")
-    columns = {name: values.astype(exact_type(values, _TYPES) or "f8", copy=False) for name, values in columns.items()}
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
         "VERSION 0.7",
@@ -208,7 +190,7 @@ def write_pcd(file: BinaryIO, cloud: PointCloud, ascii: bool = False) -> None:  
         flat = [values.reshape(len(cloud), math.prod(values.shape[1:])) for values in columns.values()]
         rows.write_rows(file, [column for values in flat for column in values.T])
     else:
-        rows.write_records(file, [(values, values.dtype) for values in columns.values()])
+        rows.write_records(file, list(columns.values()))
 
 
 def _holds(name: str, values: Column) -> bool:
@@ -222,7 +204,7 @@ FORMAT = Format(
     (".pcd",),
     open_pcd,
     write_pcd,
-    lambda start, size: _START.match(start) is not None,
+    begins(rb"(?:\xef\xbb\xbf)?(?:# \.PCD|(?:#[^\n]*\n|\s)*VERSION\s+0?\.\d\s+FIELDS\s)"),
     lambda cloud: keeping(with_byte_colours(cloud), _holds, plain_names=True),
     frozenset({"ascii"}),
 )

@@ -1,10 +1,9 @@
 """Reads PLY files, text and binary of both byte orders, and writes text and little-endian ones."""
 
 import os
-import re
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BufferedReader
 from itertools import islice
 from typing import Any, BinaryIO, Literal
@@ -18,7 +17,7 @@ from gppcs.clouds.header import Header
 from gppcs.errors import FileFormatError
 from gppcs.io import rows
 from gppcs.io.columns import columns_of, exact_type, with_byte_colours
-from gppcs.io.format import Format, Reader, Span, keeping
+from gppcs.io.format import Format, Reader, begins, keeping
 from gppcs.io.meshes import NO_FACES, triangles_of
 
 _KINDS = map(np.dtype, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"))
@@ -74,24 +73,17 @@ def open_ply(file: BufferedReader) -> Reader:
     if vertices.has_lists:
         raise FileFormatError("expected one number as each property of a vertex, found a list; export without it")
     coordinate_names(column.name for column in vertices.properties)
-    record = vertices.record(order)
+    record, header = vertices.record(order), PlyHeader(tuple(remarks)) if remarks else None
+
+    def with_header(cloud: PointCloud) -> PointCloud:
+        return replace(cloud, header=header)
+
     _seek(file, start, order, elements, vertices)
     if order:
-        rows.check_length(file, record.itemsize, vertices.count, "vertex")
-
-    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
-        _seek(file, start, order, elements, vertices)
-        if order:
-            clouds = rows.read_records(file, record, vertices.count, n, "vertex", span)
-        else:
-            fields = {column.name: column.dtype for column in vertices.properties}
-            blocks = rows.read_fields(rows.lines_of(file), fields, vertices.count, "vertex")
-            clouds = rows.at_most(n, map(PointCloud.from_columns, blocks))
-        for cloud in clouds:
-            yield replace(cloud, header=PlyHeader(tuple(remarks)) if remarks else None)
-
-    def spans(n: int) -> list[Span]:
-        return rows.equal_spans(vertices.count, n) if vertices.count and order else []
+        reader = rows.records_reader(file, record, vertices.count, with_header, "vertex")
+    else:
+        blocks = partial(rows.read_fields, record=record, count=vertices.count, what="vertex")
+        reader = rows.blocks_reader(file, blocks, vertices.count, with_header)
 
     def triangles() -> NDArray[np.int64]:
         names = {column.name for column in faces.properties if column.length} & {"vertex_indices", "vertex_index"}
@@ -103,7 +95,7 @@ def open_ply(file: BufferedReader) -> Reader:
     skipped = [
         f"element {item.name} ({item.count:,})" for item in elements if item not in (vertices, faces) and item.count
     ]
-    return Reader(chunks, vertices.count, False, faces.count, skipped, spans, triangles)
+    return replace(reader, n_faces=faces.count, skipped=skipped, triangles=triangles)
 
 
 def _read_header(file: BufferedReader) -> tuple[_Order, list[_Element], list[str]]:
@@ -197,26 +189,21 @@ def write_ply(
     faces: NDArray[np.int64] | None = None,
 ) -> None:
     """Write a PLY file with the attributes as properties; 64-bit integers take the first type that is exact."""
-    columns = columns_of(cloud)
-    types = {name: exact_type(values, _NAMES) or np.dtype("f8") for name, values in columns.items()}
+    columns = columns_of(cloud, types=_NAMES)
     lines = [
         "ply",
         f"format {'ascii' if ascii else 'binary_little_endian'} 1.0",
         *(cloud.header.remarks if isinstance(cloud.header, PlyHeader) else ()),
         f"element vertex {len(cloud)}",
-        *(f"property {_NAMES[dtype]} {name}" for name, dtype in types.items()),
+        *(f"property {_NAMES[values.dtype]} {name}" for name, values in columns.items()),
         *([] if faces is None else [f"element face {len(faces)}", "property list uchar int vertex_indices"]),
         "end_header\n",
     ]
     file.write("\n".join(lines).encode("utf-8", "surrogateescape"))
-    if ascii:
-        rows.write_rows(file, [values.astype(types[name]) for name, values in columns.items()])
-    else:
-        rows.write_records(file, [(values, types[name]) for name, values in columns.items()])
-    if faces is not None and ascii:
-        rows.write_rows(file, list(faces.T), prefix="3 ")
-    elif faces is not None:
-        rows.write_records(file, [(np.full(len(faces), 3), np.dtype("u1")), (faces, np.dtype("i4"))])
+    write = rows.write_rows if ascii else rows.write_records
+    write(file, list(columns.values()))
+    if faces is not None:
+        write(file, [np.full(len(faces), 3, np.uint8), *faces.T.astype(np.int32)])
 
 
 FORMAT = Format(
@@ -224,7 +211,7 @@ FORMAT = Format(
     (".ply",),
     open_ply,
     write_ply,
-    lambda start, size: re.match(rb"ply[ \t]*\r?\n", start) is not None,
+    begins(rb"ply[ \t]*\r?\n"),
     lambda cloud: keeping(
         with_byte_colours(cloud), lambda name, values: exact_type(values, _NAMES), PlyHeader, plain_names=True
     ),

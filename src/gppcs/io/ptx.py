@@ -13,7 +13,7 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column
 from gppcs.errors import FileFormatError
 from gppcs.io.format import Format, read_at_once
-from gppcs.io.rows import as_count, cast, ends_early, is_number, lines_of, read_table, shortened
+from gppcs.io.rows import as_count, cast, damaged, ends_early, is_number, lines_of, read_table, shortened
 
 WIDTHS = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # of the lines before points: sizes, position and axes of the scanner, pose
 
@@ -22,7 +22,7 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
     """Return the points of all scans, each moved by its pose, and in words what is left out: rows without a return."""
     scans = list(_scans(file))
     if not scans:
-        raise FileFormatError("expected the size of a scan in a PTX file, found nothing; get the whole file again")
+        raise damaged("the size of a scan in a PTX file", "nothing")
     if len({tuple(columns) for columns in scans}) > 1:
         raise FileFormatError("expected colours in all scans or in none, found them in some; read the scans one by one")
     has_return = np.concatenate([columns.pop("has_return") for columns in scans])
@@ -46,10 +46,8 @@ def _scans(file: BufferedReader) -> Iterator[dict[str, Column]]:
             raise ends_early(f"scan {scan + 1}, line", len(header), len(WIDTHS))
         sizes, pose = [as_count(fields[0]) for fields in header[:2]], np.array(header[6:], np.float64)
         if None in sizes or not np.isfinite(pose).all():
-            raise FileFormatError(
-                f"expected whole numbers as the size of scan {scan + 1} and finite ones as its pose, found "
-                f"{header[0][0]}, {header[1][0]} and {pose.tolist()}"
-            )
+            whole = f"whole numbers as the size of scan {scan + 1} and finite ones as its pose"
+            raise damaged(whole, f"{header[0][0]}, {header[1][0]} and {pose.tolist()}")
         count = math.prod(size or 0 for size in sizes)
         yield _columns(read_table(lines, None if count else 4, count), pose, scan)
 

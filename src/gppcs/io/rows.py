@@ -3,11 +3,12 @@
 import math
 import os
 import re
-from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import BufferedReader, StringIO, TextIOWrapper
 from itertools import islice, pairwise
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.columns import Column, coordinate_names
 from gppcs.engine.memory import size_of
 from gppcs.errors import FileFormatError, GppcsError, OutputError
-from gppcs.io.format import Span
+from gppcs.io.format import Reader, Span
 
 BLOCK = 1 << 16  # rows per block: large enough that NumPy's cost per call does not count, small enough for memory
 MAX_EXPANSION = 100  # by which files may be smaller than what they unpack to: scans are 4 to 20 times
 MISSING = ("", "NA", "N/A", "null", "nan", "NaN", "NAN", "-nan", "-NaN")  # fields that stand for NaN
+
+AsRead: TypeAlias = Callable[[PointCloud], PointCloud]  # what becomes of the points of a file
 
 is_row = re.compile(r"\s*+(?!#|//)\S").match  # whether a line is neither empty nor a comment
 
@@ -83,6 +86,11 @@ def check_unpacked(unpacked: int, size: int, spare: int = 1 << 28) -> None:
             f"expected a file that unpacks to at most {MAX_EXPANSION} times its {size:,} bytes, found "
             f"{size_of(unpacked)} or more; if you trust it, unpack it first, or write it with less compression"
         )
+
+
+def damaged(expected: str, found: str) -> FileFormatError:
+    """Return the error for a file that is not as its format says."""
+    return FileFormatError(f"expected {expected}, found {found}; get the whole file again")
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:
@@ -157,15 +165,15 @@ def read_table(
 
 
 def read_fields(
-    lines: Iterator[str], fields: Mapping[str, np.dtype[Any]], count: int, what: str = "point"
+    file: BufferedReader, record: np.dtype[Any], count: int, what: str = "point"
 ) -> Iterator[dict[str, Column]]:
     """Read rows as the fields of records, of one number or several each, block by block."""
-    sizes, done = [math.prod(dtype.shape) for dtype in fields.values()], 0
-    for block in read_rows(lines, sum(sizes), count, what):
+    fields, done = {name: record[name] for name in record.names or ()}, 0
+    for block in read_rows(lines_of(file), sum(math.prod(dtype.shape) for dtype in fields.values()), count, what):
         values, columns = iter(block), {}
-        for (name, dtype), size in zip(fields.items(), sizes, strict=True):
+        for name, dtype in fields.items():
             expected = f"{dtype.base.name} as {name} of {what}"
-            parts = [cast(part, dtype.base, expected, done) for part in islice(values, size)]
+            parts = [cast(part, dtype.base, expected, done) for part in islice(values, math.prod(dtype.shape))]
             columns[name] = np.stack(parts, axis=1).reshape(-1, *dtype.shape)
         yield columns
         done += len(block[0])
@@ -249,30 +257,43 @@ def column_chunks(columns: Mapping[str, Column], n: int, span: Span | None = Non
         yield PointCloud.from_columns({name: np.array(values[part]) for name, values in columns.items()})  # no views
 
 
-def read_records(
-    file: BufferedReader,
-    record: np.dtype[Any],
-    count: int,
-    n: int,
-    what: str = "point",
-    span: Span | None = None,
-) -> Iterator[PointCloud]:
-    """Read packed records in chunks."""
+def records_reader(
+    file: BufferedReader, record: np.dtype[Any], count: int, as_read: AsRead, what: str = "point"
+) -> Reader:
+    """Return a reader of packed records, the first of which is at the position of a file."""
+    start = file.tell()
     check_length(file, record.itemsize, count, what)
-    table = np.memmap(file, record, "r", file.tell(), count) if count else np.empty(0, record)
-    return column_chunks({name: table[name] for name in record.names or ()}, n, span)
+
+    def chunks(n: int, span: Span | None = None) -> Iterator[PointCloud]:
+        table = np.memmap(file, record, "r", start, count) if count else np.empty(0, record)
+        return map(as_read, column_chunks({name: table[name] for name in record.names or ()}, n, span))
+
+    return Reader(chunks, count, spans=partial(equal_spans, count))
 
 
-def write_records(file: BinaryIO, columns: Sequence[tuple[Column, np.dtype[Any]]]) -> None:
+def blocks_reader(
+    file: BufferedReader, blocks: Callable[[BufferedReader], Iterator[dict[str, Column]]], count: int, as_read: AsRead
+) -> Reader:
+    """Return a reader of columns that are read block by block, from the position of a file on."""
+    start = file.tell()
+
+    def chunks(n: int) -> Iterator[PointCloud]:
+        file.seek(start)
+        return at_most(n, map(as_read, map(PointCloud.from_columns, blocks(file))))
+
+    return Reader(chunks, count)
+
+
+def write_records(file: BinaryIO, columns: Sequence[Column]) -> None:
     """Write columns (N, ...) as packed little-endian records, block by block."""
-    count = len(columns[0][0])
+    count = len(columns[0])
     # The names of the fields are numbers: those of the columns may have characters that NumPy refuses in a buffer.
-    names = [str(i) for i in range(len(columns))]
-    fields = [(name, to.newbyteorder("<"), values.shape[1:]) for name, (values, to) in zip(names, columns, strict=True)]
-    block = np.empty(min(count, BLOCK), fields)
+    fields = {str(i): values for i, values in enumerate(columns)}
+    record = [(name, values.dtype.newbyteorder("<"), values.shape[1:]) for name, values in fields.items()]
+    block = np.empty(min(count, BLOCK), record)
     for start in range(0, count, BLOCK):
         part = block[: count - start]
-        for name, (values, _) in zip(names, columns, strict=True):
+        for name, values in fields.items():
             part[name] = values[start : start + BLOCK]
         file.write(part.data)
 

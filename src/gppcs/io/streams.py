@@ -50,8 +50,13 @@ def plain_input(path: Path, stream: Any = None) -> Any:
         file = open_remote(address)
     elif path.exists() and not path.is_file():
         raise FileFormatError("expected a file, found a folder or device; name a file")
+    elif not is_standard(path):
+        file = path.open("rb")
+    elif sys.stdin is None or sys.stdin.buffer.closed:
+        raise FileFormatError("expected standard input, found that it is closed or was read before; name it once")
     else:
-        file = _standard_input() if is_standard(path) else path.open("rb")
+        with sys.stdin.buffer as stream:
+            file = _copied(stream)
     if file.peek(2).startswith(b"\x1f\x8b"):
         with file:
             try:
@@ -63,14 +68,6 @@ def plain_input(path: Path, stream: Any = None) -> Any:
         with file:  # text whose lines end as in old Mac OS
             return _copied(BytesIO(file.read().replace(b"\r", b"\n")))
     return file
-
-
-def _standard_input() -> Any:
-    """Return a copy of all of standard input, and close that."""
-    if sys.stdin is None or sys.stdin.buffer.closed:
-        raise FileFormatError("expected standard input, found that it is closed or was read before; name it once")
-    with sys.stdin.buffer as stream:
-        return _copied(stream)
 
 
 def _copied(stream: Any, packed: Any = None) -> Any:

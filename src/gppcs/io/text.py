@@ -209,14 +209,12 @@ def _usual_in_pts(cloud: PointCloud) -> PointCloud:
     return replace(cloud, attributes={name: cloud.attributes[name] for name in kept}, header=None)
 
 
-def _pts_names(width: int) -> list[str]:
-    return [*default_names(3), *_PTS_ATTRIBUTES.get(width, default_names(width)[3:])]
-
-
 _TABLE = frozenset({"columns"})
 _write_csv = partial(write_table, separator=",")
 _write_pts = partial(write_table, counted=True)
-_open_pts = partial(open_table, names_of_width=_pts_names)
+_open_pts = partial(
+    open_table, names_of_width=lambda width: [*"xyz", *_PTS_ATTRIBUTES.get(width, default_names(width)[3:])]
+)
 FORMATS = (
     Format("XYZ", (".xyz", ".txt", ".asc"), open_table, write_table, stored=_numbers_and_text, options=_TABLE),
     Format("CSV", (".csv",), open_table, _write_csv, stored=_numbers_and_text, options=_TABLE),

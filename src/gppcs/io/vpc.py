@@ -61,21 +61,20 @@ def _local_name(name: str) -> str | None:
 
 def vpc_of(files: Sequence[tuple[str, int, Floats, Floats]]) -> str:
     """Return a virtual point cloud of files beside it: their names, numbers of points, and corners of boxes, (3,)."""
-    features = [_feature(name, n, lower.tolist(), upper.tolist()) for name, n, lower, upper in files if n]
+    features = []
+    for name, n_points, lower, upper in files:
+        box = [*lower.tolist(), *upper.tolist()]  # in the coordinate system of the file
+        x, y, _, to_x, to_y, _ = box
+        feature = {
+            "type": "Feature",
+            "stac_version": "1.0.0",
+            "stac_extensions": ["https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json"],
+            "id": Path(name).stem,
+            "geometry": {"type": "Polygon", "coordinates": [[[x, y], [to_x, y], [to_x, to_y], [x, to_y], [x, y]]]},
+            "bbox": box,
+            "properties": {"datetime": None, "pc:count": n_points, "pc:type": "lidar", "proj:bbox": box},
+            "links": [],
+            "assets": {"data": {"href": f"./{name}", "roles": ["data"]}},
+        }
+        features += [feature] if n_points else []
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
-
-
-def _feature(name: str, n_points: int, lower: list[float], upper: list[float]) -> dict[str, Any]:
-    """Return the STAC item of a file. Its geometry is in the coordinate system of the file."""
-    (x, y, _), (to_x, to_y, _) = lower, upper
-    return {
-        "type": "Feature",
-        "stac_version": "1.0.0",
-        "stac_extensions": ["https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json"],
-        "id": Path(name).stem,
-        "geometry": {"type": "Polygon", "coordinates": [[[x, y], [to_x, y], [to_x, to_y], [x, to_y], [x, y]]]},
-        "bbox": lower + upper,
-        "properties": {"datetime": None, "pc:count": n_points, "pc:type": "lidar", "proj:bbox": lower + upper},
-        "links": [],
-        "assets": {"data": {"href": f"./{name}", "roles": ["data"]}},
-    }

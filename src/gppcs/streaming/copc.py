@@ -28,8 +28,7 @@ from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.copc_writing import FORMAT, write_octree
 from gppcs.io.format import shift_in_words
 from gppcs.io.joining import JointColumns
-from gppcs.io.las_header import LasHeader
-from gppcs.io.las_scales import multiples, scale_and_offset
+from gppcs.io.las_header import LasHeader, multiples, scale_and_offset
 from gppcs.io.streams import whole_output
 from gppcs.streaming.plan import PROGRAM
 from gppcs.streaming.scratch import scratch_folder
