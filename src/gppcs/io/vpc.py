@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gppcs.engine.arrays import Floats
 from gppcs.errors import FileFormatError, file_path
 from gppcs.io.remote import address_of, open_remote
 
@@ -59,9 +58,9 @@ def _local_name(name: str) -> str | None:
     return None if name[:2].replace("\\", "/") == "//" else name  # which Windows would fetch from a host
 
 
-def vpc_of(files: Sequence[tuple[str, int, Floats, Floats]]) -> str:
-    """Return a virtual point cloud of files beside it: their names, numbers of points, and corners of boxes, (3,)."""
-    features = [_feature(name, n, lower.tolist(), upper.tolist()) for name, n, lower, upper in files if n]
+def vpc_of(files: Sequence[tuple[str, int, list[float], list[float]]]) -> str:
+    """Return a virtual point cloud of files beside it: their names, numbers of points, and corners of boxes."""
+    features = [_feature(*file) for file in files if file[1]]
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
 
 
