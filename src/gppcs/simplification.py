@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -283,22 +284,14 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         with timer("reading"):
             cloud = files.read()
         return simplify_cloud(cloud, options, timer)
-    from gppcs.streaming.amounts import choose
-    from gppcs.streaming.beyond_memory import Survey
-    from gppcs.streaming.graph import engine
+    from gppcs.streaming.amounts import chosen_in_tiles
     from gppcs.streaming.output import take
-    from gppcs.streaming.scratch import scratch_folder
 
     check_addable(files.preview, options)
-    with (
-        scratch_folder(options.scratch, plan.disk) as folder,
-        engine(options.workers, plan.threads) as run_on,
-    ):
-        survey = Survey.read(files, plan, options, folder, folder, run_on, timer)
-        choice, diagnostics = choose(survey)
-        kept = choice.all_kept()
+    with chosen_in_tiles(files, options, plan, timer) as (survey, choice, diagnostics):
+        kept = choice.all_kept(range(len(choice.tiling.tiles)))
         with timer("kept points"):
-            cloud = take(survey.parts, kept, survey.overview.columns, run_on.run)
+            cloud = take(survey.parts, kept, survey.overview.columns, survey.run_on.run)
     selection, ranks = Selection(kept.indices, diagnostics, attributes=kept.scores), np.arange(len(cloud))
     if options.order != "importance":
         ranks = in_order(cloud, kept.indices, options.order)
@@ -352,16 +345,12 @@ def _each_by_tiles(
     files: CloudFiles, targets: Sequence[Target], options: Options, plan: Plan, work: Path, timer: Timer
 ) -> tuple[Sequence[Written], int, Mapping[str, float]]:
     """Simplify files as one cloud tile by tile, and write the kept points of each."""
-    from gppcs.streaming.amounts import choose
-    from gppcs.streaming.beyond_memory import Survey
+    from gppcs.streaming.amounts import chosen_in_tiles
     from gppcs.streaming.folder import write_file
-    from gppcs.streaming.graph import engine
-    from gppcs.streaming.scratch import scratch_folder
 
-    with scratch_folder(options.scratch, plan.disk) as scratch, engine(options.workers, plan.threads) as run_on:
-        survey = Survey.read(files, plan, options, scratch, work, run_on, timer)
-        choice, diagnostics = choose(survey)
-        tasks = [(survey.parts_of[path], target) for path, target in zip(files.paths, targets, strict=True)]
+    with chosen_in_tiles(files, options, plan, timer, work) as (survey, choice, diagnostics):
+        by_file = groupby(survey.parts, lambda part: part.files.paths)
+        tasks = [(list(parts), target) for (_, parts), target in zip(by_file, targets, strict=True)]
         with timer("writing", len(tasks)) as on_progress:
-            written = run_on.run(partial(write_file, choice), tasks, on_progress=on_progress)
+            written = survey.run_on.run(partial(write_file, choice), tasks, on_progress=on_progress)
         return written, survey.n_points, diagnostics

@@ -102,27 +102,15 @@ def test_the_same_for_any_number_of_threads_files_and_chunks(tmp_path, monkeypat
         np.testing.assert_array_equal(results[0], other)
 
 
-@pytest.mark.slow
-def test_the_same_by_processes(tmp_path, monkeypatch):
-    monkeypatch.undo()
-    monkeypatch.setattr(gppcs.LocalGP, "memory", lambda self, n, n_points: 10**12)
-    path = written(tmp_path, gppcs.sample("bracket", 300_000))
-    own = gppcs.simplify(path, n_points=2_000, memory=MEMORY)
-    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
-        others = gppcs.simplify(path, n_points=2_000, memory=MEMORY, workers=executor)
-    np.testing.assert_array_equal(own.indices, others.indices)
-
-
 def test_points_to_keep_and_weights(tmp_path):
     cloud = gppcs.sample("bracket", 20_000)
     cloud.attributes["side"] = (cloud.points[:, 0] > np.median(cloud.points[:, 0])).astype(np.float32)
     cloud.attributes["number"] = np.arange(20_000, dtype=np.int32)
     path = written(tmp_path, cloud)
-    kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", memory=MEMORY)
-    assert sorted(kept.indices[:50]) == list(range(50))
-    kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", method="fps", memory=MEMORY)
-    assert sorted(kept.indices[:50]) == list(range(50))
-    assert len(set(kept.indices)) == 1_000
+    for method in ("gp", "fps"):
+        kept = gppcs.simplify(path, n_points=1_000, keep="number < 50", method=method, memory=MEMORY)
+        assert sorted(kept.indices[:50]) == list(range(50))
+        assert len(set(kept.indices)) == 1_000
     cloud.attributes["side"] = 1 + 9 * cloud.attributes["side"]
     gppcs.write(path, cloud, force=True)
     weighed = gppcs.simplify(path, n_points=1_000, weight="side", memory=MEMORY)
@@ -274,15 +262,6 @@ def test_outliers_are_those_in_memory(tmp_path, monkeypatch):
     assert not len(np.intersect1d(found.indices, found.outliers))
 
 
-@pytest.mark.parametrize("method", METHODS, ids=str)
-def test_repeats_are_chosen_last(tmp_path, method):
-    points = np.repeat(np.random.default_rng(0).random((300, 3)), 5, axis=0)
-    path = written(tmp_path, gppcs.PointCloud(points))
-    result = gppcs.simplify(path, n_points=400, method=method, memory=MEMORY)
-    assert len(np.unique(result.indices)) == 400
-    assert len(np.unique(result.cloud.points, axis=0)) == 300
-
-
 def test_of_repeats_the_first_is_kept(tmp_path):
     path = written(tmp_path, gppcs.PointCloud(np.tile(np.random.default_rng(0).random((20_000, 3)), (2, 1))))
     assert gppcs.simplify(path, n_points=300, memory=MEMORY).indices.max() < 20_000
@@ -290,7 +269,7 @@ def test_of_repeats_the_first_is_kept(tmp_path):
 
 @pytest.mark.parametrize("method", METHODS, ids=str)
 @pytest.mark.parametrize("n_places", [1, 2, 3, 40, 900])
-def test_few_different_places(tmp_path, monkeypatch, method, n_places):
+def test_repeats_are_chosen_last(tmp_path, method, n_places):
     rng = np.random.default_rng(n_places)
     points = rng.random((n_places, 3))[rng.integers(n_places, size=20_000)]
     path = written(tmp_path, gppcs.PointCloud(points))

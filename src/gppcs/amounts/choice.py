@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gppcs.amounts.accuracy import fewest_points
-from gppcs.amounts.constraints import Constraints, WeightRange
+from gppcs.amounts.constraints import Constraints, relative_weights
 from gppcs.amounts.options import Options
 from gppcs.amounts.quotas import choose_quotas
 from gppcs.clouds.cloud import PointCloud
@@ -137,7 +137,7 @@ def task_of(
     cloud, attribute = PointCloud(points, constraints.columns), options.algorithm.reads_attribute
     arrays: dict[str, Any] = {}
     if constraints.weights is not None:
-        weights = WeightRange.from_weights(constraints.weights).relative(constraints.weights)[indices]
+        weights = relative_weights(constraints.weights)[indices]
         arrays["weights"] = np.maximum(weights, weights[weights > 0.0].min())  # those of points to keep may be 0
     if (detail := details.values(cloud)) is not None:
         arrays["detail"] = detail.take(indices, axis=0)

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,50 +61,30 @@ class Constraints:
         return n if self.weights is None else len(self.usable(n))
 
 
-class WeightRange(NamedTuple):
-    """The range and the mean of positive weights, which can be merged over chunks."""
-
-    maximum: float = 0.0
-    n_positive: int = 0
-    total: float = 0.0  # relative to the maximum
-
-    @classmethod
-    def from_weights(cls, weights: Floats | None) -> Self:
-        """Measure weights, (n,), after checking that they are finite and not negative."""
-        if weights is None:
-            return cls()
-        bad = np.flatnonzero(~((weights >= 0.0) & np.isfinite(weights)))
-        if len(bad):
-            raise InputError(
-                f"expected finite weights from 0 on, found {weights[bad[0]]:g} and {len(bad) - 1:,} more that are not"
-            )
-        positive = weights[weights > 0.0]
-        maximum = float(positive.max(initial=0.0))
-        return cls(maximum, len(positive), float((positive / (maximum or 1.0)).sum()))
-
-    def merged(self, other: "WeightRange") -> "WeightRange":
-        """Return the range of these weights and others."""
-        maximum = max(self.maximum, other.maximum)
-        total = sum(part.total * (part.maximum / (maximum or 1.0)) for part in (self, other))
-        return WeightRange(maximum, self.n_positive + other.n_positive, total)
-
-    @property
-    def mean(self) -> float:
-        """Mean of the positive weights, relative to the maximum."""
-        return self.total / self.n_positive if self.n_positive else 1.0
-
-    def relative(self, weights: Floats) -> Floats:
-        """Return weights, (n,), relative to the maximum, 0 or at least `MINIMUM_WEIGHT`."""
-        return np.where(weights > 0.0, np.maximum(weights / self.maximum, MINIMUM_WEIGHT), 0.0)
+def largest_weight(weights: Floats | None) -> float:
+    """Return the largest of weights, (n,), after checking that they are finite and not negative; 0 without any."""
+    if weights is None:
+        return 0.0
+    bad = np.flatnonzero(~((weights >= 0.0) & np.isfinite(weights)))
+    if len(bad):
+        raise InputError(
+            f"expected finite weights from 0 on, found {weights[bad[0]]:g} and {len(bad) - 1:,} more that are not"
+        )
+    return float(weights.max(initial=0.0))
 
 
-def check_constraints(options: Options, n_keep: int, weights: WeightRange) -> None:
+def relative_weights(weights: Floats) -> Floats:
+    """Return weights, (n,), relative to the largest, 0 or at least `MINIMUM_WEIGHT`."""
+    return np.where(weights > 0.0, np.maximum(weights / largest_weight(weights), MINIMUM_WEIGHT), 0.0)
+
+
+def check_constraints(options: Options, n_keep: int, max_weight: float) -> None:
     """Check that the condition of points to keep is met, and that there are positive weights."""
     if isinstance(options.keep, str) and not n_keep:
         raise InputError(
             f"expected points with {options.keep.strip()} to keep, found none; change the condition or omit `keep`"
         )
-    if options.weight is not None and not weights.n_positive:
+    if options.weight is not None and not max_weight:
         raise InputError("expected at least one weight above 0, found only 0")
 
 

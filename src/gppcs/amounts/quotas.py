@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
 from gppcs.clouds.quantities import size_of
-from gppcs.engine.arrays import Ints
+from gppcs.engine.arrays import Flags, Ints
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.methods import Selection
 
@@ -90,7 +90,8 @@ def choose_quotas(
             break
         growth = min(float((needed / np.maximum(reached, 1)).max()), 4.0)
         length = min(n - 1, math.ceil(1.05 * growth * length))  # a little longer: another ranking costs more
-    selection = replace(selection.arranged(_first_of_parts(selection.indices, labels, n_ranked)), ranked=False)
+    first = selection.indices[first_of_parts(labels[selection.indices], n_ranked)]
+    selection = replace(selection.arranged(first), ranked=False)
     taken = np.concatenate([selection.indices, repeats])
     missing = numbers - _count(labels[taken], parts)
     fill = [np.setdiff1d(np.flatnonzero(labels == part), taken)[: max(0, k)] for part, k in enumerate(missing)]
@@ -125,11 +126,9 @@ def numbers_of(quotas: Sequence[Quota], n_points: Ints, n_keep: Ints, count: int
     return numbers
 
 
-def _first_of_parts(indices: Ints, labels: Labels, numbers: Ints) -> Ints:
-    """Return indices, (M,), without the last ones of each part that are more than its number."""
-    parts = labels[indices]
-    order = np.argsort(parts, kind="stable")
-    starts = np.searchsorted(parts[order], np.arange(len(numbers)))
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order)) - starts[parts[order]]
-    return indices[rank < numbers[parts]]
+def first_of_parts(labels: Labels, numbers: Ints) -> Flags:
+    """Return which points, (n,), are among the first of their part, of each as many as its number, (parts,)."""
+    order = np.argsort(labels, kind="stable")
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order)) - np.searchsorted(labels[order], labels[order])
+    return place < numbers[labels]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gppcs.engine.arrays import Floats
 from gppcs.errors import FileFormatError, file_path
 from gppcs.io.remote import address_of, open_remote
 
@@ -59,11 +58,11 @@ def _local_name(name: str) -> str | None:
     return None if name[:2].replace("\\", "/") == "//" else name  # which Windows would fetch from a host
 
 
-def vpc_of(files: Sequence[tuple[str, int, Floats, Floats]]) -> str:
-    """Return a virtual point cloud of files beside it: their names, numbers of points, and corners of boxes, (3,)."""
+def vpc_of(files: Sequence[tuple[str, int, list[float], list[float]]]) -> str:
+    """Return a virtual point cloud of files beside it: their names, numbers of points, and corners of boxes."""
     features = []
     for name, n_points, lower, upper in files:
-        box = [*lower.tolist(), *upper.tolist()]  # in the coordinate system of the file
+        box = lower + upper  # in the coordinate system of the file
         x, y, _, to_x, to_y, _ = box
         feature = {
             "type": "Feature",

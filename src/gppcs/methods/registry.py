@@ -26,13 +26,11 @@ class Registry(Mapping[str, type[Method]]):
 
     def __getitem__(self, name: str) -> type[Method]:
         name = self.aliases.get(name, name)
-        if name in self.built_in:
-            return self.built_in[name]
-        return _load(_entries()[name])
+        return self.built_in[name] if name in self.built_in else _load(_entries()[name])
 
     def names(self) -> list[str]:
         """Return the names of all methods and aliases, without importing a package."""
-        return [*self.built_in, *self.aliases, *(name for name in _entries() if name not in self.built_in)]
+        return list(dict.fromkeys([*self.built_in, *self.aliases, *_entries()]))
 
     def __iter__(self) -> Iterator[str]:
         yield from self.built_in

@@ -9,10 +9,10 @@ from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
 from gppcs.scans.painted import FRESCO, ROAD
-from gppcs.scans.patch import Scan
-from gppcs.scans.sphere import SPHERE
+from gppcs.scans.patch import Scan, zone
 from gppcs.scans.village import VILLAGE
 
+SPHERE = Scan((zone(50.0, 0.0, (-1.0, 1.0), (-np.pi, np.pi), (120, 160, 190)),), ((-50.0,) * 3, (50.0,) * 3))
 SCANS = {
     "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE, "fresco": FRESCO, "road": ROAD,
     "village": VILLAGE,

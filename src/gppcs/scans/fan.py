@@ -8,7 +8,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats
 from gppcs.scans.jets import Jet
-from gppcs.scans.patch import Patch, Scan, turned
+from gppcs.scans.patch import Patch, Scan, turned, zone
 
 BLADES = 7
 BLADE_STEP = 2.0 * np.pi / BLADES  # radians from one blade to the next
@@ -59,11 +59,6 @@ def _between_blades(z: Floats, swept_back: Floats) -> Flags:
     return (np.abs(phi) > HALF_CHORD) | (np.abs(z - PITCH * phi - CAMBER * phi**2) > HALF_THICKNESS)
 
 
-def _nose(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
-    ring = (1.0 - t.squared()).sqrt() * HUB
-    return ring * angle.cos(), ring * angle.sin(), t * HUB + HUB_HALF
-
-
 def _hub_and_duct() -> list[Patch]:
     axis = (0.0, 0.0)
 
@@ -74,7 +69,7 @@ def _hub_and_duct() -> list[Patch]:
         return _between_blades(2.0 * DUCT_HALF * fraction - DUCT_HALF, angle - SWEEP)
 
     return [
-        Patch(_nose, (0.0, 1.0), (0.0, 2.0 * np.pi), HUB**2 * (1.0 + 1e-9), BRASS, -1),
+        zone(HUB, HUB_HALF, (0.0, 1.0), (0.0, 2.0 * np.pi), BRASS),
         turned(2, axis, (HUB, HUB_HALF), (HUB, -HUB_HALF), GRAPHITE, trim=hub_free),
         turned(2, axis, (HUB, -HUB_HALF), (BORE, -HUB_HALF), GRAPHITE),
         turned(2, axis, (BORE, -HUB_HALF), (BORE, BORE_TOP), BRASS),

@@ -148,6 +148,17 @@ def turned(
     return Patch(surface, (0.0, 1.0), angle, length * max(start[0], end[0]), colour, 1, trim, code)
 
 
+def zone(radius: float, height: float, along: Range, angle: Range, colour: Colour) -> Patch:
+    """Return a zone of a sphere around the z axis: `along` it, in radii from the centre, which lies at a height."""
+
+    def surface(t: Jet, angle: Jet) -> tuple[Jet, Jet, Jet]:
+        ring = (1.0 - t.squared()).sqrt() * radius  # the area is uniform in height and angle (Archimedes)
+        return ring * angle.cos(), ring * angle.sin(), t * radius + height
+
+    # The area element is the squared radius; rounding can lift it slightly above.
+    return Patch(surface, along, angle, radius**2 * (1.0 + 1e-9), colour, -1)
+
+
 def _in_order(axis: int, *jets: Jet) -> tuple[Jet, Jet, Jet]:
     """Return x, y and z, given the coordinate along an axis and those along the next two in cyclic order."""
     return jets[-axis], jets[1 - axis], jets[2 - axis]

@@ -1,35 +1,55 @@
 """As many points of tiles as the options mean: a number, or what a tolerance, spacing or gap takes."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial, reduce
-from operator import add
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from gppcs.amounts.accuracy import Goal, fewest_points
 from gppcs.amounts.choice import check_count, number_of_discs
-from gppcs.amounts.quotas import numbers_of
+from gppcs.amounts.options import Options
+from gppcs.amounts.quotas import first_of_parts, numbers_of
 from gppcs.clouds.quantities import Measure, Tolerance
 from gppcs.engine.arrays import Ints
+from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
+from gppcs.io.cloud_files import CloudFiles
 from gppcs.methods import Selection
 from gppcs.spatial.boxes import neighbours_before
 from gppcs.spatial.samples import point_hashes
 from gppcs.streaming.beyond_memory import Survey
+from gppcs.streaming.graph import engine
 from gppcs.streaming.passes import (
     Choice,
     distances_in_tile,
+    errors_of_tiles,
     file_of_gaps,
     fill_gaps_in_tile,
-    margin_of_gaps,
     unchosen_in_tile,
 )
+from gppcs.streaming.plan import Plan
 from gppcs.streaming.rows import Rows
+from gppcs.streaming.scratch import scratch_folder
 from gppcs.streaming.tiles import Tiling, choose_in_tile
 
 Chosen = tuple[Choice, Mapping[str, float]]  # with diagnostics
+
+
+@contextmanager
+def chosen_in_tiles(
+    files: CloudFiles, options: Options, plan: Plan, timer: Timer, folder: Path | None = None
+) -> Iterator[tuple[Survey, Choice, Mapping[str, float]]]:
+    """Choose points of files tile by tile; yield a survey of the cloud, and the points with diagnostics.
+
+    Those of each tile are in a folder, where a later run finds them, or else in a temporary one.
+    """
+    with scratch_folder(options.scratch, plan.disk) as scratch, engine(options.workers, plan.threads) as run_on:
+        survey = Survey.read(files, plan, options, scratch, folder or scratch, run_on, timer)
+        yield survey, *choose(survey)
 
 
 def choose(survey: Survey) -> Chosen:
@@ -98,9 +118,8 @@ def _filled(survey: Survey, choice: Choice, missing: Ints) -> Choice:
     """Add as many points as are missing of each quota, (256,), such as repeats of those that are kept."""
     task = partial(unchosen_in_tile, choice, missing)
     spare = Rows.joined(survey.run("repeats", task, choice.tiling))
-    order = np.lexsort([spare.indices, point_hashes(spare.points, size=1.0)])
-    by_quota = [order[spare.labels[order] == label][: missing[label]] for label in np.flatnonzero(missing)]
-    return replace(choice, added=(spare.take(np.concatenate(by_quota)),))
+    spare = spare.take(np.lexsort([spare.indices, point_hashes(spare.points, size=1.0)]))
+    return replace(choice, added=(spare.only(first_of_parts(spare.labels, missing)),))
 
 
 def _spaced(survey: Survey, spacing: float) -> Chosen:
@@ -110,7 +129,7 @@ def _spaced(survey: Survey, spacing: float) -> Chosen:
         return _numbered(survey, min(count, overview.n_places), 0)
     halo = survey.frame.lengths(np.multiply(algorithm.halo, spacing))
     tiling = survey.tiling(halo, n_points=overview.n_usable, spacing=spacing)
-    survey.write_guide(tiling, np.zeros(1, dtype=np.int64), np.ones(len(survey.sample)), 0)
+    survey.write_guide(tiling, np.zeros(1, dtype=np.int64), np.ones(len(survey.overview.sample)), 0)
     counts = survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before)
     if not np.sum(counts):
         raise InputError("expected cells with enough points, found none; lower min_points, or raise `spacing`")
@@ -146,9 +165,10 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
         judged = survey.without_outliers()
         n_outliers = len(judged.source.excluded) - len(survey.source.excluded)
     n, minimum = survey.overview.n_places, max(n_keep, 1)
-    points = survey.frame.local(survey.sample.points)
+    sample = survey.overview.sample
+    points = survey.frame.local(sample.points)
     first = fewest_points(
-        points, tolerance, survey.scale, lambda m: Selection(survey.choose(survey.sample, m)[0]), True, 1, survey.timer
+        points, tolerance, survey.scale, lambda m: Selection(survey.choose(sample, m)[0]), True, 1, survey.timer
     )
     count = max(2 * len(first.indices), minimum + 1)
     while True:
@@ -157,8 +177,8 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
 
         def errors(m: int) -> dict[Measure, float]:
             prefix = replace(choice, tiling=of_judged, last=float(m - n_keep))  # noqa: B023
-            sums = survey.run("accuracy", partial(distances_in_tile, prefix, limit), of_judged)  # noqa: B023
-            return reduce(add, sums).errors(limit)
+            figures = survey.run("accuracy", partial(distances_in_tile, prefix, limit), of_judged)  # noqa: B023
+            return errors_of_tiles(np.array(figures), limit)
 
         if count >= n or errors(count)[measure] <= limit:
             break
@@ -175,8 +195,9 @@ def _within(survey: Survey, tolerance: Tolerance, n_keep: int) -> Chosen:
 
 def _without_gaps(survey: Survey, choice: Choice, gap: float) -> Chosen:
     """Add points, each the farthest from all others, until none is farther from one than a gap."""
-    before = neighbours_before(choice.tiling.tiles, margin_of_gaps(choice.tiling, gap))
-    largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap, before), choice.tiling, before)
+    margin = survey.frame.lengths(np.full(3, 1.001 * gap))
+    before = neighbours_before(choice.tiling.tiles, margin)
+    largest = survey.run("gaps", partial(fill_gaps_in_tile, choice, gap, margin, before), choice.tiling, before)
     added = [Rows.read(file_of_gaps(choice.tiling, number)) for number in range(len(largest))]
     outside = survey.scale.outside
     figures = {"added_in_gaps": float(sum(len(kept.indices) for kept in added)), "largest_gap": outside(max(largest))}

@@ -65,10 +65,10 @@ class Survey:
 
         Tiles will be stored in `folder`, and what no later run needs, in `scratch`.
         """
-        overview, parts = read_all(files.parts(plan.part), plan.points_in, options, run_on, timer)
+        part = max(1 << 20, plan.points_in // 10_000)  # so that a scheduler has at most 10,000 tasks
+        overview, parts = read_all(files.parts(part), plan.points_in, options, run_on, timer)
         check_finite(overview.count, overview.n_bad, overview.first_bad, options.invalid)
-        check_constraints(options, int(overview.keep.sum()), overview.weights)
-        assert overview.sample is not None
+        check_constraints(options, int(overview.keep.sum()), overview.max_weight)
         frame = Frame.from_bounds(overview.lower, overview.upper, units_of(options.unit, overview.columns.header))
         boxes = Boxes.from_sample(overview.sample.points, overview.lower, overview.upper, overview.n_usable)
         source = Source(parts, boxes, overview.sample.take(np.arange(0)), np.empty(0, dtype=np.int64))
@@ -90,25 +90,10 @@ class Survey:
         """The indices of the outliers that are dropped, ascending; None if they are not."""
         return self.source.excluded if self.options.drop_outliers else None
 
-    @cached_property
-    def parts_of(self) -> Mapping[Path, list[Part]]:
-        """The parts of each file."""
-        parts: dict[Path, list[Part]] = {}
-        for part in self.parts:
-            (path,) = part.files.paths
-            parts.setdefault(path, []).append(part)
-        return parts
-
     @property
     def n_points(self) -> int:
         """Number of points among which is chosen."""
         return self.overview.count - self.overview.n_bad - len(self.source.excluded)
-
-    @property
-    def sample(self) -> Rows:
-        """Points of different places, at random."""
-        assert self.overview.sample is not None
-        return self.overview.sample
 
     @cached_property
     def scale(self) -> Scale:
@@ -120,12 +105,12 @@ class Survey:
     @cached_property
     def details(self) -> Details:
         """The attributes that count beside the shape."""
-        return Details.from_cloud(self.sample.attributes, self.options.details)
+        return Details.from_cloud(self.overview.sample.attributes, self.options.details)
 
     @cached_property
     def area(self) -> float:
         """Area of the surface, in the frame."""
-        return surface_area(KdTree.build(self.frame.local(self.sample.points)))
+        return surface_area(KdTree.build(self.frame.local(self.overview.sample.points)))
 
     def run(
         self, stage: str, task: Callable[[int], T], tiling: Tiling, before: Sequence[Sequence[int]] = ()
@@ -140,12 +125,12 @@ class Survey:
         of_tiles = self.run("outliers", partial(outliers_in_tile, tiling), tiling)
         outliers = Rows.joined(rows for rows, _ in of_tiles)
         corners = np.array([corners for _, corners in of_tiles])
-        stays = ~np.isin(self.sample.indices, outliers.indices)
+        stays = ~np.isin(self.overview.sample.indices, outliers.indices)
         overview = replace(
             self.overview,
             lower=corners[:, 0].min(axis=0),
             upper=corners[:, 1].max(axis=0),
-            sample=self.sample.only(stays),
+            sample=self.overview.sample.only(stays),
             hashes=self.overview.hashes[stays],
             labels=self.overview.labels - np.bincount(outliers.labels, minlength=256),
             keep=self.overview.keep - np.bincount(outliers.labels[outliers.keep], minlength=256),
@@ -156,24 +141,22 @@ class Survey:
     def tiling(self, halo: Floats, fraction: float = 1.0, **more: Any) -> Tiling:
         """Divide the cloud into tiles, of as many points that take part in the choice."""
         tiles = self.nodes(TILE / fraction)
-        return Tiling(
-            self.source, self.options, self.frame, tiles, halo, fraction,
-            self.overview.weights.maximum, self.details, self.folder, **more,
-        )  # fmt: skip
+        return Tiling(self.source, self.options, self.frame, tiles, halo, fraction, self.details, self.folder, **more)
 
     def nodes(self, n_points: float) -> list[Tile]:
         """Return the largest nodes of the tree of boxes with at most so many points, about."""
-        counts = np.bincount(self.source.boxes.box_of(self.sample.points), minlength=len(self.source.boxes))
-        return self.source.boxes.tiles(counts * (self.overview.n_usable / len(self.sample)), n_points)
+        counts = np.bincount(self.source.boxes.box_of(self.overview.sample.points), minlength=len(self.source.boxes))
+        return self.source.boxes.tiles(counts * (self.overview.n_usable / len(self.overview.sample)), n_points)
 
     def tiling_for(self, n_points: int) -> tuple[Tiling, Mapping[str, float]]:
         """Return the tiles for a choice of a number of points besides those to keep, after a first choice in a sample.
 
         Returns the diagnostics of that, too.
         """
-        holds_all = self.overview.n_places <= len(self.sample)
-        n_chosen = n_points if holds_all else min(n_points, len(self.sample) // SAMPLED_PER_CHOSEN + 1)
-        chosen, selection = self.choose(self.sample, n_chosen)
+        sample = self.overview.sample
+        holds_all = self.overview.n_places <= len(sample)
+        n_chosen = n_points if holds_all else min(n_points, len(sample) // SAMPLED_PER_CHOSEN + 1)
+        chosen, selection = self.choose(sample, n_chosen)
         mass = self._mass(chosen)
         if n_chosen < n_points and selection.scale is not None:
             finer, ratios = self._pilot(n_points, mass)
@@ -198,7 +181,7 @@ class Survey:
 
     def _mass(self, chosen: Ints) -> Floats:
         """Return how many of the chosen points of the sample each of its points stands for, (n,)."""
-        points = self.frame.local(self.sample.points)
+        points = self.frame.local(self.overview.sample.points)
         nearest = KdTree.build(points[chosen]).nearest_of(points, 1)[0][:, 0]
         return 1.0 / np.bincount(nearest, minlength=len(chosen))[nearest]
 
@@ -217,7 +200,8 @@ class Survey:
         rows = self.source.joined(self.run_on.run(read, self.source.pieces))
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
         of_sample, of_chosen = (
-            block_of_box[self.source.boxes.box_of(points)] for points in (self.sample.points, rows.points[chosen])
+            block_of_box[self.source.boxes.box_of(points)]
+            for points in (self.overview.sample.points, rows.points[chosen])
         )
         size, expected, actual = (
             np.bincount(of_point, weights, len(blocks)).clip(1e-3)
@@ -234,7 +218,7 @@ class Survey:
         """Write what tiles need to know of the choice in the sample."""
         from gppcs.surface.normals import estimate_normals
 
-        sample = self.sample
+        sample = self.overview.sample
         normals = estimate_normals(self.frame.local(sample.points)) if self.options.normals else None
         mass = np.where(sample.keep, 0.0, mass)  # where all points stay, none is added
         mass /= mass.sum() or 1.0

@@ -16,7 +16,7 @@ import numpy as np
 from gppcs.amounts.options import Options
 from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import PointCloud
-from gppcs.engine.arrays import Floats, Ints
+from gppcs.engine.arrays import Ints
 from gppcs.errors import FileFormatError, InputError, OutputError, ParameterError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.io.files import format_to_write
@@ -45,8 +45,8 @@ class Written(NamedTuple):
 
     target: Path
     n_points: int
-    lower: Floats  # (3,), corners of the box of its points; infinite without points
-    upper: Floats
+    lower: list[float]  # corner of the box of its points; infinite without points
+    upper: list[float]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Target:
             cloud = cloud.take(in_order(cloud, indices, self.order))
         with whole_output(self.path, force=True) as file:
             store_in(file, self.path, cloud, format_to_write(self.path, self.format), self.lossy)
-        return Written(self.path, len(cloud), *bounds(cloud.points))
+        return Written(self.path, len(cloud), *(corner.tolist() for corner in bounds(cloud.points)))
 
 
 @contextmanager
@@ -168,15 +168,14 @@ def write_file(choice: Choice, task: tuple[Sequence[Part], Target]) -> Written:
     parts, target = task
     record = choice.tiling.folder / f"{target.path.name}.json"
     if record.exists() and target.path.exists():
-        count, lower, upper = json.loads(record.read_text(encoding="utf-8"))
-        return Written(target.path, count, np.array(lower), np.array(upper))
+        return Written(target.path, *json.loads(record.read_text(encoding="utf-8")))
     kept = _kept_in(choice, parts)
     cloud = take(parts, kept)
     if choice.tiling.options.scores:
         cloud = with_scores(cloud, kept.scores)
     written = target.write(cloud, kept.indices)
     with whole_output(record, force=True) as file:
-        file.write(json.dumps([written.n_points, written.lower.tolist(), written.upper.tolist()]).encode())
+        file.write(json.dumps(written[1:]).encode())
     return written
 
 

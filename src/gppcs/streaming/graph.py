@@ -3,8 +3,9 @@
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
+from concurrent import futures
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ RETRIES = 3  # of a task whose worker is lost
 class Engine:
     """What runs tasks, several at once."""
 
-    executor: Any  # of `concurrent.futures`, or a client of Dask
+    executor: Executor
+    client: Any = None  # of Dask, if the executor is one of it
 
     def run(
         self,
@@ -35,46 +37,27 @@ class Engine:
 
         Returns what the calls return, in the order of the arguments.
         """
-        before = dict(enumerate(after or [()] * len(arguments)))
-        task = Call(function, platform.node(), os.getpid(), own_version())
-        if isinstance(self.executor, Executor):
-            return self._run_in_order(task, arguments, before, on_progress)
-        from distributed import as_completed
-
-        shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
-        futures: dict[int, Any] = {}
-        for number in TopologicalSorter(before).static_order():
-            earlier = [futures[i] for i in before[number]]
-            futures[number] = self.executor.submit(
-                Call.__call__, shared, arguments[number], earlier, pure=False, retries=RETRIES
-            )
-        for _ in as_completed(list(futures.values()), with_results=True):  # type: ignore[no-untyped-call]
-            on_progress(1)
-        return self.executor.gather([futures[number] for number in range(len(arguments))])
-
-    def _run_in_order(
-        self,
-        task: Callable[[Any], Any],
-        arguments: Sequence[Any],
-        before: Mapping[int, Sequence[int]],
-        on_progress: Callable[[int], None],
-    ) -> list[Any]:
+        call: Any = Call(function, platform.node(), os.getpid(), own_version())
+        if self.client is not None:  # it is sent once, and again if it is lost
+            call = self.client.submit(copy, call, pure=False, retries=RETRIES)
         results: dict[int, Any] = {}
         running: dict[Future[Any], int] = {}
-        graph = TopologicalSorter(before)
+        graph = TopologicalSorter(dict(enumerate(after or [()] * len(arguments))))
         graph.prepare()
         try:
             while graph.is_active():
-                running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                for number in graph.get_ready():
+                    running[self.executor.submit(Call.__call__, call, arguments[number])] = number
+                for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
                     number = running.pop(future)
                     results[number] = future.result()
                     graph.done(number)
                     on_progress(1)
         finally:  # after an error, no task may work on in folders that go
-            for future in running:
-                future.cancel()
-            wait(running)
+            if self.client is None:  # which cancels its own when it is closed
+                for future in running:
+                    future.cancel()
+                futures.wait(running)
         return [results[number] for number in range(len(arguments))]
 
 
@@ -87,16 +70,14 @@ class Call:
     process: int
     version: str
 
-    def __call__(self, argument: Any, earlier: object = None) -> Any:
+    def __call__(self, argument: Any) -> Any:
         """Call the function."""
         if self.version != own_version():
             raise GppcsError(
                 f"expected workers with gppcs {self.version}, found {own_version()}; install the same version"
             )
-        if (self.node, self.process) == (platform.node(), os.getpid()):
-            with sharing_cores():
-                return self.function(argument)
-        with on_one_thread():
+        is_own = (self.node, self.process) == (platform.node(), os.getpid())
+        with sharing_cores() if is_own else on_one_thread():
             return self.function(argument)
 
 
@@ -108,12 +89,13 @@ def engine(workers: str | Executor | None, threads: int) -> Iterator[Engine]:
             yield Engine(workers)
         elif workers is not None:
             with require_distributed().Client(workers) as client:
-                yield Engine(client)
+                yield Engine(client.get_executor(pure=False, retries=RETRIES), client)
         else:
-            with ThreadPoolExecutor(threads) as pool:
+            with futures.ThreadPoolExecutor(threads) as pool:
                 yield Engine(pool)
     except Exception as error:
-        if isinstance(error, BrokenExecutor) or type(error).__module__.startswith("distributed"):
+        is_lost = isinstance(error, futures.BrokenExecutor | futures.CancelledError)
+        if is_lost or type(error).__module__.startswith("distributed"):
             name = type(error).__name__
             raise GppcsError(
                 f"the workers were lost ({name}: {error}); give each more memory, or start fewer"

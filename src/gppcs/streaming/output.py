@@ -12,14 +12,12 @@ from gppcs.streaming.rows import Rows
 from gppcs.streaming.source import Part
 from gppcs.surface.normals import with_signs_of
 
-Apply = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-
 
 def take(
     parts: Sequence[Part],
     kept: Rows,
     columns: JointColumns | None = None,
-    apply: Apply = lambda f, tasks: map(f, tasks),
+    apply: Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]] = map,
 ) -> PointCloud:
     """Read the kept points of some parts of a cloud, with all their attributes, in their order.
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gppcs.amounts.accuracy import distances_to
+from gppcs.amounts.accuracy import distances_to, in_tree_order
+from gppcs.amounts.quotas import first_of_parts
 from gppcs.clouds.quantities import MEASURES, Measure
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.methods import Feature
@@ -33,13 +34,11 @@ class Choice:
     last: float = np.inf
     added: tuple[Rows, ...] = ()  # besides
 
-    def all_kept(self, numbers: Iterable[int] | None = None) -> Rows:
-        """Read the points of some tiles, or all, that stay, and what is added to any.
+    def all_kept(self, numbers: Iterable[int]) -> Rows:
+        """Read the points of at least one tile that stay, and what is added to any.
 
         The most important come first; if the method does not rank, they have the order of the files.
         """
-        if numbers is None:
-            numbers = range(len(self.tiling.tiles))
         kept = Rows.joined([*map(self.kept, numbers), *self.added])
         is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
         keys = [point_hashes(kept.points, size=1.0), kept.ranks] if is_ranked else [kept.indices]
@@ -48,11 +47,7 @@ class Choice:
     def kept(self, number: int) -> Rows:
         """Read the points of a tile that stay."""
         kept = Rows.read(self.tiling.file(number))
-        order = np.argsort(kept.labels, kind="stable")
-        labels = kept.labels[order]
-        place = np.empty(len(order), dtype=np.int64)
-        place[order] = np.arange(len(order)) - np.searchsorted(labels, labels)
-        return kept.take(np.flatnonzero((place < self.n_staying[number][kept.labels]) & (kept.ranks <= self.last)))
+        return kept.only(first_of_parts(kept.labels, self.n_staying[number]) & (kept.ranks <= self.last))
 
     def near(self, number: int, margin: Floats) -> Floats:
         """Read where those points are that stay in a tile or within a margin, (3,); (n, 3)."""
@@ -81,51 +76,31 @@ def outliers_in_tile(tiling: Tiling, number: int) -> tuple[Rows, Floats]:
     return rows, np.array(bounds(others)) if len(others) else nowhere
 
 
-@dataclass(frozen=True, eq=False)
-class Distances:
-    """Distances of points from a surface, summed up."""
+def distances_in_tile(choice: Choice, tolerance: float, number: int) -> Floats:
+    """Measure how far the points of a tile are from the local surface of the kept points.
 
-    n: int
-    total: float
-    squared: float
-    largest: float
-    histogram: Ints  # by `BINS`
-
-    @classmethod
-    def from_values(cls, distances: Floats, tolerance: float) -> Distances:
-        """Sum up distances, (n,)."""
-        bins = np.searchsorted(BINS, distances / tolerance)  # a distance of the tolerance counts below that edge
-        histogram = np.bincount(bins, minlength=len(BINS) + 1)
-        squared = float((distances**2).sum())
-        return cls(len(distances), float(distances.sum()), squared, float(distances.max(initial=0.0)), histogram)
-
-    def __add__(self, other: Distances) -> Distances:
-        return Distances(
-            self.n + other.n,
-            self.total + other.total,
-            self.squared + other.squared,
-            max(self.largest, other.largest),
-            self.histogram + other.histogram,
-        )
-
-    def errors(self, tolerance: float) -> dict[Measure, float]:
-        """Return the errors, the 95th percentile up to 4 %: it is above the tolerance where the exact one is."""
-        below = int(np.searchsorted(np.cumsum(self.histogram), 0.95 * self.n))
-        p95 = min(float(np.append(BINS, np.inf)[below]) * tolerance, self.largest)
-        values = self.total / self.n, float(np.sqrt(self.squared / self.n)), p95, self.largest
-        return dict(zip(MEASURES, values, strict=True))
+    Returns the sums of the distances and of their squares, the largest, and how many lie between `BINS`, in one array.
+    """
+    points = choice.tiling.own(number).points
+    kept, frame = choice.near(number, choice.tiling.halo), choice.tiling.frame
+    distances = np.full(len(points), np.inf)
+    if len(points) and len(kept):
+        distances = distances_to(frame.near(kept), in_tree_order(frame.local(points)))
+    bins = np.searchsorted(BINS, distances / tolerance)  # a distance of the tolerance counts below that edge
+    histogram = np.bincount(bins, minlength=len(BINS) + 1)
+    return np.array([distances.sum(), (distances**2).sum(), distances.max(initial=0.0), *histogram])
 
 
-def distances_in_tile(choice: Choice, tolerance: float, number: int) -> Distances:
-    """Measure how far the points of a tile are from the local surface of the kept points."""
-    tiling = choice.tiling
-    points = tiling.own(number).points
-    kept = choice.near(number, tiling.halo)
-    if not (len(points) and len(kept)):
-        return Distances.from_values(np.full(len(points), np.inf), tolerance)
-    local = tiling.frame.local(points)
-    local = local[KdTree.build(local).order]  # so that neighbours follow each other
-    return Distances.from_values(distances_to(tiling.frame.near(kept), local), tolerance)
+def errors_of_tiles(figures: Floats, tolerance: float) -> dict[Measure, float]:
+    """Return the errors, given what `distances_in_tile` returns, (tiles, n).
+
+    The 95th percentile is that up to 4 %: it is above the tolerance where the exact one is.
+    """
+    total, squared, _, *histogram = figures.sum(axis=0)
+    n, largest = sum(histogram), float(figures[:, 2].max())
+    below = int(np.searchsorted(np.cumsum(histogram), 0.95 * n))
+    p95 = min(float(np.append(BINS, np.inf)[below]) * tolerance, largest)
+    return dict(zip(MEASURES, (float(total / n), float(np.sqrt(squared / n)), p95, largest), strict=True))
 
 
 def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
@@ -133,28 +108,24 @@ def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
     rows = choice.tiling.own(number)
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
     rows = rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
-    firsts = [np.flatnonzero(rows.labels == label)[: missing[label]] for label in np.flatnonzero(missing > 0)]
-    return _added(choice.tiling, number, rows.take(np.concatenate(firsts)))
+    return _added(choice.tiling, number, rows.only(first_of_parts(rows.labels, missing)))
 
 
-def fill_gaps_in_tile(choice: Choice, gap: float, before: Sequence[Sequence[int]], number: int) -> float:
+def fill_gaps_in_tile(
+    choice: Choice, gap: float, margin: Floats, before: Sequence[Sequence[int]], number: int
+) -> float:
     """Add points of a tile until none is farther than a gap from a kept one; return the largest gap that is left.
 
-    Some tiles, whose points count as well, go before each.
+    Kept points within a margin, (3,), of the tile count, and those that were added in some tiles before each.
     """
     tiling, rows = choice.tiling, choice.tiling.own(number)
     earlier = [Rows.read(file_of_gaps(tiling, i)).points for i in before[number]]
-    kept = np.concatenate([choice.near(number, margin_of_gaps(tiling, gap)), *earlier])
+    kept = np.concatenate([choice.near(number, margin), *earlier])
     added, largest = np.arange(0), 0.0
     if len(rows):
         added, largest = fill_gaps(tiling.frame.local(rows.points), tiling.frame.near(kept), gap)
     _added(tiling, number, rows.take(added)).write(file_of_gaps(tiling, number))
     return largest
-
-
-def margin_of_gaps(tiling: Tiling, gap: float) -> Floats:
-    """Return how far from a tile lie the kept points that count in its gaps, (3,)."""
-    return tiling.frame.lengths(np.full(3, 1.001 * gap))
 
 
 def file_of_gaps(tiling: Tiling, number: int) -> Path:

@@ -36,11 +36,6 @@ class Plan:
     threads: int = 1  # tiles that are worked on at once
     readings: int = 1  # of the files
 
-    @property
-    def part(self) -> int:
-        """Points of a part of a file that one task reads, so that a scheduler has at most 10,000 tasks."""
-        return max(1 << 20, self.points_in // 10_000)
-
 
 def make_plan(files: CloudFiles, options: Options, needs_memory: str | None = None, to_files: bool = False) -> Plan:
     """Decide how to simplify a cloud; `needs_memory` names what else takes all points at once, if anything."""

@@ -29,16 +29,14 @@ def scratch_folder(parent: str | os.PathLike[str] | None, size: int) -> Iterator
     remedy = "name a folder with more by TMPDIR, in Python also by scratch, or raise `memory`"
     if free < size:
         raise OutputError(f"{expected} {size_of(free)}; {remedy}")
-    folder = tempfile.mkdtemp(prefix="gppcs-", dir=parent)
-    try:
-        yield Path(folder)
-    except OSError as error:
-        # NumPy does not say why a write is cut short: a disk with less than 1 MB is full.
-        if error.errno == errno.ENOSPC or shutil.disk_usage(parent).free <= 1 << 20:
-            raise OutputError(f"{expected} that it is full; {remedy}") from error
-        raise
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="gppcs-", dir=parent, ignore_cleanup_errors=True) as folder:
+        try:
+            yield Path(folder)
+        except OSError as error:
+            # NumPy does not say why a write is cut short: a disk with less than 1 MB is full.
+            if error.errno == errno.ENOSPC or shutil.disk_usage(parent).free <= 1 << 20:
+                raise OutputError(f"{expected} that it is full; {remedy}") from error
+            raise
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.constraints import WeightRange, mask_of, weights_of
+from gppcs.amounts.constraints import largest_weight, mask_of, weights_of
 from gppcs.amounts.options import Options
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
@@ -35,11 +35,12 @@ class Overview:
     lower: Floats = field(default_factory=lambda: np.full(3, np.inf))  # (3,), of the points that may be kept
     upper: Floats = field(default_factory=lambda: np.full(3, -np.inf))
     columns: JointColumns = field(default_factory=JointColumns)
-    weights: WeightRange = WeightRange()  # noqa: RUF009  # a tuple
+    max_weight: float = 0.0
     # (256,) each, by quota: number of the points that may be kept, and of those to keep.
     labels: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
     keep: Ints = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
-    sample: Rows | None = None  # of different places, all whose hashes are below a limit
+    # Points of different places, all whose hashes are below a limit.
+    sample: Rows = field(default_factory=lambda: Rows(np.empty(0, np.int64), np.empty((0, 3)), {}))
     hashes: NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, dtype=np.uint64))
     limit: float = HASHES
 
@@ -60,24 +61,17 @@ class Overview:
             self.first_bad = self.count + other.first_bad
         self.columns.merge(other.columns)
         self.lower, self.upper = np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper)
-        self.weights = self.weights.merged(other.weights)
+        self.max_weight = max(self.max_weight, other.max_weight)
         self.labels, self.keep = self.labels + other.labels, self.keep + other.keep
         self.limit = min(self.limit, other.limit)
-        if other.sample is not None:
-            self._draw(replace(other.sample, indices=other.sample.indices + self.count), other.hashes)
-        self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
-
-    def _draw(self, rows: Rows, hashes: NDArray[np.uint64]) -> None:
-        """Draw among more rows, (n,), too; lower the limit if there are too many."""
-        below = np.flatnonzero(hashes < self.limit)
-        rows, hashes = rows.take(below), hashes[below]
-        if self.sample is not None:
-            rows, hashes = Rows.joined([self.sample, rows]), np.concatenate([self.hashes, hashes])
-        hashes, first = np.unique(hashes, return_index=True)
+        is_drawn = other.hashes < self.limit
+        drawn = replace(other.sample, indices=other.sample.indices + self.count).only(is_drawn)
+        hashes, first = np.unique(np.concatenate([self.hashes, other.hashes[is_drawn]]), return_index=True)
         if len(hashes) > SAMPLED:
             self.limit = min(self.limit, float(hashes[SAMPLED]))
-        count = np.searchsorted(hashes, self.limit)
-        self.hashes, self.sample = hashes[:count], rows.take(first[:count])
+        number = np.searchsorted(hashes, self.limit)
+        self.hashes, self.sample = hashes[:number], Rows.joined([self.sample, drawn]).take(first[:number])
+        self.count, self.n_bad = self.count + other.count, self.n_bad + other.n_bad
 
 
 def read_all(
@@ -127,11 +121,10 @@ def _read(limit: float, part: Part) -> Overview:
         is_finite = cloud.is_finite()
         if not is_finite.all():
             of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
-        if len(rows):
-            of_chunk.lower, of_chunk.upper = bounds(rows.points)
-            of_chunk.weights = WeightRange.from_weights(rows.columns.get("weight"))
-            of_chunk.labels = np.bincount(rows.labels, minlength=256)
-            of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
-            of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
+        of_chunk.lower, of_chunk.upper = bounds(rows.points)
+        of_chunk.max_weight = largest_weight(rows.columns.get("weight"))
+        of_chunk.labels = np.bincount(rows.labels, minlength=256)
+        of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
+        of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)
         overview.add(of_chunk)
     return overview

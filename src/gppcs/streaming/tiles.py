@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -39,22 +39,12 @@ class Guide:
     first: Ints  # (k,), indices in the cloud of the first of these, which all tiles keep
     normals: Floats | None = None  # (n, 3), of the sample, with signs
 
-    def ranks_of(self, indices: Ints) -> Floats:
-        """Return the rank of each point of the cloud, (n,), among those that all tiles keep, infinite for others."""
-        return looked_up(indices, self.first, np.arange(float(len(self.first))))
-
 
 def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
     """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
     result, is_key, order = np.full(len(indices), np.inf), np.isin(indices, keys), np.argsort(keys)
     result[is_key] = values[order[np.searchsorted(keys, indices[is_key], sorter=order)]]
     return result
-
-
-@lru_cache(maxsize=4)
-def _guide_of(path: Path, written: int) -> Guide:
-    """Read a guide once in each process for each time at which it was written."""
-    return Guide(**read_arrays(path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +57,6 @@ class Tiling:
     tiles: Sequence[Tile]
     halo: Floats  # (3,), in the unit of the cloud
     fraction: float  # of the places, which takes part in the choice
-    max_weight: float
     details: Details
     folder: Path  # of the file of the guide, and of those of kept points
     n_points: int = 0  # to choose besides those that are kept whatever happens
@@ -107,10 +96,10 @@ class Tiling:
         rows = self.source.read(self.tiles[number].lower, self.tiles[number].upper)
         return rows.only(self.tile_of(rows.points) == number)
 
-    @property
+    @cached_property
     def guide(self) -> Guide:
         """What the first choice tells."""
-        return _guide_of(self.guide_file, self.guide_file.stat().st_mtime_ns)
+        return Guide(**read_arrays(self.guide_file))
 
     @property
     def guide_file(self) -> Path:
@@ -137,7 +126,8 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
         of_rows = looked_up(rows.indices, kept.indices, kept.ranks)
         ranks = np.where(of_rows < tiling.n_points, of_rows, ranks)  # without spare ones
     settled = is_done | np.isfinite(ranks)
-    ranks = np.where(settled, ranks, tiling.guide.ranks_of(rows.indices))
+    first = tiling.guide.first
+    ranks = np.where(settled, ranks, looked_up(rows.indices, first, np.arange(float(len(first)))))
     fixed = np.isfinite(ranks)
     if tiling.spacing is None or tiling.options.algorithm.by_cells:
         taken = fixed | ~is_done | (tiling.scale is not None)  # not every method tells what only shows the surface
@@ -156,11 +146,10 @@ def _selection(tiling: Tiling, number: int, rows: Rows, ranks: Floats, settled: 
 
     Indices are those of rows; among the attributes are these ranks, infinite for new points, and NaN for spare ones.
     """
-    weights = rows.columns.get("weight")
     fixed = np.flatnonzero(np.isfinite(ranks))
     constraints = Constraints(
         keep=fixed[np.lexsort([ranks[fixed], ~settled[fixed]])],
-        weights=None if weights is None else weights / tiling.max_weight,
+        weights=rows.columns.get("weight"),
         columns=rows.attributes.attributes,
     )
     points = tiling.frame.local(rows.points)

@@ -89,28 +89,17 @@ class _Buckets(NamedTuple):
 
 def _buckets(count: int, phi: Floats) -> _Buckets:
     """Return `count` buckets of the features, (L, N), that have not been scanned."""
-    shape = count, len(phi)
-    buckets = _Buckets(
-        lower=np.empty(shape),
-        upper=np.empty(shape),
+    begins = phi.shape[1] * np.arange(count) // count
+    return _Buckets(
+        lower=np.minimum.reduceat(phi, begins, axis=1).T.copy(),
+        upper=np.maximum.reduceat(phi, begins, axis=1).T.copy(),
         scanned=np.full(count, -1),
-        mean=np.zeros(shape),
+        mean=np.zeros((count, len(phi))),
         above=np.full(count, np.inf),
         below=np.full(count, np.inf),
         bound=np.full(count, np.inf),
         best=np.zeros(count, dtype=np.int64),
     )
-    on_ranges(_measure_boxes, count, phi, buckets.lower, buckets.upper, minimum=BUCKETS_AT_ONCE)
-    return buckets
-
-
-@kernel
-def _measure_boxes(begin, end, phi, lower, upper):
-    """Fill the bounding boxes, `lower` and `upper`, (G, L), of a range of buckets of the features, (L, N)."""
-    for g in range(begin, end):
-        for r in range(len(phi)):
-            values = phi[r, phi.shape[1] * g // len(lower) : phi.shape[1] * (g + 1) // len(lower)]
-            lower[g, r], upper[g, r] = values.min(), values.max()
 
 
 @kernel

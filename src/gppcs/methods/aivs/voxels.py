@@ -1,6 +1,5 @@
 """Farthest points voxel by voxel, away from the choice in the voxels around: isotropic AIVS (Lv et al. 2021)."""
 
-from bisect import bisect_right
 from collections.abc import Callable
 from typing import NamedTuple, Self
 
@@ -76,25 +75,15 @@ def trimmed(counts: Ints, n_points: int) -> Ints:
     In a round, all even and then all odd voxels above a threshold lose one point. The threshold starts at a third of
     the range of the counts, and decreases by one after a round in which no voxel loses a point.
     """
-    if counts.sum() <= n_points:
-        return counts
-    threshold = int(counts.max() - counts.min()) // 3
-    if np.minimum(counts, threshold).sum() >= n_points:  # the threshold decreases, and all voxels that reach it follow
-        threshold = _cap(counts, n_points - 1)
-        counts = np.minimum(counts, threshold + 1)
-    else:
-        above = np.maximum(counts - threshold, 0)
-        counts = counts - np.minimum(above, _cap(above, int(counts.sum()) - n_points))
-    turns = np.flatnonzero(counts > threshold)
-    turns = turns[np.argsort(turns % 2, kind="stable")]
-    counts[turns[: counts.sum() - n_points]] -= 1
+    counts, excess, threshold = counts.copy(), int(counts.sum()) - n_points, int(counts.max() - counts.min()) // 3
+    turns = np.argsort(np.arange(len(counts)) % 2, kind="stable")
+    while excess > 0:
+        threshold = min(threshold, int(counts.max()) - 1)
+        above = turns[counts[turns] > threshold]
+        rounds = max(1, min(excess // len(above), int(counts[above].min()) - threshold))  # in which all of these lose
+        counts[above[:excess]] -= rounds
+        excess -= rounds * len(above)
     return counts
-
-
-def _cap(counts: Ints, total: int) -> int:
-    """Return the largest number c for which the sum of min(counts, c) is at most the total."""
-    maximum = int(counts.max())
-    return bisect_right(range(maximum + 1), total, key=lambda cap: int(np.minimum(counts, cap).sum())) - 1
 
 
 def _filled(voxels: Voxels, quotas: Ints, parity: Ints, on_progress: Callable[[int], None] | None) -> Ints:

@@ -1,5 +1,6 @@
 """Weighted sample elimination (Yuksel 2015): a Poisson disc set of exactly the size asked for."""
 
+from bisect import bisect_left
 from collections.abc import Callable
 
 import numpy as np
@@ -33,15 +34,11 @@ def eliminate(points: Floats, n_points: int, on_progress: Callable[[int], None] 
 
 def first_at_spacing(points: Floats, spacing: float) -> int:
     """Return how many points from the first on are at least a length from each other. Shapes: points (M, 3)."""
-    enough, many = 1, len(points) + 1
-    while many > enough + 1:
-        middle = (enough + many) // 2
-        squared = nearest_others(KdTree.build(points[:middle]), 1)[1]
-        if squared.min() >= spacing * spacing:
-            enough = middle
-        else:
-            many = middle
-    return enough
+
+    def are_nearer(count: int) -> bool:
+        return float(nearest_others(KdTree.build(points[:count]), 1)[1].min()) < spacing * spacing
+
+    return 1 + bisect_left(range(2, len(points) + 1), True, key=are_nearer)
 
 
 def thin(points: Floats, n_points: int, on_progress: Callable[[int], None] | None = None) -> tuple[Ints, float]:
