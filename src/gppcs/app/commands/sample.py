@@ -24,7 +24,7 @@ def sample(
         str,
         typer.Argument(
             metavar="NAME",
-            help="medallion, bracket, fan, sphere, fresco, road or village.",
+            help="medallion, bracket, fan, sphere, fresco, street or village.",
             show_default=False,
             autocompletion=_names,
         ),
