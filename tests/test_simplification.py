@@ -268,7 +268,8 @@ def test_a_timer_of_two_runs_does_not_change_the_first_result():
 
 
 @pytest.mark.parametrize(
-    "indices", [np.zeros(5, np.int64), np.arange(4), np.arange(6), np.arange(5) - 1, np.arange(5) + 96, np.arange(5.0)]
+    "indices",
+    [np.zeros(5, int), np.arange(4), np.arange(6), np.arange(5) - 1, np.arange(5) + 96, np.arange(5.0), None],
 )
 def test_what_a_method_of_others_returns_is_checked(indices):
     @dataclass(frozen=True)
