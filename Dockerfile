@@ -2,6 +2,7 @@
 #   docker build -t gppcs .
 #   docker run --rm -v "$PWD:/data" gppcs simplify scan.laz -o small.laz --ratio 5%
 FROM python:3.13-slim AS build
+# hadolint ignore=DL3008
 RUN apt-get update && apt-get install --yes --no-install-recommends make
 COPY . /source
 WORKDIR /source
@@ -10,7 +11,7 @@ RUN make dist PYTHON=python
 FROM python:3.13-slim
 COPY --from=build /source/dist/*.whl /wheel/
 RUN pip install --no-cache-dir "$(echo /wheel/*.whl)[arrow,e57,picture]" && rm -r /wheel
-RUN useradd --create-home gppcs
-USER gppcs
+RUN useradd --create-home --uid 1000 gppcs
+USER 1000
 WORKDIR /data
 ENTRYPOINT ["gppcs"]

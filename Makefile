@@ -77,9 +77,9 @@ pictures: demo  ## Draw anew the pictures of README.md and docs/, except those o
 	$(BIN)/gppcs sample fresco -o demo/fresco.ply --points 200000 --force
 	$(BIN)/gppcs simplify demo/fresco.ply -o demo/kept.ply --points 4000 --detail rgb --force
 	$(BIN)/gppcs render demo/fresco.ply demo/kept.ply -o docs/detail.png --colour rgb --force
-	$(BIN)/gppcs sample road -o demo/road.ply --points 200000 --force
-	$(BIN)/gppcs simplify demo/road.ply -o demo/marked.ply --points 3000 --quota 'marking == 1: 40%' --force
-	$(BIN)/gppcs render demo/road.ply demo/marked.ply -o docs/quota.png --colour marking --force
+	$(BIN)/gppcs sample street -o demo/street.ply --points 200000 --force
+	$(BIN)/gppcs simplify demo/street.ply -o demo/marked.ply --points 3000 --quota 'marking == 1: 40%' --force
+	$(BIN)/gppcs render demo/street.ply demo/marked.ply -o docs/quota.png --colour marking --force
 
 page-picture: demo viewer/node_modules  ## Draw anew the picture of the page in docs/viewing.md; needs Node.js and Chromium
 	$(BIN)/gppcs report demo/scan.ply demo/small.ply -o demo/report.html --force

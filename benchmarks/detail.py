@@ -25,7 +25,7 @@ from scans import sample
 RATIO = 0.03
 SIZE = 400_000  # points of a sample
 REPEATS = 3
-NOISE = 0.0002  # of the road, in diagonals: 4 mm
+NOISE = 0.0002  # of the street, in diagonals: 4 mm
 ROUNDS, SMALL = 6, 0.003  # of a fit of values; errors below this, in ranges, have the weight of this one
 
 
@@ -42,7 +42,7 @@ class Case:
     @classmethod
     def sample(cls, name: str, attribute: str) -> Case:
         """Return a painted sample. The true intensity is that of its markings."""
-        cloud = truth = sample(name, SIZE, noise=NOISE if name == "road" else 0.0)
+        cloud = truth = sample(name, SIZE, noise=NOISE if name == "street" else 0.0)
         if attribute == "intensity":
             clean = np.where(cloud.attributes["marking"] == 1, MARKED, BARE).astype(np.uint16)
             truth = replace(cloud, attributes={**cloud.attributes, attribute: clean})
@@ -126,7 +126,7 @@ def rows_of(case: Case) -> list[list[str]]:
 def main() -> None:
     """Print the table and write it."""
     gppcs.set_threads(1)
-    samples = [Case.sample("painted", "rgb"), Case.sample("fresco", "rgb"), Case.sample("road", "intensity")]
+    samples = [Case.sample("painted", "rgb"), Case.sample("fresco", "rgb"), Case.sample("street", "intensity")]
     files = {
         "tum_desk.ply": "rgb", "nyu_basement.ply": "rgb", "redwood_livingroom_frame.ply": "rgb",
         "autzen_airborne.laz": "intensity",
@@ -146,7 +146,7 @@ def main() -> None:
             f"{100 * RATIO:g} % of the points are kept. Errors of the attribute are in its range, from values that are "
             "interpolated linearly over the local surface; the column nearest takes the value of the nearest kept "
             "point. All but the first error are relative to gp without detail.",
-            f"Samples have {SIZE:,} points; the road has noise of {NOISE:g} diagonals. Its intensity is judged by the "
+            f"Samples have {SIZE:,} points; the street has noise of {NOISE:g} diagonals. Its intensity is judged by the "
             "true value; what is noise of the attributes of scans is not known, so it counts as error.",
             "The row best values there has the places of gp, detail, with the values that have about the least mean "
             "error of all, fitted to the whole scan. Hardly any choice of original points with about these places "

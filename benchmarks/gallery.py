@@ -40,7 +40,7 @@ SAMPLES = {
     "fan": Sample("fan", view=Viewpoint("z", (20.0, 40.0))),
     "noisy statue": Sample("statue", 2e-3),
     "room": Sample("room", view=Viewpoint("z", (40.0, 25.0))),
-    "street": Sample("street", view=Viewpoint("z", (60.0, 30.0))),
+    "avenue": Sample("avenue", view=Viewpoint("z", (60.0, 30.0))),
     "terrain": Sample("terrain", view=Viewpoint("z", (30.0, 35.0))),
 }
 

@@ -44,12 +44,12 @@ SCENES: Mapping[str, type[Condition]] = {
     "pcl_room_scan": ThinnedScene,
     "lion_takanawa": ThinnedScene,
     "room": SampleScene,
-    "street": SampleScene,
+    "avenue": SampleScene,
     "terrain": SampleScene,
     "forest": SampleScene,
     "plot": SampleScene,
 }
-HELD_OUT = ("redwood_fragment", "street", "terrain", "forest", "plot")  # no constant of gp was decided by these
+HELD_OUT = ("redwood_fragment", "avenue", "terrain", "forest", "plot")  # no constant of gp was decided by these
 MEASURES = (SURFACE, SURFACE_P95, SURFACE_BY_AREA, SURFACE_P95_BY_AREA, FEATURES, COVER_P999)
 CONDITIONS = [make(name, None, ratio) for name, make in SCENES.items() for ratio in RATIOS]
 INTRODUCTION = (
@@ -60,7 +60,7 @@ INTRODUCTION = (
 )
 NOTES = (
     f"A file of more than {1.5 * SCENE:,.0f} points is thinned to about {SCENE:,}: every n-th point is taken.",
-    f"room, street, terrain, forest and plot are scenes of benchmarks/scans with {SCENE:,} points. {SURFACE_SAMPLE:,} "
+    f"room, avenue, terrain, forest and plot are scenes of benchmarks/scans with {SCENE:,} points. {SURFACE_SAMPLE:,} "
     "other points of their surfaces judge them, seen by the same sensor without noise, and without leaves. The other "
     "scenes are compared with their own points, noise included.",
     f"Mean ± standard deviation of {len(quality.STARTS)} runs. The first is of the cloud as it is, the others of the "

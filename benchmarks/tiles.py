@@ -51,7 +51,7 @@ def dragon(millions: float, noise: float) -> Callable[[], gppcs.PointCloud]:
 
 TRIALS = (
     sampled("terrain", 1.0),
-    sampled("street", 1.0),
+    sampled("avenue", 1.0),
     sampled("village", 0.5),
     sampled("forest", 0.5),
     sampled("statue", 0.5),

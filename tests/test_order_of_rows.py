@@ -19,7 +19,7 @@ CLOUDS = {
     "sphere": {"noise": 0.01},
     "statue": {"uneven": 0.9},
     "terrain": {"outliers": 0.02},
-    "street": {},
+    "avenue": {},
     "room": {},
 }
 OPTIONS = [
@@ -80,7 +80,7 @@ def test_small_clouds_with_ties_keep_the_same_points(method, n, shape, seed, dat
     assert_same_in_another_order(cloud, seed, n_points=data.draw(st.integers(1, len(points))), method=method)
 
 
-@pytest.mark.parametrize("name", ["bracket", "street"])
+@pytest.mark.parametrize("name", ["bracket", "avenue"])
 def test_a_sample_and_cells_of_some_points_are_the_same(name, monkeypatch):
     """So few points are kept that the survey and the placement look at some of the others only."""
     monkeypatch.setattr(candidates, "SAMPLE_SIZE", 4_000)

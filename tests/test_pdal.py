@@ -15,15 +15,15 @@ PAGE = Path(__file__).parents[1] / "docs" / "where-you-work.md"
 
 @pytest.fixture
 def ins():
-    """Return the dimensions of a road as PDAL names them."""
-    road = gppcs.sample("road", n_points=5_000)
-    number = len(road)
+    """Return the dimensions of a street as PDAL names them."""
+    street = gppcs.sample("street", n_points=5_000)
+    number = len(street)
     return {
-        **dict(zip("XYZ", road.points.T, strict=True)),
-        "Intensity": road.attributes["intensity"],
+        **dict(zip("XYZ", street.points.T, strict=True)),
+        "Intensity": street.attributes["intensity"],
         "GpsTime": np.arange(number) / 3.0,
         "ScanChannel": np.zeros(number, np.uint8),
-        "Classification": road.attributes["marking"].astype(np.uint8),
+        "Classification": street.attributes["marking"].astype(np.uint8),
     }
 
 
@@ -78,7 +78,7 @@ def test_the_source_on_the_page_works_as_pdal_runs_it(ins):
 
 def test_a_pipeline_of_pdal_keeps_all_dimensions(tmp_path):
     pdal = pytest.importorskip("pdal")
-    gppcs.write(tmp_path / "scan.laz", gppcs.sample("road", n_points=5_000))
+    gppcs.write(tmp_path / "scan.laz", gppcs.sample("street", n_points=5_000))
     reader, stage, _ = stages()
     pipeline = pdal.Pipeline(json.dumps([str(tmp_path / reader), stage]))
     assert pipeline.execute() == 1_000

@@ -92,7 +92,7 @@ def qgis(tmp_path_factory):
         assert done.returncode == code, done.stdout + done.stderr
         return done.stdout if code == 0 else done.stderr
 
-    gppcs.write(folder / "scan.laz", gppcs.sample("road", n_points=20_000), lossy=True)
+    gppcs.write(folder / "scan.laz", gppcs.sample("street", n_points=20_000), lossy=True)
     return SimpleNamespace(folder=folder, run=run)
 
 

@@ -225,7 +225,8 @@ def test_a_result_is_an_array_and_does_not_change_with_its_timer():
 
 
 @pytest.mark.parametrize(
-    "indices", [np.zeros(5, np.int64), np.arange(4), np.arange(6), np.arange(5) - 1, np.arange(5) + 96, np.arange(5.0)]
+    "indices",
+    [np.zeros(5, int), np.arange(4), np.arange(6), np.arange(5) - 1, np.arange(5) + 96, np.arange(5.0), None],
 )
 def test_what_a_method_of_others_returns_is_checked(indices):
     @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 The objects are about 100 mm long. "painted" is the statue with colours. The horn, the cable and the handlebar are
 tubes, the vents, the crate and the sink ribbed cases, with both sheets of a wall near each other; no constant of gppcs
 was decided by the cable, the crate and the sink. The scenes are what a sensor sees from its
-place, with its noise and with shadows, in the order of its measurements: a room (4 m, by a depth camera), a street
+place, with its noise and with shadows, in the order of its measurements: a room (4 m, by a depth camera), an avenue
 (60 m, by a LiDAR on a car), a terrain (120 m, from the air), and a wooded slope (50 m), as a "forest" from a drone and
 as a "plot" from two tripods on the ground. Their normals point to the sensor, those of leaves are zero. They have
 `classification`, of which 64 is everything that the LAS specification does not name, and no `curvature`.
@@ -26,7 +26,7 @@ from scans.ribs import CRATE, SINK, VENTS
 from scans.room import ROOM
 from scans.scene import Scene
 from scans.statue import PAINTED, STATUE
-from scans.street import STREET
+from scans.avenue import AVENUE
 from scans.terrain import TERRAIN
 from scans.tubes import CABLE, HANDLEBAR, HORN
 from scans.wood import FOREST, PLOT
@@ -36,7 +36,7 @@ OBJECTS: dict[str, Scan] = {
     "plant": PLANT, "horn": HORN, "cable": CABLE, "handlebar": HANDLEBAR, "vents": VENTS, "crate": CRATE, "sink": SINK,
 }  # fmt: skip
 SCENES: dict[str, Scene] = {
-    "room": ROOM, "street": STREET, "terrain": TERRAIN, "forest": FOREST, "plot": PLOT,
+    "room": ROOM, "avenue": AVENUE, "terrain": TERRAIN, "forest": FOREST, "plot": PLOT,
 }  # fmt: skip
 SCANS: dict[str, Scan] = {**gppcs.scans.SCANS, **OBJECTS}
 

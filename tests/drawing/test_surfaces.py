@@ -38,10 +38,10 @@ def test_the_original_tells_how_the_points_are_joined():
 
 
 def test_wires_are_no_band():
-    street = sample("street", n_points=40_000)
-    kept = gppcs.simplify(street, n_points=2000)
+    avenue = sample("avenue", n_points=40_000)
+    kept = gppcs.simplify(avenue, n_points=2000)
     wires = kept.points[kept.cloud.attributes["classification"] == 14].tolist()
-    surface = surface_through(kept.cloud, street)
+    surface = surface_through(kept.cloud, avenue)
     on_wire = np.array([vertex in wires for vertex in surface.mesh.vertices.tolist()])
     assert on_wire[surface.mesh.faces].all(axis=1).sum() < 0.5 * len(wires)
 

@@ -32,8 +32,11 @@ def test_memory_that_the_system_does_not_tell_is_unknown(tmp_path, monkeypatch):
     def missing(*_):
         raise FileNotFoundError("/proc/meminfo")
 
+    def unknown(*_):
+        raise psutil.NoSuchProcess(1)
+
     monkeypatch.setattr(psutil, "virtual_memory", missing)
-    monkeypatch.setattr(psutil, "Process", missing)
+    monkeypatch.setattr(psutil, "Process", unknown)
     monkeypatch.setattr(memory, "STATUS", tmp_path / "none")
     monkeypatch.setattr(memory, "control_groups", lambda controller, root: iter(()))
     assert memory.available_memory() is None

@@ -25,7 +25,7 @@ SAMPLES = {
     "sphere": {"noise": 0.003},
     "plate": {},
     "room": {},
-    "street": {},
+    "avenue": {},
     "forest": {},
     "terrain": {"outliers": 0.02},
 }

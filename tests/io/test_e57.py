@@ -136,14 +136,16 @@ def test_the_numbers_of_a_pose_are_taken_by_name(by_libe57):
     pose = {"rotation": dict(zip("xyzw", np.sort(TURN), strict=True)), "translation": {"z": 30.0, "y": 20.0, "x": 10.0}}
     fields = {f"cartesian{axis}": ("FloatNode", (), POINTS[:, i].copy()) for i, axis in enumerate("XYZ")}
     moved = np.stack([10 - POINTS[:, 1], 20 + POINTS[:, 0], 30 + POINTS[:, 2]], axis=1)
-    assert np.allclose(read(by_libe57(fields, **pose)).points, moved, rtol=1e-15)
+    path = by_libe57(fields, **pose)
+    assert np.allclose(read(path).points, moved, rtol=1e-15)
+    assert load(path)[-1] == ["names and poses of scans (1)"]
 
 
 def test_invalid_points_are_left_out_with_a_word(by_pye57):
-    path = by_pye57((raw(POINTS, cartesianInvalidState=np.array([0, 2, 1], np.int8)), {}))
+    path = by_pye57((raw(POINTS, cartesianInvalidState=np.array([0, 2, 1], np.int8)), {"name": "Küche"}))
     assert np.array_equal(read(path).points, POINTS[:1])
     assert read(path).attributes == {}
-    assert load(path)[-1] == ["points without a valid position (2)"]
+    assert load(path)[-1] == ["points without a valid position (2)", "names and poses of scans (1)"]
 
 
 @pytest.mark.parametrize("single", [False, True])

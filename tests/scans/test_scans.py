@@ -43,7 +43,7 @@ def test_a_scan_has_its_attributes_and_its_box(name):
     assert {key: values.dtype.name for key, values in cloud.attributes.items()} == {
         **dict.fromkeys(("nx", "ny", "nz", "curvature"), "float32"),
         **dict.fromkeys(("red", "green", "blue"), "uint8"),
-        **({"intensity": "uint16", "marking": "uint8"} if name == "road" else {}),
+        **({"intensity": "uint16", "marking": "uint8"} if name == "street" else {}),
         **({"classification": "uint8"} if name == "village" else {}),
     }
     assert cloud.coordinate_dtype == np.float32

@@ -12,7 +12,7 @@ def peak_memory() -> int | None:
     """Return the peak resident memory of this process, where the system tells it."""
     with suppress(OSError, IndexError):  # preferred to getrusage, which includes the peak of the parent process
         return int(STATUS.read_text().split("VmHWM:")[1].split()[0]) * 1024
-    with suppress(OSError, RuntimeError):  # without /proc
+    with suppress(Exception):  # without /proc, psutil raises errors of its own
         import psutil
 
         return getattr(psutil.Process().memory_info(), "peak_wset", None)  # on Windows

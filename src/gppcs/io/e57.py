@@ -41,6 +41,7 @@ _ATTRIBUTES = {
     "rowIndex": "row",
     "columnIndex": "column",
 }
+_NO_POSE = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 _FINE = 1 / 257  # Scale of colours of 16 bits: other programs read them as numbers from 0 to 255.
 _TYPES = [np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")]
 
@@ -106,7 +107,8 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
-    skipped += [f"names and poses of scans ({len(scans):,})"] if len(scans) > 1 else []
+    described = [scan for scan in scans if scan.node.isDefined("name") or _pose(scan) != _NO_POSE]
+    skipped += [f"names and poses of scans ({len(described):,})"] if described else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped
 
@@ -188,17 +190,22 @@ def _buffers(image: Any, types: Mapping[str, np.dtype[Any]], n: int) -> tuple[di
     return arrays, buffers
 
 
+def _pose(scan: Any) -> list[float]:
+    """Return how a scan is turned, a quaternion, and where it stands."""
+    # pye57's own properties take the numbers in the order of the file.
+    names = [*(f"pose/rotation/{axis}" for axis in "wxyz"), *(f"pose/translation/{axis}" for axis in "xyz")]
+    return [scan[name].value() if scan.node.isDefined(name) else float(name.endswith("w")) for name in names]
+
+
 def _moved(scan: Any, columns: list[Column], are_spherical: bool) -> list[Column]:
     """Return coordinates moved by the pose of a scan, in their own type if it has none."""
     pye57 = require_pye57()
     if are_spherical:
         columns = list(pye57.utils.convert_spherical_to_cartesian(np.stack(columns, axis=1, dtype=np.float64)).T)
-    # pye57's own properties take the numbers in the order of the file.
-    names = [*(f"pose/rotation/{axis}" for axis in "wxyz"), *(f"pose/translation/{axis}" for axis in "xyz")]
-    pose = [scan[name].value() if scan.node.isDefined(name) else float(name.endswith("w")) for name in names]
+    pose = _pose(scan)
     if not (np.isfinite(pose).all() and any(pose[:4])):
         raise FileFormatError(f"expected a pose of finite numbers, found {pose}")
-    if pose == [1, 0, 0, 0, 0, 0, 0]:
+    if pose == _NO_POSE:
         return columns
     return list(pye57.E57.to_global(np.stack(columns, axis=1), np.array(pose[:4]), np.array(pose[4:])).T)
 

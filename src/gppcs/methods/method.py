@@ -240,7 +240,7 @@ def selected(method: Method, task: Task) -> Selection:
     import numpy as np
 
     selection, n = method(task), len(task.points)
-    indices = np.asarray(getattr(selection, "indices", ()))
+    indices = np.atleast_1d(getattr(selection, "indices", ()))
     are_indices = indices.ndim == 1 and indices.dtype.kind in "iu" and bool(((indices >= 0) & (indices < n)).all())
     is_chosen = np.zeros(n, dtype=np.bool_)
     is_chosen[indices if are_indices else []] = True

@@ -8,13 +8,13 @@ from gppcs.errors import ParameterError, nearest_name, number, shown, whole_numb
 from gppcs.scans.bracket import BRACKET
 from gppcs.scans.fan import FAN
 from gppcs.scans.medallion import MEDALLION
-from gppcs.scans.painted import FRESCO, ROAD
+from gppcs.scans.painted import FRESCO, STREET
 from gppcs.scans.patch import Scan, zone
 from gppcs.scans.village import VILLAGE
 
 SPHERE = Scan((zone(50.0, 0.0, (-1.0, 1.0), (-np.pi, np.pi), (120, 160, 190)),), ((-50.0,) * 3, (50.0,) * 3))
 SCANS = {
-    "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE, "fresco": FRESCO, "road": ROAD,
+    "medallion": MEDALLION, "bracket": BRACKET, "fan": FAN, "sphere": SPHERE, "fresco": FRESCO, "street": STREET,
     "village": VILLAGE,
 }  # fmt: skip
 
@@ -25,13 +25,13 @@ def sample(
     """Return a synthetic scan, whose surface is known exactly.
 
     "medallion", "bracket", "fan" and "sphere" are about 100 mm large. The detail of two others is no shape: "fresco" is
-    a wall of 4 m with a picture, "road" 20 m of a road with markings. "village" is 120 m of hills with houses, trees
-    and a power line. Points are random on the surface, in random order.
+    a wall of 4 m with a picture, "street" 20 m of a street with markings. "village" is 120 m of hills with houses,
+    trees and a power line. Points are random on the surface, in random order.
 
     Parameters
     ----------
     name : str
-        "medallion", "bracket", "fan", "sphere", "fresco", "road" or "village".
+        "medallion", "bracket", "fan", "sphere", "fresco", "street" or "village".
     n_points : int
         Number of points, outliers included; at least 1.
     noise : float
@@ -51,7 +51,7 @@ def sample(
         Points in millimetres, of the village in metres, exact in float32, with these attributes: `nx`, `ny`, `nz`, the
         unit normal (float32), which points outward; `curvature`, the mean curvature (float32), positive where the
         surface bulges outward: 1/r on a sphere of radius r; `red`, `green`, `blue` (uint8); and, if there are outliers,
-        `outlier` (uint8, 0 or 1). The road has noisy `intensity` (uint16), and `marking` (uint8, 0 or 1). The village
+        `outlier` (uint8, 0 or 1). The street has noisy `intensity` (uint16), and `marking` (uint8, 0 or 1). The village
         has `classification`, the code of the LAS specification (uint8): 2 ground, 5 high vegetation, 6 building, 7
         outlier, 14 wire and 15 pylon. A noisy point keeps the normal and the curvature of its place on the surface.
         Both are zero for outliers.

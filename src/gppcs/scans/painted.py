@@ -1,4 +1,4 @@
-"""Painted samples, whose detail is colour or intensity, not shape: a wall with a fresco, and a road; in mm."""
+"""Painted samples, whose detail is colour or intensity, not shape: a wall with a fresco, and a street; in mm."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from gppcs.scans.jets import Jet
 from gppcs.scans.patch import Attributes, Patch, Scan
 
 WIDE, HIGH, RELIEF = 4000.0, 3000.0, 4.0  # the wall, and its unevenness
-LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the road, and its slope to both sides
+LONG, ACROSS, CAMBER = 20_000.0, 8_000.0, 0.025  # the street, and its slope to both sides
 BARE, MARKED = 60.0, 180.0  # intensity of asphalt and of its markings
 
 
@@ -51,7 +51,7 @@ def _fresco(points: Floats, rng: np.random.Generator) -> Attributes:
 
 
 def _marked(points: Floats, rng: np.random.Generator) -> Attributes:
-    """Mark the road: lines along the edges, a broken line in the middle and a crossing; noisy intensity."""
+    """Mark the street: lines along the edges, a broken line in the middle and a crossing; noisy intensity."""
     x, y = points[:, 0] / 1000.0, points[:, 1] / 1000.0
     lines = (np.abs(np.abs(y) - 3.5) < 0.08) | ((np.abs(y) < 0.08) & (x % 4.0 < 2.0))
     crossing = (np.abs(x - 14.0) < 1.5) & (y % 1.0 < 0.5)
@@ -73,7 +73,7 @@ FRESCO = Scan(
     ((0.0, -RELIEF, 0.0), (WIDE, RELIEF, HIGH)),
     _fresco,
 )
-ROAD = Scan(
+STREET = Scan(
     (Patch(_cambered, (0.0, LONG), (-ACROSS / 2.0, ACROSS / 2.0), 1.001, (70, 70, 72)),),
     ((0.0, -ACROSS / 2.0, -CAMBER * ACROSS / 4.0 - 40.0), (LONG, ACROSS / 2.0, 40.0)),
     _marked,

@@ -78,11 +78,11 @@ def seen(node, browser, scan, kept, tmp_path_factory):
         ],
         [("command", f"gppcs report {MARKUP}")],
     )
-    street = sample("street", n_points=30_000)
-    scene = PointCloud(street.points, {**street.attributes, "height": street.points[:, 2]})
+    avenue = sample("avenue", n_points=30_000)
+    scene = PointCloud(avenue.points, {**avenue.attributes, "height": avenue.points[:, 2]})
     folder = tmp_path_factory.mktemp("page")
     paths = folder / "report.html", folder / "view.html"
-    for path, each in zip(paths, (page, view_page([Named("street.ply", scene)], [])), strict=True):
+    for path, each in zip(paths, (page, view_page([Named("avenue.ply", scene)], [])), strict=True):
         with open(path, "wb") as file:
             file.write(each.content())
     run = subprocess.run([node, VIEWER / "drive.mjs", browser, *paths], capture_output=True, text=True, check=False)
@@ -256,7 +256,7 @@ class TestInTheBrowser:
 
     def test_a_picture_is_saved_with_its_legend(self, seen):
         saved = seen["saved"]
-        assert saved["name"] == "street.ply.png"
+        assert saved["name"] == "avenue.ply.png"
         image = pytest.importorskip("matplotlib.image").imread(io.BytesIO(base64.b64decode(saved["png"])), format="png")
         width, height = map(round, saved["canvas"])
         assert image.shape[1] == width

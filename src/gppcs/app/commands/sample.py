@@ -9,7 +9,7 @@ from gppcs.app.options import option
 from gppcs.app.printing import emit, note_left_out, say, started
 
 EPILOG = "gppcs sample fan -o fan.ply --points 50k --noise 0.002"
-NAMES = ("medallion", "bracket", "fan", "sphere", "fresco", "road", "village")
+NAMES = ("medallion", "bracket", "fan", "sphere", "fresco", "street", "village")
 
 
 def sample(

@@ -1,4 +1,4 @@
-"""The street: a car with a turning LiDAR of 32 lasers drives between façades, trees, poles, wires and parked cars."""
+"""The avenue: a car with a turning LiDAR of 32 lasers drives between façades, trees, poles, wires and parked cars."""
 
 from itertools import pairwise
 
@@ -151,4 +151,4 @@ def _rays(grid: tuple[int, ...], numbers: Ints) -> Rays:
     return Rays(origins.T, np.array([*around, np.sin(elevation)]).T)
 
 
-STREET = Scene((*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()), _grid, _rays, with_noise(0.02))
+AVENUE = Scene((*_ground(), *_houses(), *_trees(), *_cars(), *_cables(), *_furniture()), _grid, _rays, with_noise(0.02))
