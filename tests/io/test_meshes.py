@@ -223,6 +223,22 @@ def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(file_of):
         read(file_of(".glb", trimesh.Scene(trimesh.PointCloud(ball.vertices)).export(file_type="glb")))
 
 
+@pytest.mark.parametrize("dtype", ["<u2", "<f4"])
+def test_linear_colours_of_gltf_are_read_as_srgb(file_of, dtype):
+    description, numbers = triangle()
+    light = np.array([[0, 0.318547, 1, 1], [0.001518, 0.050876, 0.603827, 0.5], [0.5, 0.5, 0.5, 0]])
+    colours = light.astype(dtype) if dtype == "<f4" else np.round(65535 * light).astype(dtype)
+    kind = {"componentType": 5126} if dtype == "<f4" else {"componentType": 5123, "normalized": True}
+    description["accessors"].append({"bufferView": 1, "count": 3, "type": "VEC4"} | kind)
+    description["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 1
+    description["bufferViews"].append({"buffer": 0, "byteOffset": 36, "byteLength": colours.nbytes})
+    description["buffers"][0]["byteLength"] += colours.nbytes
+    found = read(file_of(".glb", glb(description, numbers + colours.tobytes())))
+    srgb = [[0, 0.6, 1, 1], [0.019608, 0.25, 0.8, 0.5], [0.735357, 0.735357, 0.735357, 0]]  # by IEC 61966-2-1
+    columns = [found.attributes[name] for name in ("red", "green", "blue", "alpha")]
+    assert np.array_equal(np.transpose(columns), np.round(255 * np.array(srgb)))
+
+
 def test_normals_of_stl_that_are_no_numbers_print_nothing(file_of, capfd):
     read(file_of(".stl", text_stl().replace("normal 0", "normal q")))
     assert capfd.readouterr() == ("", "")
