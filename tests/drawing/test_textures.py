@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 import gppcs
+from gppcs.clouds.colours import linear
 from gppcs.clouds.columns import COLOUR
 from gppcs.drawing.camera import Camera, Viewpoint
 from gppcs.drawing.mesh_images import rasterised
@@ -66,9 +67,11 @@ def test_trimesh_sees_the_colours_and_gltf_is_in_metres(tmp_path, result, textur
     gppcs.write_mesh(path, result.mesh, result.cloud, texture=texture if textured else None, unit="mm")
     mesh = trimesh.load_scene(path, process=False, skip_materials=not textured).to_mesh()
     assert mesh.extents == pytest.approx(np.ptp(result.mesh.vertices, axis=0)[[0, 2, 1]] / 1000, rel=1e-6)
-    seen = mesh.visual.to_color().vertex_colors[:, :3].astype(float) if textured else mesh.visual.vertex_colors[:, :3]
-    indices = texture.indices if textured else np.arange(len(result.mesh.vertices))
-    assert np.abs(seen - colours_of(result.cloud)[indices]).mean() < (8 if textured else 1e-9)
+    visual, indices = mesh.visual, np.arange(len(result.mesh.vertices))
+    expected = 255 * linear(colours_of(result.cloud) / 255)
+    if textured:
+        visual, indices, expected = visual.to_color(), texture.indices, colours_of(result.cloud)[texture.indices]
+    assert np.abs(visual.vertex_colors[:, :3] - expected).mean() < (8 if textured else 0.5)
     read = gppcs.read_mesh(path)
     assert read.vertices == pytest.approx(result.mesh.vertices[indices], abs=1e-3)
     data = path.read_bytes()

@@ -9,6 +9,7 @@ import trimesh
 
 import gppcs
 from formats import glb, parts_of_glb
+from gppcs.clouds.colours import linear
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -65,7 +66,8 @@ def test_gltf_is_what_trimesh_reads_and_writes(tmp_path, mesh, vertices):
     scene = trimesh.load_scene(path, process=False, skip_materials=True)
     (read,) = scene.geometry.values()
     assert np.array_equal(read.faces, FACES)
-    assert np.array_equal(read.visual.vertex_colors[:, :3], np.column_stack(list(COLOURS.values())))
+    light = linear(np.column_stack(list(COLOURS.values())) / 255)  # as three.js and Blender expect it
+    assert np.array_equal(read.visual.vertex_colors[:, :3], np.round(255 * light))
     assert scene.to_mesh().vertices == pytest.approx(CORNERS @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]], abs=1e-7)  # y is up
     scene.apply_translation(np.array([500_000.1, 0, -4_100_000.2]))
     scene.export(tmp_path / "moved.glb")

@@ -165,28 +165,31 @@ def test_what_a_gltf_file_has_beside_vertices_and_faces_is_named(file_of):
         assert files.skipped() == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]
 
 
+def triangle(**accessor):
+    """Return the description of a glTF triangle and its coordinates, float32."""
+    return {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"} | accessor],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36}],
+    }, TRIANGLES[0].astype("<f4").tobytes()
+
+
 def test_vertices_of_gltf_that_trimesh_would_make_up_are_refused(file_of):
-    accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}
+    def read_triangle(accessor=(), **more):
+        description, numbers = triangle(**dict(accessor))
+        return read(file_of(".glb", glb(json.dumps(description | more).encode(), numbers)))
 
-    def triangle(changes=(), **more):
-        description = {
-            "asset": {"version": "2.0"},
-            "scenes": [{"nodes": [0]}],
-            "nodes": [{"mesh": 0}],
-            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-            "accessors": [accessor | dict(changes)],
-            "bufferViews": [{"buffer": 0, "byteLength": 36}],
-            "buffers": [{"byteLength": 36}],
-        }
-        return file_of(".glb", glb(json.dumps(description | more).encode(), TRIANGLES[0].astype("<f4").tobytes()))
-
-    assert read(triangle()).points.tolist() == [[0, 0, 1], [1, 0, 0], [0, 2, 0]]
-    assert len(read(triangle(extensionsRequired=["KHR_texture_transform"]))) == 3  # which says nothing of vertices
+    assert read_triangle().points.tolist() == [[0, 0, 1], [1, 0, 0], [0, 2, 0]]
+    assert len(read_triangle(extensionsRequired=["KHR_texture_transform"])) == 3  # which says nothing of vertices
     with pytest.raises(FileFormatError, match="without KHR_draco_mesh_compression"):
-        read(triangle(extensionsRequired=["KHR_draco_mesh_compression"]))
-    for changes in ({"sparse": {"count": 1}}, {"normalized": True, "componentType": 5122}):
+        read_triangle(extensionsRequired=["KHR_draco_mesh_compression"])
+    for accessor in ({"sparse": {"count": 1}}, {"normalized": True, "componentType": 5122}):
         with pytest.raises(FileFormatError, match="sparse or normalized"):
-            read(triangle(changes))
+            read_triangle(accessor)
     with pytest.raises(FileFormatError, match="version 2 of glTF, found 1"):
         read(file_of(".glb", b"glTF" + struct.pack("<5I", 1, 20, 0, 0, 0)))
 
@@ -202,6 +205,22 @@ def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(file_of):
     assert np.array_equal(np.transpose(colours), ball.visual.vertex_colors)
     with pytest.raises(FileFormatError, match="found points, lines or fans alone"):
         read(file_of(".glb", trimesh.Scene(trimesh.PointCloud(ball.vertices)).export(file_type="glb")))
+
+
+@pytest.mark.parametrize("dtype", ["<u2", "<f4"])
+def test_linear_colours_of_gltf_are_read_as_srgb(file_of, dtype):
+    description, numbers = triangle()
+    light = np.array([[0, 0.318547, 1, 1], [0.001518, 0.050876, 0.603827, 0.5], [0.5, 0.5, 0.5, 0]])
+    colours = light.astype(dtype) if dtype == "<f4" else np.round(65535 * light).astype(dtype)
+    kind = {"componentType": 5126} if dtype == "<f4" else {"componentType": 5123, "normalized": True}
+    description["accessors"].append({"bufferView": 1, "count": 3, "type": "VEC4"} | kind)
+    description["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 1
+    description["bufferViews"].append({"buffer": 0, "byteOffset": 36, "byteLength": colours.nbytes})
+    description["buffers"][0]["byteLength"] += colours.nbytes
+    found = read(file_of(".glb", glb(json.dumps(description).encode(), numbers + colours.tobytes())))
+    srgb = [[0, 0.6, 1, 1], [0.019608, 0.25, 0.8, 0.5], [0.735357, 0.735357, 0.735357, 0]]  # by IEC 61966-2-1
+    columns = [found.attributes[name] for name in ("red", "green", "blue", "alpha")]
+    assert np.array_equal(np.transpose(columns), np.round(255 * np.array(srgb)))
 
 
 def test_normals_of_stl_that_are_no_numbers_print_nothing(file_of, capfd):

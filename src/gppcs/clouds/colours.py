@@ -44,8 +44,17 @@ def _from_0_to_255(colours: NDArray[Any], full: float | None = None) -> NDArray[
     return np.nan_to_num(colours.astype(np.float64)) * (255.0 / (full or full_scale(colours)))
 
 
+def linear(colours: NDArray[Any]) -> NDArray[Any]:
+    """Return sRGB colours from 0 to 1 as shares of light (IEC 61966-2-1)."""
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+
+
+def from_linear(light: NDArray[Any]) -> NDArray[Any]:
+    """Return shares of light as sRGB colours from 0 to 1: the inverse of `linear`."""
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+
+
 def oklab(colours: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return sRGB colours, (N, 3) from 0 to 1, in OKLab (Ottosson 2020), where equal distances look about equal."""
-    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-    lab: NDArray[np.float32] = np.cbrt(linear @ TO_CONES.T) @ TO_LAB.T
+    lab: NDArray[np.float32] = np.cbrt(linear(colours) @ TO_CONES.T) @ TO_LAB.T
     return lab

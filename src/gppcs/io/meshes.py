@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.colours import eight_bits, fit_eight_bits, full_scale
+from gppcs.clouds.colours import eight_bits, fit_eight_bits, from_linear, full_scale, linear
 from gppcs.clouds.columns import COLOUR, Column
 from gppcs.clouds.mesh import Texture
 from gppcs.errors import FileFormatError, number, shown
@@ -32,6 +32,8 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else it prints
 
 GENERATOR = "gppcs"  # of glTF files whose node turns y up
 METRES = "metresPerUnit"  # of the axes of the file from which it was made
+BYTES = 5121  # type of colours of glTF that count as sRGB, as many programs write them; others are linear, as specified
+LIGHT = "_LIGHT0"  # replaces COLOR_0, of which trimesh reads and writes but bytes
 Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 NO_FACES = np.empty((0, 3), dtype=np.int64)
 Faces = NDArray[np.int64]
@@ -160,14 +162,20 @@ def open_gltf(file: BufferedReader) -> Reader:
         raise FileFormatError(f"expected version 2 of glTF, found {version}; export the file in that version")
     # It checks little of a damaged file, and infinite coordinates are found later.
     with reported("trimesh", "a whole glTF file"), np.errstate(all="ignore"):
-        description = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])  # the first chunk
-        counts = [accessor["count"] for accessor in description.get("accessors", [])]
+        end = 20 + int.from_bytes(data[12:16], "little")  # of the first chunk
+        description = json.loads(data[20:end])
+        accessors = description.get("accessors", [])
+        counts = [accessor["count"] for accessor in accessors]
         if max(counts, default=0) > len(data):
             raise FileFormatError(f"expected at most {len(data):,} numbers in a file of so many bytes, found more")
         primitives = [item for part in description.get("meshes", []) for item in part["primitives"]]
         _check_gltf(description, primitives)
         if not description.get("scenes"):
             raise FileFormatError("expected a scene in the glTF file, found none; export one with its objects")
+        coloured = [item["attributes"]["COLOR_0"] for item in primitives if "COLOR_0" in item["attributes"]]
+        types = {accessors[colours]["componentType"] for colours in coloured}
+        if len(types) == 1 and types != {BYTES}:
+            data = data[:20] + data[20:end].replace(b'"COLOR_0"', f'"{LIGHT}"'.encode()) + data[end:]
         # Without a resolver, no other file is read.
         scene = trimesh.load_scene(BytesIO(data), file_type="glb", process=False, skip_materials=True)
         repeated = sum(len(scene.geometry[scene.graph[node][1]].vertices) for node in scene.graph.nodes_geometry)
@@ -180,17 +188,27 @@ def open_gltf(file: BufferedReader) -> Reader:
         faces = np.asarray(mesh.faces, np.int64)
         if not len(faces) or faces.min() < 0 or faces.max() >= len(points):
             raise FileFormatError(f"expected triangles of {len(points):,} vertices, found none or others")
-        colours = mesh.visual.vertex_colors.T if mesh.visual.kind == "vertex" else np.empty((0, 0))
+        colours = _colours_in(mesh)
         names = (*COLOUR, "alpha") if (colours[3:] != 255).any() else COLOUR  # trimesh adds alpha where there is none
         attributes = dict(zip(names, map(np.ascontiguousarray, colours), strict=False))
         stored = {name for item in primitives for name in item["attributes"]}
-        skipped = [f"attribute {name}" for name in sorted(stored - {"POSITION", "COLOR_0"})]
+        used = {"POSITION", "COLOR_0"} if attributes else {"POSITION"}
+        skipped = [f"attribute {name}" for name in sorted(stored - used)]
         n_others = sum(item.get("mode", 4) not in _TRIANGLES for item in primitives)
         skipped += [f"points, lines or fans ({n_others:,})"] if n_others else []
         skipped += [f"textures ({len(textures):,})"] if (textures := description.get("textures")) else []
         is_single = np.array_equal(points, points.astype(np.float32))  # unless the scene moves them
     cloud = PointCloud(points, attributes, np.dtype(np.float32 if is_single else np.float64))
     return _reader(cloud, len(faces), lambda: faces, skipped)
+
+
+def _colours_in(mesh: Any) -> NDArray[np.uint8]:
+    """Return the colours of a mesh of trimesh as bytes of sRGB, (3 or 4, V), or nothing."""
+    light = mesh.vertex_attributes.get(LIGHT)
+    if light is None:
+        return mesh.visual.vertex_colors.T if mesh.visual.kind == "vertex" else np.empty((0, 0), np.uint8)
+    shares = np.clip(light / (1.0 if light.dtype.kind == "f" else np.iinfo(light.dtype).max), 0.0, 1.0)
+    return eight_bits(np.hstack([from_linear(shares[:, :3]), shares[:, 3:]]), 1.0).T
 
 
 def _metres_of(extras: Any) -> NDArray[np.float64]:
@@ -259,28 +277,30 @@ def write_gltf(
     is_open = not trimesh.Trimesh(cloud.points, faces).is_watertight  # seams joined
     # Without a material, viewers draw metal of one side.
     material = visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=0.8, doubleSided=is_open)
-    shown = visual.TextureVisuals(material=material)
+    shown, light = visual.TextureVisuals(material=material), dict[str, Any]()
     if texture is not None:
         from PIL import Image
 
         material.baseColorTexture = Image.fromarray(texture.image)
         shown.uv = texture.uv * (1.0, -1.0) + (0.0, 1.0)
     elif (colours := colours_of(cloud)) is not None:
-        shown.vertex_attributes["color"] = visual.color.to_rgba(colours)
+        light[LIGHT] = np.hstack([linear(colours[:, :3] / 255), colours[:, 3:] / 255])
 
     def complete(tree: dict[str, Any]) -> None:
         tree["asset"]["generator"] = GENERATOR
         if metres is not None:
             tree["asset"]["extras"] = {METRES: scales.tolist()}
         (primitive,) = tree["meshes"][0]["primitives"]
+        if light:
+            primitive["attributes"]["COLOR_0"] = primitive["attributes"].pop(LIGHT)
         targets = dict.fromkeys(primitive["attributes"].values(), 34962) | {primitive["indices"]: 34963}
         for accessor, target in targets.items():
             tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
 
     normals, scene = cloud.normals(), trimesh.Scene()
-    mesh = trimesh.Trimesh(cloud.points - origin, faces, vertex_normals=normals, visual=shown, process=False)
+    vertices = {"vertices": cloud.points - origin, "vertex_normals": normals, "vertex_attributes": light}
     to_place = np.block([[np.diag(scales), (scales * origin)[:, None]], [0.0, 0.0, 0.0, 1.0]])
-    scene.add_geometry(mesh, transform=Y_UP @ to_place)
+    scene.add_geometry(trimesh.Trimesh(faces=faces, visual=shown, process=False, **vertices), transform=Y_UP @ to_place)
     content: Any = scene.export(file_type="glb", include_normals=normals is not None, tree_postprocessor=complete)
     file.write(content)
 
