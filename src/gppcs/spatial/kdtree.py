@@ -128,7 +128,7 @@ def least_of_nodes(values: Floats, leaves: int) -> Floats:
     least[leaves:] = np.minimum.reduceat(values, len(values) * np.arange(leaves) // leaves)
     while leaves > 1:
         leaves //= 2
-        least[leaves : 2 * leaves] = np.minimum(least[2 * leaves : 4 * leaves : 2], least[2 * leaves + 1 : 4 * leaves : 2])
+        least[leaves : 2 * leaves] = np.minimum(*least[2 * leaves : 4 * leaves].reshape(-1, 2).T)
     return least
 
 

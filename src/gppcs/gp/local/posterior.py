@@ -192,7 +192,7 @@ def _condition_leaf(field, lower, upper, chosen, leaf, squared, near, side, cond
     begin, end = leaf_range(len(field.y), first_leaf(lower), leaf)
     _take_up(field, begin, end, side)
     while True:
-        count = _find_chosen(chosen, lower[leaf], upper[leaf], squared, side.points[6], near)
+        count = _find_chosen(chosen, lower[leaf], upper[leaf], squared, side.points, near)
         needed = _keep_nearest_side_by_side(field, chosen, near[:count], side)
         if needed <= squared or count == len(chosen.indices):
             break
@@ -205,16 +205,18 @@ def _condition_leaf(field, lower, upper, chosen, leaf, squared, near, side, cond
 
 
 @kernel(fastmath=False, allocates=False)
-def _find_chosen(chosen, box_lower, box_upper, squared, spacings, near):
+def _find_chosen(chosen, box_lower, box_upper, squared, points, near):
     """Fill `near` with the chosen points that may be within a squared range of points in a box; return their number.
 
-    At a distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). Shapes: spacings (n,).
+    At a distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). Shapes: points (7 + k, n).
     """
     lowest, highest = (box_lower[0], box_lower[1], box_lower[2]), (box_upper[0], box_upper[1], box_upper[2])
     n, leaves = chosen.points.shape[1], first_leaf(chosen.lower)
-    node, count, widest = 1, 0, spacings.max() ** 2
+    node, count, widest = 1, 0, 0.0
+    for p in range(points.shape[1]):
+        widest = max(widest, points[6, p])
     while node:
-        reach = 0.5 * squared * (widest + chosen.widest[node])
+        reach = 0.5 * squared * (widest**2 + chosen.widest[node])
         if squared_distance_of_boxes(chosen.lower[node], chosen.upper[node], box_lower, box_upper) <= reach:
             if node < leaves:
                 node *= 2
@@ -276,4 +278,7 @@ def _keep_nearest_side_by_side(field, chosen, near, side):
                 nearer = gap < squared
                 side.squared[rank, p], side.gaps[p] = gap if nearer else squared, squared if nearer else gap
                 side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
-    return side.squared[neighbours - 1].max()
+    needed = 0.0
+    for p in range(LEAF_SIZE):
+        needed = max(needed, side.squared[neighbours - 1, p])
+    return needed
