@@ -325,5 +325,5 @@ def _gap(field, i, j):
     return of_detail + field_distance(
         positions[0, i] - positions[0, j], positions[1, i] - positions[1, j], positions[2, i] - positions[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
-        field.spacings[i], field.spacings[j], field.normal_weight,
+        1.0 / (field.spacings[i] ** 2 + field.spacings[j] ** 2), field.normal_weight,
     )  # fmt: skip

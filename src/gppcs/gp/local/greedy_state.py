@@ -97,7 +97,7 @@ def condition_on(new, root, computed, field, state, workspace, count):
             cosine = field.normals[0, i] * u + field.normals[1, i] * v + field.normals[2, i] * w
             workspace.gaps[i - begin] = field_distance(
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
-                field.spacings[i], spacing, field.normal_weight,
+                1.0 / (field.spacings[i] ** 2 + spacing**2), field.normal_weight,
             )  # fmt: skip
         for c in range(len(field.detail)):  # Eq. (18), in loops that vectorise
             for i in range(begin, end):

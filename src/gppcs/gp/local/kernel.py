@@ -4,6 +4,7 @@ The nonstationary form is that of Paciorek and Schervish (2004). The paper trunc
 This one has full rank, and its lengthscale is about the target spacing.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from gppcs.engine.kernels import kernel
 
 LANES, STEP = 32, 8  # Points that are computed side by side at most; their number is rounded up to whole steps.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
+EXPONENTIAL = tuple((-1 / 64) ** n / math.factorial(n) for n in range(10, -1, -1))  # Taylor's, of exp(-t / 64)
 
 
 class LocalField(NamedTuple):
@@ -29,10 +31,10 @@ class LocalField(NamedTuple):
 
 
 @kernel(fastmath=False, allocates=False)
-def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
-    """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2)."""
+def field_distance(dx, dy, dz, cosine, by_squares, normal_weight):
+    """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2) (Eq. (5)), by 1 / (s^2 + s'^2)."""
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
-    return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
+    return (dx * dx + dy * dy + dz * dz) * (2.0 * by_squares) + across
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
@@ -49,14 +51,15 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
             out[p] += (sites[a, c, p] - sites[b, c, p]) ** 2
     for p in range(lanes):
         s, r = sites[a, 6, p], sites[b, 6, p]
+        by_squares = 1.0 / (s * s + r * r)
         squared = out[p] + field_distance(
             sites[a, 0, p] - sites[b, 0, p], sites[a, 1, p] - sites[b, 1, p], sites[a, 2, p] - sites[b, 2, p],
             sites[a, 3, p] * sites[b, 3, p] + sites[a, 4, p] * sites[b, 4, p] + sites[a, 5, p] * sites[b, 5, p],
-            s, r, normal_weight,
+            by_squares, normal_weight,
         )  # fmt: skip
         t = np.sqrt(5.0 * squared) / lengthscale
         e = _exponential(min(t, vanished))
-        even = 2.0 * s * r / (s * s + r * r)
+        even = 2.0 * s * r * by_squares
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
 
@@ -64,9 +67,9 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def _exponential(t):
     """Return exp(-t): the 64th power of the Taylor polynomial at -t / 64, with an error below 1e-14."""
-    e = 1.0
-    for power in range(10, 0, -1):
-        e = 1.0 + t / -64.0 * e * (1.0 / power)
+    e = EXPONENTIAL[0]
+    for power in range(1, len(EXPONENTIAL)):
+        e = e * t + EXPONENTIAL[power]
     for _ in range(6):
         e *= e
     return e
