@@ -30,6 +30,31 @@ LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 
 
+class _Layer(NamedTuple):
+    """The noise of dense points, and the fits that reach across it."""
+
+    sigma: float  # of each sheet if there are two; 0 if it is too small to count, or grows as detail does
+    fitted: int = ACROSS  # points of each fit
+    narrow: int = ACROSS  # points of fits that hardly see the other sheet of two
+    apart: float = 0.0  # distance of two sheets that fits see; 0 if there are none
+    spacing: float = 0.0  # distance of points
+
+    @property
+    def has_two_sheets(self) -> bool:
+        """Whether there are sheets that are farther apart than points."""
+        return self.apart > self.spacing
+
+    @property
+    def joined(self) -> float:
+        """Distance between two sheets that are taken for noise, as points are farther apart; 0 if there are none."""
+        return 0.0 if self.has_two_sheets or self.apart <= 0.25 * self.spacing else self.apart
+
+    def needs_more(self, denser: float) -> bool:
+        """Return whether so many times as many points would tell noisy sheets apart, or these average too few."""
+        is_near = self.spacing < self.apart * np.sqrt(denser) and self.apart < 3.0 * self.spacing
+        return is_near and (self.sigma > 0.0 or not self.has_two_sheets)
+
+
 @dataclass(frozen=True)
 class DensePoints:
     """Points of a cloud, in the order of their tree."""
@@ -75,21 +100,18 @@ class DensePoints:
             return dense and replace(dense, near_sheets=True)
         noise = layer.sigma
         own_sheets = (mixed and not layer.joined) or (near_sheets and noise > 0.0 and layer.has_two_sheets)
-        mixed = mixed or own_sheets
-        count = (JOINED_OF_SHEETS if mixed or times > 1 else JOINED_OF_NOISY if noise else JOINED) * n_vertices
+        if noise:
+            count = (JOINED if own_sheets else JOINED_OF_NOISY) * n_vertices
+        else:
+            count = (JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
         spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
+        on_surface = raw
         if not (noise and own_sheets):
             normals = normals_of(tree.in_own_order(), near, noise > 0.0, own_sheets, None if noise else spread)
-        on_surface = raw
         if noise:
-            for _ in range(2):
-                queries = KdTree.over(on_surface.T)
-                if own_sheets:
-                    feet = _on_own_sheets(tree, queries, layer.fitted, layer.narrow)
-                else:
-                    feet, _ = projections(tree, queries, layer.fitted)
-                on_surface = np.ascontiguousarray(feet.T)
+            feet = _on_own_sheets(tree, layer) if own_sheets else _feet(tree, tree.points, layer.fitted)
+            on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
             indices, raw, on_surface = indices[tree.order], raw[tree.order], on_surface[tree.order]
             near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
@@ -97,7 +119,7 @@ class DensePoints:
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed, layer.joined)
+        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed or own_sheets, layer.joined)
 
     @classmethod
     def _across_uneven(
@@ -167,11 +189,20 @@ def _mixes_sheets(tree: KdTree) -> bool:
     return bool(differ > max(MIXED, noise))
 
 
-def _on_own_sheets(tree: KdTree, queries: KdTree, wide: int, narrow: int) -> Floats:
+def _feet(tree: KdTree, points: Floats, neighbours: int) -> Floats:
+    """Return the projections, (3, m), of points in the order of a tree onto quadrics across its noise."""
+    for _ in range(2):
+        points, _ = projections(tree, KdTree.over(points), neighbours)
+    return points
+
+
+def _on_own_sheets(tree: KdTree, layer: _Layer) -> Floats:
     """Project points, each onto its own of two sheets; by narrower fits at rims, and where there is no second sheet."""
-    feet, fitted = projections(tree, queries, wide, LIKELY)
+    feet = tree.points
+    for _ in range(2):
+        feet, fitted = projections(tree, KdTree.over(feet), layer.fitted, LIKELY)
     others = fitted.kurtosis >= LIKELY
-    feet[:, others], _ = projections(tree, KdTree.over(queries.points[:, others]), narrow)
+    feet[:, others] = _feet(tree, tree.points[:, others], layer.narrow)
     return feet
 
 
@@ -180,31 +211,6 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     radii = np.sqrt(squared[:, -1])
     middle = (near.shape[1] - 1) // 2
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
-
-
-class _Layer(NamedTuple):
-    """The noise of dense points, and the fits that reach across it."""
-
-    sigma: float  # of each sheet if there are two; 0 if it is too small to count, or grows as detail does
-    fitted: int = ACROSS  # points of each fit
-    narrow: int = ACROSS  # points of fits that hardly see the other sheet of two
-    apart: float = 0.0  # distance of two sheets that fits see; 0 if there are none
-    spacing: float = 0.0  # distance of points
-
-    @property
-    def has_two_sheets(self) -> bool:
-        """Whether there are sheets that are farther apart than points."""
-        return self.apart > self.spacing
-
-    @property
-    def joined(self) -> float:
-        """Distance between two sheets that are taken for noise, as points are farther apart; 0 if there are none."""
-        return 0.0 if self.has_two_sheets or self.apart <= 0.25 * self.spacing else self.apart
-
-    def needs_more(self, denser: float) -> bool:
-        """Return whether so many times as many points would tell noisy sheets apart, or these average too few."""
-        is_near = self.spacing < self.apart * np.sqrt(denser) and self.apart < 3.0 * self.spacing
-        return is_near and (self.sigma > 0.0 or not self.has_two_sheets)
 
 
 def _noise(tree: KdTree) -> _Layer:
