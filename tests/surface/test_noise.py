@@ -78,13 +78,15 @@ def test_sheets_without_noise_have_none(name, n):
     assert noise.in_spacings < 0.03
 
 
-@pytest.mark.parametrize("level", [0.1, 0.3])
-def test_the_noise_of_two_sheets_is_that_of_each(level):
-    """In spacings; the wall is three of these thick. Noise of a fifth of the wall and more hides the two sheets."""
+@pytest.mark.parametrize(("level", "neighbours"), [(0.1, 60), (0.3, 60), (0.75, 240)])
+def test_the_noise_of_two_sheets_is_that_of_each(level, neighbours):
+    """In spacings; the wall is three of these thick. Noise thicker than a fourth of the wall hides the two sheets."""
     points, outward, area = plate(20_000, 3.0)
-    sigma = level * np.sqrt(area / len(points))
-    points = points + sigma * outward * np.random.default_rng(0).standard_normal((len(points), 1))
-    assert two_sheets(KdTree.build(points))[0] == pytest.approx(sigma, rel=0.25)
+    spacing = np.sqrt(area / len(points))
+    points = points + level * spacing * outward * np.random.default_rng(0).standard_normal((len(points), 1))
+    sheets = two_sheets(KdTree.build(points), neighbours)
+    assert sheets.noise == pytest.approx(level * spacing, rel=0.25)
+    assert sheets.apart == pytest.approx(3.0 * spacing, rel=0.1)
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.002, 0.02])

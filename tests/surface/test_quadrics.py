@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.spatial.kdtree import KdTree
-from gppcs.surface.quadrics import fit_quadrics
+from gppcs.surface.quadrics import TWO_PEAKS, fit_quadrics
 from shapes import rotation
 
 LATTICE = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2), axis=-1).reshape(-1, 2)
@@ -116,13 +116,32 @@ def test_a_fit_that_sees_two_sheets_is_that_of_the_own_one():
     upper = rng.random(4_000) < 0.5
     points = np.column_stack([x, y, 0.2 * x * x - 0.3 * x * y + 0.08 * upper])
     tree = KdTree.build(points)
-    own, both = (fit_quadrics(tree, tree, 60, sheets=sheets) for sheets in (True, False))
+    own, both = (fit_quadrics(tree, tree, 60, sheets=sheets) for sheets in (TWO_PEAKS, 0.0))
     inner = (np.abs(tree.points[:2]) < 0.8).all(axis=0)
     two = own.two_sheets & inner
     assert np.array_equal(own.take(np.flatnonzero(inner)).two_sheets, own.two_sheets[inner])
     assert two.sum() > 0.7 * inner.sum()
     assert np.quantile(np.abs(own.heights[two]), 0.99) < 0.004
     assert np.median(np.abs(both.heights[two])) == pytest.approx(0.04, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("heights", "between"),
+    [
+        (lambda rng, n: rng.random(n) < 0.5, 1.0),
+        (lambda rng, n: rng.random(n) < 0.35, 1.0),
+        (lambda rng, n: rng.random(n), 3 / 4),
+        (lambda rng, n: rng.standard_normal(n), 2 / np.pi),
+        (lambda rng, n: 4.0 * (rng.random(n) < 0.5) + rng.standard_normal(n), 0.813),
+    ],
+)
+def test_the_variance_between_two_classes_tells_sheets_from_noise(heights, between):
+    """Its values are those of two points, a uniform and a normal distribution, and of two normal ones."""
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-1.0, 1.0, (20_000, 2)), 1e-3 * heights(rng, 20_000)])
+    middle = KdTree.build(points[(np.abs(points[:, :2]) < 0.5).all(axis=1)])
+    fitted = fit_quadrics(KdTree.build(points), middle, 400, sheets=TWO_PEAKS)
+    assert np.median(fitted.between) == pytest.approx(between, abs=0.02)
 
 
 @given(

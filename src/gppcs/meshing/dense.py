@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.samples import even_sample
 from gppcs.spatial.spacing import nearest_distances
-from gppcs.surface.noise import SAMPLES, THICK, layer_of, projections, two_sheets
+from gppcs.surface.noise import FEWEST, SAMPLES, THICK, WIDE, layer_of, projections, two_sheets
 from gppcs.surface.normals import ACROSS, EDGES, NARROW, SHARP, normals_of, with_signs
 from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
 
@@ -25,7 +25,34 @@ JOINED_OF_SHEETS = 24  # where sheets are near each other
 JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
+ACROSS_SHEETS = 1 / 6  # thickness of noise, in radii, from which on fits would see another sheet four sigmas away
+LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy ones: noise alone has 3
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
+
+
+class _Layer(NamedTuple):
+    """The noise of dense points, and the fits that reach across it."""
+
+    sigma: float  # of each sheet if there are two; 0 if it is too small to count, or grows as detail does
+    fitted: int = ACROSS  # points of each fit
+    narrow: int = ACROSS  # points of fits that hardly see the other sheet of two
+    apart: float = 0.0  # distance of two sheets that fits see; 0 if there are none
+    spacing: float = 0.0  # distance of points
+
+    @property
+    def has_two_sheets(self) -> bool:
+        """Whether there are sheets that are farther apart than points."""
+        return self.apart > self.spacing
+
+    @property
+    def joined(self) -> float:
+        """Distance between two sheets that are taken for noise, as points are farther apart; 0 if there are none."""
+        return 0.0 if self.has_two_sheets or self.apart <= 0.25 * self.spacing else self.apart
+
+    def needs_more(self, denser: float) -> bool:
+        """Return whether so many times as many points would tell noisy sheets apart, or these average too few."""
+        is_near = self.spacing < self.apart * np.sqrt(denser) and self.apart < 3.0 * self.spacing
+        return is_near and (self.sigma > 0.0 or not self.has_two_sheets)
 
 
 @dataclass(frozen=True)
@@ -64,29 +91,35 @@ class DensePoints:
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
         mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
-        if mixed and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
-            finer = cls.from_points(points, n_vertices, chosen, times=2 * times)
-            return finer and replace(finer, near_sheets=True)
-        noise, fitted, joined_sheets = _thick_noise(tree) if thick else _noise(tree)
-        if thick and not noise:
+        layer = _thick_noise(tree) if thick else _noise(tree)
+        if thick and not layer.sigma:
             return None
-        count = (JOINED_OF_NOISY if noise else JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
+        finer = mixed or (near_sheets and layer.needs_more(len(points) / len(indices)))
+        if finer and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
+            dense = cls.from_points(points, n_vertices, chosen, times=2 * times)
+            return dense and replace(dense, near_sheets=True)
+        noise = layer.sigma
+        own_sheets = (mixed and not layer.joined) or (near_sheets and noise > 0.0 and layer.has_two_sheets)
+        if noise:
+            count = (JOINED if own_sheets else JOINED_OF_NOISY) * n_vertices
+        else:
+            count = (JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
         spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
-        on_surface, own_sheets = raw, mixed and not joined_sheets
-        normals = normals_of(tree.in_own_order(), near, noise > 0.0, own_sheets, None if noise else spread)
+        on_surface = raw
+        if not (noise and own_sheets):
+            normals = normals_of(tree.in_own_order(), near, noise > 0.0, own_sheets, None if noise else spread)
         if noise:
-            for _ in range(2):
-                feet, _ = projections(tree, KdTree.over(on_surface.T), fitted, own_sheets)
-                on_surface = np.ascontiguousarray(feet.T)
+            feet = _on_own_sheets(tree, layer) if own_sheets else _feet(tree, tree.points, layer.fitted)
+            on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
-            indices, raw, normals = indices[tree.order], raw[tree.order], normals[tree.order]
-            on_surface = on_surface[tree.order]
-            near, squared = nearest_others(tree, min(RANK, len(indices) - 1))
+            indices, raw, on_surface = indices[tree.order], raw[tree.order], on_surface[tree.order]
+            near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
+            normals = normals_of(tree.in_own_order(), near, False, True) if own_sheets else normals[tree.order]
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed, joined_sheets)
+        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed or own_sheets, layer.joined)
 
     @classmethod
     def _across_uneven(
@@ -156,6 +189,23 @@ def _mixes_sheets(tree: KdTree) -> bool:
     return bool(differ > max(MIXED, noise))
 
 
+def _feet(tree: KdTree, points: Floats, neighbours: int) -> Floats:
+    """Return the projections, (3, m), of points in the order of a tree onto quadrics across its noise."""
+    for _ in range(2):
+        points, _ = projections(tree, KdTree.over(points), neighbours)
+    return points
+
+
+def _on_own_sheets(tree: KdTree, layer: _Layer) -> Floats:
+    """Project points, each onto its own of two sheets; by narrower fits at rims, and where there is no second sheet."""
+    feet = tree.points
+    for _ in range(2):
+        feet, fitted = projections(tree, KdTree.over(feet), layer.fitted, LIKELY)
+    others = fitted.kurtosis >= LIKELY
+    feet[:, others] = _feet(tree, tree.points[:, others], layer.narrow)
+    return feet
+
+
 def _covered(near: Ints, squared: Floats) -> Floats:
     """Return the distance of the last of k neighbours, at most twice its median there, as strays cover little."""
     radii = np.sqrt(squared[:, -1])
@@ -163,20 +213,29 @@ def _covered(near: Ints, squared: Floats) -> Floats:
     return np.minimum(radii, 2.0 * np.partition(radii[near], middle, axis=1)[:, middle])
 
 
-def _noise(tree: KdTree) -> tuple[float, int, float]:
-    """Return the noise, 0 if it is small or grows as detail does, the points of fits, and how far sheets are apart."""
+def _noise(tree: KdTree) -> _Layer:
+    """Measure noise and sheets by fits that grow until they reach across noise, or see two sheets most often."""
     if len(tree.order) <= 2 * ACROSS:
-        return 0.0, ACROSS, 0.0
-    wider, spacing = layer_of(tree, ACROSS), float(np.median(nearest_distances(tree, RANK)))
-    own, apart = two_sheets(tree, ACROSS) or (0.0, 0.0)
-    if apart > spacing:
-        return (own if own > 0.25 * spacing else 0.0), ACROSS, 0.0
-    noise = wider.sigma if wider.sigma > 0.25 * spacing and wider.ratio <= layer_of(tree, ACROSS // 2).ratio else 0.0
-    return noise, ACROSS, apart if apart > 0.25 * spacing else 0.0
+        return _Layer(0.0)
+    spacing = float(np.median(nearest_distances(tree, RANK)))
+    layer = narrow = layer_of(tree, ACROSS)
+    sheets, fitted, k = two_sheets(tree, ACROSS), ACROSS, WIDE
+    while narrow.sigma > 0.25 * spacing and layer.ratio > ACROSS_SHEETS and 2 * k < len(tree.order):
+        seen, layer = two_sheets(tree, k), layer_of(tree, k)
+        if seen and (sheets is None or seen.share > sheets.share):
+            sheets, fitted = seen, k
+        k *= 2
+    if sheets and sheets.apart > spacing:
+        squared = (sheets.apart / sheets.radius) ** 2
+        narrow_points = max(FEWEST, int(0.72 * fitted * squared / (2.0 - squared)))
+        noise = sheets.noise if sheets.noise > 0.25 * spacing else 0.0
+        return _Layer(noise, fitted, narrow_points, sheets.apart, spacing)
+    is_noise = narrow.sigma > 0.25 * spacing and narrow.ratio <= layer_of(tree, ACROSS // 2).ratio
+    return _Layer(narrow.sigma if is_noise else 0.0, ACROSS, ACROSS, sheets.apart if sheets else 0.0, spacing)
 
 
-def _thick_noise(tree: KdTree) -> tuple[float, int, float]:
-    """Return what `_noise` does, with a noise of 0 if no fits reach across it."""
+def _thick_noise(tree: KdTree) -> _Layer:
+    """Measure noise that is thick; it is 0 if no fits reach across it."""
     largest, fitted = 0.0, 160
     for k in (40, 80, 160, 320, 640):
         if len(tree.order) <= 2 * k:
@@ -185,5 +244,5 @@ def _thick_noise(tree: KdTree) -> tuple[float, int, float]:
         largest = max(largest, layer.ratio)
         # Wider fits lower the ratio to their radius if a layer is noise; it does not fall in a volume.
         if largest > THICK and layer.ratio < 0.85 * largest:
-            return layer.sigma, fitted, 0.0
-    return 0.0, fitted, 0.0
+            return _Layer(layer.sigma, fitted)
+    return _Layer(0.0)

@@ -11,7 +11,7 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.surface.noise import MEDIAN, SAMPLES, SHEETS, projections
-from gppcs.surface.quadrics import fit_quadrics
+from gppcs.surface.quadrics import TWO_PEAKS, fit_quadrics
 
 FITTED = 80  # points of each fit
 THIN = 0.1  # thinner layers, in radii of the narrowest fits, do not count
@@ -32,7 +32,7 @@ def uneven_noise(tree: KdTree) -> tuple[Floats, Ints] | None:
     for number, stride in enumerate(strides):
         if number == len(strides) - 1 and (sigmas[:-1] > THIN * radii[0]).mean(axis=1).max() < FRACTION:
             return None  # whatever the widest fits see
-        fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED, sheets=True)
+        fitted = fit_quadrics(tree.thinned(int(stride)), sampled, FITTED, sheets=TWO_PEAKS)
         if fitted.two_sheets.mean() > SHEETS:
             return None
         sigmas[number] = np.median(np.abs(fitted.heights)[near], axis=1) / MEDIAN

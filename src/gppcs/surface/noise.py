@@ -16,7 +16,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import quantile
-from gppcs.surface.quadrics import Quadrics, fit_quadrics
+from gppcs.surface.quadrics import TWO_PEAKS, Quadrics, fit_quadrics
 
 FEWEST = 12  # A quadric has six coefficients. Fitted to fewer points than this it follows their noise.
 NEIGHBOURS = 30  # Points of a fit if the noise is thin compared with the neighbourhood: five for each coefficient.
@@ -29,6 +29,9 @@ DETAIL = 0.85
 # Fits of 60 points with two peaks, of all, above which a cloud has two sheets: thin parts have 0.17 to 0.76, all others
 # at most 0.02 (research/local-field.md).
 SHEETS = 0.05
+# Fits of so many points and more scatter less, so they see sheets below a larger kurtosis, whose noise may be a fourth of
+# their distance: there 0.2 or more of all are below, 0.06 or less in other clouds and where noise is a third of walls.
+WIDE, WIDE_PEAKS, WIDE_SHEETS = 160, 1.9, 0.1
 CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharpness can be measured.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
 # Largest variance of an observation, in units of the prior's, so that isolated points still count. Without it the
@@ -74,22 +77,31 @@ def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
     return NoiseLayer.about(fit_quadrics(tree, _sampled(tree), neighbours))
 
 
-def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> tuple[float, float] | None:
-    """Measure the noise of each of two sheets and their distance, where fits see both; None if hardly any does.
+class Sheets(NamedTuple):
+    """What fits see of two sheets near each other, by those that see both: others may see a part of the second."""
 
-    Other fits may see a part of the second sheet, so they do not count, and nor do the farthest of these.
-    """
+    share: float  # of the fits that see both
+    noise: float  # of each sheet
+    apart: float  # distance of the sheets
+    radius: float  # of the fits
+
+
+def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> Sheets | None:
+    """Measure two sheets by fits to so many neighbours; None if hardly any fit sees both."""
     sampled = _sampled(tree)
-    own = fit_quadrics(tree, sampled, neighbours, sheets=True)
-    if own.two_sheets.mean() <= SHEETS:
+    peaks, fewest = (TWO_PEAKS, SHEETS) if neighbours < WIDE else (WIDE_PEAKS, WIDE_SHEETS)
+    own = fit_quadrics(tree, sampled, neighbours, sheets=peaks)
+    seen = np.flatnonzero(own.kurtosis < peaks)
+    if (share := len(seen) / len(own.kurtosis)) <= fewest:
         return None
-    both = fit_quadrics(tree, sampled, neighbours)
-    return _noise_of_each(own), 2.0 * quantile(np.abs(both.heights[own.two_sheets]), 0.5)
+    both = fit_quadrics(tree, sampled, neighbours).take(seen)
+    apart, radius = 2.0 * quantile(np.abs(both.heights), 0.5), quantile(both.radii, 0.5)
+    return Sheets(share, _noise_of_each(own.take(seen)), apart, radius)
 
 
 def _noise_of_each(own: Quadrics) -> float:
     """Return the noise of each of two sheets, by fits to the query's own one."""
-    return quantile(np.abs(own.heights[own.two_sheets]), 0.5) / MEDIAN
+    return quantile(np.abs(own.heights), 0.5) / MEDIAN
 
 
 def _sampled(tree: KdTree, one_of: int = 1) -> KdTree:
@@ -107,7 +119,7 @@ def across(layers: Callable[[int], NoiseLayer], largest: int) -> tuple[int, Nois
     return neighbours, layer
 
 
-def projections(tree: KdTree, queries: KdTree, neighbours: int, sheets: bool = False) -> tuple[Floats, Quadrics]:
+def projections(tree: KdTree, queries: KdTree, neighbours: int, sheets: float = 0.0) -> tuple[Floats, Quadrics]:
     """Project the points of one tree onto the quadrics fitted to points of another around them, (3, m) in its order."""
     fitted = fit_quadrics(tree, queries, neighbours, sheets=sheets)
     return projected(queries.points, fitted), fitted
@@ -150,9 +162,9 @@ class Noise:
         sigma, thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
         if sigma <= CLEAN * spacing:
             return cls(None, neighbours, thick, sigma, True, True, spacing)
-        own = fit_quadrics(tree, sampled, 2 * NEIGHBOURS, sheets=True)
+        own = fit_quadrics(tree, sampled, 2 * NEIGHBOURS, sheets=TWO_PEAKS)
         if own.two_sheets.mean() > SHEETS:
-            return cls(None, neighbours, False, _noise_of_each(own), True, False, spacing)
+            return cls(None, neighbours, False, _noise_of_each(own.take(np.flatnonzero(own.two_sheets))), True, False, spacing)
         is_negligible = not thick and layers(NEIGHBOURS).is_detail(NoiseLayer.about(own))
         return cls(None if is_negligible else tree, neighbours, thick, sigma, is_negligible, False, spacing)
 

@@ -16,7 +16,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.scaling import Frame, normalised
 from gppcs.surface.noise import NEIGHBOURS, SHEETS, NoiseLayer, across, feet_of, layer_of, two_sheets
-from gppcs.surface.quadrics import fit_quadrics
+from gppcs.surface.quadrics import TWO_PEAKS, fit_quadrics
 
 CLOSE = 16  # Points of the fits that find signs: fewer than 30, as thin parts matter more there than noise.
 SHARP = 18  # Points of the fits where there is no noise: fewer keep edges and thin parts, more even out roughness.
@@ -177,7 +177,7 @@ def _oriented(
     if fits:
         normals = fit_quadrics(fits[0], tree, fits[1]).normals
     elif close == NARROW:
-        across = fit_quadrics(tree, tree, ACROSS, sheets=True)
+        across = fit_quadrics(tree, tree, ACROSS, sheets=TWO_PEAKS)
         if across.two_sheets.mean() > SHEETS:
             normals = np.where(across.two_sheets, across.normals, normals)
     normals = np.ascontiguousarray(normals.T)

@@ -16,6 +16,7 @@ from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, tangent
 
 COEFFICIENTS = 6  # Those of a + b u + c v + d u^2 + e u v + f v^2.
 TWO_PEAKS = 1.7  # Kurtosis of residuals below which these are two sheets: those have 1, a uniform layer 1.8, noise 3.
+RIM = 0.3  # Distance of the middle of points from the query along their plane, in radii: at a rim it is 0.42.
 TERMS = COEFFICIENTS + 2  # For each point: 1, u, v, u^2, u v, v^2, its height and its weight.
 
 
@@ -43,21 +44,21 @@ class Quadrics(NamedTuple):
         return Quadrics(*(part.astype(dtype) for part in self))
 
 
-def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0, sheets: bool = False) -> Quadrics:
+def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0, sheets: float = 0.0) -> Quadrics:
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query, over their plane.
 
     Queries of a leaf within `shared` radii of a fit take its quadric; with 0, each has its own. Where it is steep, or
-    there are fewer than six points, the normal is the plane's. With `sheets`, each query whose points lie on two sheets
-    has the quadric of its own.
+    there are fewer than six points, the normal is the plane's. Where the kurtosis of the residuals is below `sheets`, the
+    points lie on two sheets, and the quadric is that of the query's own; with more than `TWO_PEAKS`, not at rims.
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m), np.empty(m if sheets else 0))
-    on_leaves(_fit_leaves, tree, queries, min(k, len(tree.order)), shared, fitted)
+    on_leaves(_fit_leaves, tree, queries, min(k, len(tree.order)), shared, sheets, fitted)
     return fitted
 
 
 @kernel(fastmath=False)
-def _fit_leaves(first, last, runs, tree, queries, k, shared, fitted):
+def _fit_leaves(first, last, runs, tree, queries, k, shared, sheets, fitted):
     """Fill `fitted` at the queries, (3, m), of a range of runs."""
     points, lower, upper = tree
     of_queries, search, mean = queries[0], search_for(k, tree), 0.0
@@ -74,12 +75,13 @@ def _fit_leaves(first, last, runs, tree, queries, k, shared, fitted):
                 continue
             x, y, z = of_queries[0, i], of_queries[1, i], of_queries[2, i]
             squared = steps_to_nearest(points, lower, upper, x, y, z, count, squared_radius, search)
-            total += squared * _fit(of_queries, i, end if shared else i + 1, squared, shared, search, scratch, fitted)
+            last_query = end if shared else i + 1
+            total += squared * _fit(of_queries, i, last_query, squared, shared, sheets, search, scratch, fitted)
         mean = total / (end - begin)
 
 
 @kernel(inline="always")
-def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
+def _fit(queries, centre, end, squared, shared, sheets, search, scratch, fitted):
     """Fit a quadric to the nearest points of a query, of (3, m); return for how many up to `end` it is taken."""
     k, full = len(search.gaps), search.local.shape[1]
     moments, terms, equations, normal = scratch
@@ -92,9 +94,9 @@ def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
         fill_equations(terms, equations)
         solve(equations)
     kurtosis = np.inf
-    if len(fitted.kurtosis) and k >= COEFFICIENTS:
-        kurtosis = _fit_own_sheet(terms, equations)
-        end = centre + 1 if kurtosis < TWO_PEAKS else end  # others may lie on the other sheet
+    if sheets and k >= COEFFICIENTS and (sheets <= TWO_PEAKS or _aside(moments, normal) <= RIM * radius):
+        kurtosis = _fit_own_sheet(terms, equations, sheets)
+        end = centre + 1 if kurtosis < sheets else end  # others may lie on the other sheet
     count = 0
     for i in range(centre, end):
         x, y, z = (
@@ -108,7 +110,7 @@ def _fit(queries, centre, end, squared, shared, search, scratch, fitted):
         if k >= COEFFICIENTS:
             height = _turn(equations[:, COEFFICIENTS], (x, y, z), u, v, fitted.normals[:, i])
         fitted.heights[i], fitted.radii[i] = height * radius, radius
-        if len(fitted.kurtosis):
+        if sheets:
             fitted.kurtosis[i] = kurtosis
         count += 1
     return count
@@ -149,8 +151,8 @@ def fill_equations(terms, equations):
 
 
 @kernel(fastmath={"nsz", "arcp", "contract", "reassoc"})
-def _fit_own_sheet(terms, equations):
-    """Return the kurtosis of the residuals of a fit; where it has two peaks, fit the points on the query's side."""
+def _fit_own_sheet(terms, equations, sheets):
+    """Return the kurtosis of the residuals of a fit; where it is small, fit the points on the query's side."""
     a, b, c, d, e, f = equations[:, COEFFICIENTS]
     total = second = fourth = 0.0
     for j in range(terms.shape[1]):
@@ -160,13 +162,21 @@ def _fit_own_sheet(terms, equations):
         second += weight * squared
         fourth += weight * squared * squared
     kurtosis = total * fourth / (second * second) if second > 0.0 else np.inf
-    if kurtosis < TWO_PEAKS:
+    if kurtosis < sheets:
         for j in range(terms.shape[1]):
             fit = a + b * terms[1, j] + c * terms[2, j] + d * terms[3, j] + e * terms[4, j] + f * terms[5, j]
             terms[7, j] *= (terms[6, j] - fit) * a < 0.0  # the query lies at -a
         fill_equations(terms, equations)
         solve(equations)
     return kurtosis
+
+
+@kernel(inline="always")
+def _aside(moments, normal):
+    """Return how far the middle of points is from the query along their plane, by their moments, (10, 1)."""
+    x, y, z = moments[1, 0] / moments[0, 0], moments[2, 0] / moments[0, 0], moments[3, 0] / moments[0, 0]
+    height = x * normal[0] + y * normal[1] + z * normal[2]
+    return np.sqrt(max(0.0, x * x + y * y + z * z - height * height))
 
 
 @kernel(inline="always")
