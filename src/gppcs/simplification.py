@@ -292,11 +292,12 @@ def simplify_files(files: CloudFiles, options: Options, plan: Plan, timer: Timer
         kept = choice.all_kept(range(len(choice.tiling.tiles)))
         with timer("kept points"):
             cloud = take(survey.parts, kept, survey.overview.columns, survey.run_on.run)
+    outliers = survey.source.excluded if options.drop_outliers else None
     selection, ranks = Selection(kept.indices, diagnostics, attributes=kept.scores), np.arange(len(cloud))
     if options.order != "importance":
         ranks = in_order(cloud, kept.indices, options.order)
         selection, cloud = selection.arranged(kept.indices[ranks]), cloud.take(ranks)
-    return result_of(selection, cloud, ranks, survey.outliers, survey.n_points, options, timer)
+    return result_of(selection, cloud, ranks, outliers, survey.n_points, options, timer)
 
 
 def simplify_each(

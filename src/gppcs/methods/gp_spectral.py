@@ -102,9 +102,8 @@ class SpectralGP(Method):
             theta, converged = hyperparameters.fit(  # optimise theta using Eq. 5
                 eigenvalues, functions.at(points[opt]), y[opt], self.nu, self.fit_nu, self.iterations
             )
-        subset = None
-        if self.candidates and max(self.candidates, n_points) < len(points):
-            subset = random_candidates(len(points), self.candidates, n_points, self.seed)
+        subset = random_candidates(len(points), self.candidates, n_points, self.seed)
+        if len(subset) < len(points):
             points, y = points[subset], y[subset]
             tree = KdTree.build(points)
             with timer("farthest points", k_init) as on_progress:
@@ -121,8 +120,7 @@ class SpectralGP(Method):
         with timer("explained variance"), one_blas_thread():
             mean, _ = posterior(phi[chosen], y[chosen], theta.noise)
             explained = 1 - float(np.mean((phi @ mean - y) ** 2) / (np.var(y) or 1.0))
-        indices = order[chosen] if subset is None else subset[order[chosen]]
         diagnostics = {**asdict(theta), "explained": explained}
         if not converged:
             diagnostics["unconverged"] = 1.0
-        return Selection(indices, diagnostics)
+        return Selection(subset[order[chosen]], diagnostics)

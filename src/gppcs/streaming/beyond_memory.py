@@ -86,11 +86,6 @@ class Survey:
         return np.dot(met, counts) <= REREADINGS * self.overview.count
 
     @property
-    def outliers(self) -> Ints | None:
-        """The indices of the outliers that are dropped, ascending; None if they are not."""
-        return self.source.excluded if self.options.drop_outliers else None
-
-    @property
     def n_points(self) -> int:
         """Number of points among which is chosen."""
         return self.overview.count - self.overview.n_bad - len(self.source.excluded)

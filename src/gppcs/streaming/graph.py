@@ -5,10 +5,11 @@ import platform
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from graphlib import TopologicalSorter
 from typing import Any
 
@@ -23,8 +24,7 @@ RETRIES = 3  # of a task whose worker is lost
 class Engine:
     """What runs tasks, several at once."""
 
-    executor: Executor
-    client: Any = None  # of Dask, if the executor is one of it
+    executor: Any  # of `concurrent.futures`, or a client of Dask
 
     def run(
         self,
@@ -38,26 +38,30 @@ class Engine:
         Returns what the calls return, in the order of the arguments.
         """
         call: Any = Call(function, platform.node(), os.getpid(), own_version())
-        if self.client is not None:  # it is sent once, and again if it is lost
-            call = self.client.submit(copy, call, pure=False, retries=RETRIES)
-        results: dict[int, Any] = {}
-        running: dict[Future[Any], int] = {}
+        wait: Any = futures.wait
+        submit = self.executor.submit
+        if not isinstance(self.executor, Executor):
+            from distributed import wait
+
+            submit = partial(submit, pure=False, retries=RETRIES)
+            call = submit(copy, call)  # is sent once, and again if it is lost
+        results, running = dict[int, Any](), dict[Any, int]()
         graph = TopologicalSorter(dict(enumerate(after or [()] * len(arguments))))
         graph.prepare()
         try:
             while graph.is_active():
                 for number in graph.get_ready():
-                    running[self.executor.submit(Call.__call__, call, arguments[number])] = number
-                for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                    running[submit(Call.__call__, call, arguments[number])] = number
+                for future in wait(list(running), return_when=futures.FIRST_COMPLETED).done:
                     number = running.pop(future)
                     results[number] = future.result()
                     graph.done(number)
                     on_progress(1)
         finally:  # after an error, no task may work on in folders that go
-            if self.client is None:  # which cancels its own when it is closed
+            if isinstance(self.executor, Executor):  # a client cancels its own when it is closed
                 for future in running:
                     future.cancel()
-                futures.wait(running)
+                wait(running)
         return [results[number] for number in range(len(arguments))]
 
 
@@ -89,7 +93,7 @@ def engine(workers: str | Executor | None, threads: int) -> Iterator[Engine]:
             yield Engine(workers)
         elif workers is not None:
             with require_distributed().Client(workers) as client:
-                yield Engine(client.get_executor(pure=False, retries=RETRIES), client)
+                yield Engine(client)
         else:
             with futures.ThreadPoolExecutor(threads) as pool:
                 yield Engine(pool)

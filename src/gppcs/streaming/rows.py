@@ -26,7 +26,8 @@ class Rows:
 
     Of points that may be kept, the columns are "keep", "weight" and "label", (n,), as far as the options ask for them
     (see `Constraints`), and the attributes that the method reads. Of those that are kept, they are "label", "rank",
-    (n,), and what the method tells of some: new positions, "moved", (n, 3), "normals", (n, 3), and scores, (n,).
+    (n,), "normals", (n, 3), if they are asked for, and what the method tells of some: new positions, "moved", (n, 3),
+    and scores, (n,).
     """
 
     indices: Ints  # (n,), in the cloud

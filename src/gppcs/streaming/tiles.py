@@ -204,8 +204,6 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     columns["rank"] = _ranks(tiling, number, columns["rank"])
     if selection.points is not None:
         columns["moved"] = tiling.frame.world(selection.points[own])
-    if selection.normals is not None:
-        columns["normals"] = selection.normals[own]
     new, others = rows.take(selection.indices[own]), rows.take(repeats)
     kept = Rows.joined(
         [
@@ -232,13 +230,12 @@ def _ranks(tiling: Tiling, number: int, ranks: Floats) -> Floats:
 
 
 def with_signed_normals(tiling: Tiling, number: int, kept: Rows) -> Rows:
-    """Return kept points of a tile with normals that have signs: by all points, if they are not measured already."""
+    """Return kept points of a tile with normals that have signs, by all points."""
     from gppcs.surface.normals import estimate_normals, with_signs_of
 
     guide, frame = tiling.guide, tiling.frame
     assert guide.normals is not None
-    local, normals = frame.near(kept.positions), kept.columns.get("normals")
-    if normals is None:
-        normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), local)
+    local = frame.near(kept.positions)
+    normals = estimate_normals(frame.local(tiling.source.read(*tiling.region(number)).points), local)
     nearest = KdTree.build(frame.local(guide.points)).nearest_of(local, 1)[0][:, 0]
     return replace(kept, columns={**kept.columns, "normals": with_signs_of(normals, guide.normals[nearest])})
