@@ -3,13 +3,11 @@
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from concurrent import futures
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
-from functools import partial
 from graphlib import TopologicalSorter
 from typing import Any
 
@@ -37,31 +35,46 @@ class Engine:
 
         Returns what the calls return, in the order of the arguments.
         """
-        call: Any = Call(function, platform.node(), os.getpid(), own_version())
-        wait: Any = futures.wait
-        submit = self.executor.submit
-        if not isinstance(self.executor, Executor):
-            from distributed import wait
+        before = dict(enumerate(after or [()] * len(arguments)))
+        task = Call(function, platform.node(), os.getpid(), own_version())
+        if isinstance(self.executor, Executor):
+            return self._run_in_order(task, arguments, before, on_progress)
+        from distributed import as_completed
 
-            submit = partial(submit, pure=False, retries=RETRIES)
-            call = submit(copy, call)  # is sent once, and again if it is lost
-        results, running = dict[int, Any](), dict[Any, int]()
-        graph = TopologicalSorter(dict(enumerate(after or [()] * len(arguments))))
+        shared = self.executor.submit(copy, task, pure=False, retries=RETRIES)  # is sent once, and again if it is lost
+        futures: dict[int, Any] = {}
+        for number in TopologicalSorter(before).static_order():
+            earlier = [futures[i] for i in before[number]]
+            futures[number] = self.executor.submit(
+                Call.__call__, shared, arguments[number], earlier, pure=False, retries=RETRIES
+            )
+        for _ in as_completed(list(futures.values()), with_results=True):  # type: ignore[no-untyped-call]
+            on_progress(1)
+        return self.executor.gather([futures[number] for number in range(len(arguments))])
+
+    def _run_in_order(
+        self,
+        task: Callable[[Any], Any],
+        arguments: Sequence[Any],
+        before: Mapping[int, Sequence[int]],
+        on_progress: Callable[[int], None],
+    ) -> list[Any]:
+        results: dict[int, Any] = {}
+        running: dict[Future[Any], int] = {}
+        graph = TopologicalSorter(before)
         graph.prepare()
         try:
             while graph.is_active():
-                for number in graph.get_ready():
-                    running[submit(Call.__call__, call, arguments[number])] = number
-                for future in wait(list(running), return_when=futures.FIRST_COMPLETED).done:
+                running |= {self.executor.submit(task, arguments[number]): number for number in graph.get_ready()}
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
                     number = running.pop(future)
                     results[number] = future.result()
                     graph.done(number)
                     on_progress(1)
         finally:  # after an error, no task may work on in folders that go
-            if isinstance(self.executor, Executor):  # a client cancels its own when it is closed
-                for future in running:
-                    future.cancel()
-                wait(running)
+            for future in running:
+                future.cancel()
+            wait(running)
         return [results[number] for number in range(len(arguments))]
 
 
@@ -74,14 +87,16 @@ class Call:
     process: int
     version: str
 
-    def __call__(self, argument: Any) -> Any:
+    def __call__(self, argument: Any, earlier: object = None) -> Any:
         """Call the function."""
         if self.version != own_version():
             raise GppcsError(
                 f"expected workers with gppcs {self.version}, found {own_version()}; install the same version"
             )
-        is_own = (self.node, self.process) == (platform.node(), os.getpid())
-        with sharing_cores() if is_own else on_one_thread():
+        if (self.node, self.process) == (platform.node(), os.getpid()):
+            with sharing_cores():
+                return self.function(argument)
+        with on_one_thread():
             return self.function(argument)
 
 
@@ -95,11 +110,10 @@ def engine(workers: str | Executor | None, threads: int) -> Iterator[Engine]:
             with require_distributed().Client(workers) as client:
                 yield Engine(client)
         else:
-            with futures.ThreadPoolExecutor(threads) as pool:
+            with ThreadPoolExecutor(threads) as pool:
                 yield Engine(pool)
     except Exception as error:
-        is_lost = isinstance(error, futures.BrokenExecutor | futures.CancelledError)
-        if is_lost or type(error).__module__.startswith("distributed"):
+        if isinstance(error, BrokenExecutor) or type(error).__module__.startswith("distributed"):
             name = type(error).__name__
             raise GppcsError(
                 f"the workers were lost ({name}: {error}); give each more memory, or start fewer"
