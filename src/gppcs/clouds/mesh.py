@@ -86,8 +86,3 @@ class Mesh(ComparedByValue):
         used, faces = np.unique(self.faces, return_inverse=True)
         faces = faces.reshape(self.faces.shape)
         return connected(faces[:, :2].ravel(), faces[:, 1:].ravel(), len(used))[0]
-
-
-def size_text(mesh: Mesh) -> str:
-    """Return how large a mesh is, in words: its vertices that triangles have, and its triangles."""
-    return f"{len(np.unique(mesh.faces)):,} vertices, {len(mesh.faces):,} triangles"
