@@ -44,7 +44,7 @@ def named_clouds(entries: Sequence[Entry], finite: PointCloud, is_measured: bool
     for entry in entries:
         measured, mesh = entry.report.rebuilt, None
         if measured or (is_drawn and not is_measured):
-            mesh = rebuilt_mesh(entry.result.cloud, finite, measured and measured.mesh)
+            mesh = rebuilt_mesh(entry.result.cloud, finite, measured.mesh if measured else None)
         named.append(Named(str(entry.method), entry.result.cloud, mesh, entry.method.summary))
     return named
 
