@@ -18,6 +18,7 @@ import scans
 from gppcs.drawing.camera import Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.side_by_side import Column, draw_comparison
+from gppcs.drawing.web.layers import Named
 
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 POINTS, RATIO = 200_000, 0.05
@@ -53,7 +54,7 @@ def row(title: str, sample: Sample) -> tuple[str, ...]:
     result = entries[0].result
     kept = ColouredCloud(result.cloud.points, everything.values[result.indices])
     picture = BytesIO()
-    columns = [Column("original", everything, "", None), Column("gp", kept, "", None)]
+    columns = [Column(Named("original", cloud), everything), Column(Named("gp", result.cloud), kept)]
     draw_comparison(picture, columns, sample.view, close_ups=0)
     small = Image.open(picture).convert("RGB")
     small.thumbnail(SIZE, Image.Resampling.LANCZOS)

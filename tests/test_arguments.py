@@ -43,7 +43,8 @@ def test_extreme_numbers_are_refused_or_valid(method, name, value):
         chosen = method(**{name: value})
     except gppcs.ParameterError as error:
         text = str(error)
-        assert text.startswith(f"method '{method.name}': expected {name} to be ")
+        assert text.startswith(f"method '{method.name}': expected ")
+        assert name in text
         assert "\n" not in text
         return
     assert isinstance(value, int) or value == 1e-310 or (name == "nu" and value in (math.inf, 1e308))

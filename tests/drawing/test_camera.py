@@ -1,5 +1,7 @@
 """The camera, and what is up, guessed from the cloud."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -106,19 +108,11 @@ def test_flat_things_lie_and_tall_ones_stand(extents, up):
 
 
 @pytest.mark.parametrize(
-    ("viewpoint", "message"),
-    [
-        (("w",), "found 'w'"),
-        ((3,), "found 3"),
-        ((None, (0.0, 91.0)), r"from -90 to 90, in degrees, found \(0.0, 91.0\)"),
-        ((None, (np.nan, 0.0)), r"found \(nan, 0.0\)"),
-        ((None, (1.0, 2.0, 3.0)), r"found \(1.0, 2.0, 3.0\)"),
-        ((None, "up"), "found 'up'"),
-    ],
+    "wrong", [("w",), (3,), (None, (0.0, 91.0)), (None, (np.nan, 0.0)), (None, (1.0, 2.0, 3.0)), (None, "up")]
 )
-def test_a_viewpoint_that_is_none_is_refused(viewpoint, message):
-    with pytest.raises(ParameterError, match=message):
-        Viewpoint(*viewpoint)
+def test_a_viewpoint_that_is_none_is_refused(wrong):
+    with pytest.raises(ParameterError, match=re.escape(f"found {wrong[-1]!r}")):
+        Viewpoint(*wrong)
 
 
 def test_the_camera_rises_until_half_of_the_ground_of_a_scene_is_seen():

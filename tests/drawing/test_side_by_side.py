@@ -7,10 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.camera import Camera
 from gppcs.drawing.cloud_images import ColouredCloud
 from gppcs.drawing.side_by_side import BETWEEN, GAP, TITLE, Column, draw_comparison, feature_squares
+from gppcs.drawing.web.layers import Named
 
 matplotlib = pytest.importorskip("matplotlib")
 BUMP = np.array([0.6, -0.64, 0.48])
@@ -24,7 +26,7 @@ CLOSE_UP = (WIDTH - BETWEEN) // 2
 def original(sphere):
     points = sphere[:3000]
     bump = np.exp(-30.0 * ((points - BUMP) ** 2).sum(axis=1))
-    return Column("original", ColouredCloud(points, 0.01 + 0.2 * bump), "", None)
+    return Column(Named("original", PointCloud(points)), ColouredCloud(points, 0.01 + 0.2 * bump))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,8 @@ def camera(original):
 
 @pytest.fixture(scope="module")
 def kept(original):
-    return Column("kept", original.cloud.at(original.cloud.points[:200]), "H mean 1\nH max 2", None)
+    kept = original.named.cloud.points[:200]
+    return Column(Named("kept", PointCloud(kept)), original.cloud.at(kept), "H mean 1\nH max 2")
 
 
 def picture(*columns, **options):
@@ -60,7 +63,7 @@ def test_the_roughest_place_is_framed_and_enlarged(original, camera):
 
 
 def test_meshes_stand_under_their_clouds(original, camera, kept):
-    image = picture(original, kept, replace(kept, mesh=TRIANGLE))
+    image = picture(original, kept, replace(kept, named=replace(kept.named, mesh=TRIANGLE)))
     row = TOP + camera.size[1] + CLOSE_UP + 3 * BETWEEN
     drawn = image[row:][: camera.size[1]].min(axis=2) < 0.95
     covered = [drawn[:, GAP + number * (WIDTH + GAP) :][:, :WIDTH].mean() for number in range(3)]

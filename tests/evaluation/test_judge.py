@@ -82,13 +82,16 @@ def test_the_feature_error_is_the_mean_of_distance_times_angle(pair):
     assert gppcs.evaluate(original, simplified).feature_error == pytest.approx(expected, rel=1e-4)
 
 
+def variation_of(points, neighbours):
+    """The share of the smallest eigenvalue of the covariance of each point's neighbours."""
+    eigenvalues = np.array([np.linalg.eigvalsh(np.cov(points[near].T, bias=True)) for near in neighbours])
+    return eigenvalues[:, 0] / eigenvalues.sum(axis=1)
+
+
 def test_recall_equals_a_count(pair):
     original = pair[0]
     simplified = original[np.argsort(original[:, 0])[:1200:8]]  # of a part
-    variation = np.empty(len(original))
-    for i, near in enumerate(np.argsort(cdist(original, original), axis=1)[:, :25]):
-        eigenvalues = np.linalg.eigvalsh(np.cov(original[near].T))
-        variation[i] = eigenvalues[0] / eigenvalues.sum()
+    variation = variation_of(original, np.argsort(cdist(original, original), axis=1)[:, :25])
     distances = cdist(original, simplified).min(axis=1)
     rough = np.argsort(variation)[-len(original) // 10 :]
     expected = np.mean(distances[rough] <= np.sqrt(surface_area(KdTree.build(original)) / len(simplified)))
@@ -109,10 +112,7 @@ def test_normal_deviation_is_the_angle_of_a_fold():
 def test_surface_variation_is_that_of_the_simplified_cloud(pair):
     original, simplified = pair
     radius = np.sqrt(25 * np.cbrt(np.ptp(simplified, axis=0).prod()) ** 2 / len(simplified))
-    variation = []
-    for near in cdist(simplified, simplified) <= radius:
-        eigenvalues = np.linalg.eigvalsh(np.cov(simplified[near].T, bias=True))
-        variation.append(eigenvalues[0] / eigenvalues.sum())
+    variation = variation_of(simplified, cdist(simplified, simplified) <= radius)
     assert gppcs.evaluate(original, simplified).mean_surface_variation == pytest.approx(np.mean(variation))
 
 

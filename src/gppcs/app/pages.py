@@ -44,7 +44,7 @@ def named_clouds(entries: Sequence[Entry], finite: PointCloud, is_measured: bool
     for entry in entries:
         measured, mesh = entry.report.rebuilt, None
         if measured or (is_drawn and not is_measured):
-            mesh = rebuilt_mesh(entry.result.cloud, finite, measured and measured.mesh)
+            mesh = rebuilt_mesh(entry.result.cloud, finite, measured.mesh if measured else None)
         named.append(Named(str(entry.method), entry.result.cloud, mesh, entry.method.summary))
     return named
 
@@ -78,7 +78,7 @@ def draw_beside(
         for named, caption in zip(shown, captions, strict=True):
             points = spread_over(named.mesh) if named.mesh and named.is_mesh else named.cloud.points
             cloud = everything if points is shown[0].cloud.points else everything.at(points)
-            columns.append(Column(named.name, cloud, caption, named.mesh, named.is_mesh))
+            columns.append(Column(named, cloud, caption))
     with timer("drawing"):
         draw_comparison(file, columns, viewpoint, legend, close_ups)
 

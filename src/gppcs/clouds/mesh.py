@@ -110,8 +110,3 @@ class Texture(ComparedByValue):
     indices: NDArray[np.int64]
     uv: NDArray[np.float64]
     faces: NDArray[np.int64]
-
-
-def size_text(mesh: Mesh) -> str:
-    """Return how large a mesh is, in words: its vertices that triangles have, and its triangles."""
-    return f"{len(np.unique(mesh.faces)):,} vertices, {len(mesh.faces):,} triangles"

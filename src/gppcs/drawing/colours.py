@@ -68,15 +68,13 @@ def kinds_of(values: NDArray[Any], title: str) -> NDArray[Any] | None:
     return kinds if 0 < len(kinds) <= (MAX_CLASSES if title in CLASSES else len(KINDS)) else None
 
 
-def _kind_colours(count: int) -> list[tuple[float, float, float]]:
-    """Return the colours of kinds, as the page has them: the palette, then the palette lightened, and so on in turn."""
+def _kind_colours(count: int) -> Floats:
+    """Return the colours (K, 3) of kinds, as the page has them: the palette, then that lightened, and so on in turn."""
     from matplotlib.colors import to_rgb
 
-    colours = [to_rgb(KINDS[i % len(KINDS)]) for i in range(count)]
-    return [
-        tuple(part + 0.55 * (1.0 - part) for part in colour) if i // len(KINDS) % 2 else colour  # type: ignore[misc]
-        for i, colour in enumerate(colours)
-    ]
+    colours = np.array([to_rgb(KINDS[number % len(KINDS)]) for number in range(count)])
+    lightened = 0.55 * (np.arange(count) // len(KINDS) % 2)[:, np.newaxis]
+    return colours + lightened * (1.0 - colours)
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gppcs.clouds.mesh import Mesh, size_text
 from gppcs.drawing.camera import GUESSED, SUPERSAMPLING, Camera, Viewpoint
 from gppcs.drawing.cloud_images import ColouredCloud, Original, View
 from gppcs.drawing.colours import Legend
 from gppcs.drawing.mesh_images import mesh_images
+from gppcs.drawing.web.layers import Named
 from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib
 
@@ -25,13 +25,11 @@ Square = tuple[int, int, int]  # column and row of the upper left corner, and si
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the picture: a cloud and the mesh rebuilt from it, or the mesh alone."""
+    """One column of the picture: a cloud and its mesh, or that in its place, in the colours of points."""
 
-    title: str
+    named: Named
     cloud: ColouredCloud
-    caption: str
-    mesh: Mesh | None
-    is_mesh: bool = False  # whether the mesh stands in place of the cloud, in its colours
+    caption: str = ""
 
 
 def draw_comparison(
@@ -47,7 +45,7 @@ def draw_comparison(
     Close-ups show the squares in which its mean surface variation is largest.
     """
     require_matplotlib()
-    with_meshes = any(column.mesh and not column.is_mesh for column in columns)
+    with_meshes = any(column.named.mesh and not column.named.is_mesh for column in columns)
     legend = legend or Legend.of_amounts([column.cloud.values for column in columns])
     per_row = math.ceil(len(columns) / math.ceil(len(columns) / 6))  # at most six
     width = min(560 if close_ups else 776, (2400 - GAP) // per_row - GAP)  # pixels
@@ -57,13 +55,14 @@ def draw_comparison(
     for number, column in enumerate(columns):
         cloud, colours = column.cloud, column.cloud.colours_by(legend)
         sheet.write(number, column)
-        if column.mesh and column.is_mesh:
-            sheet.add(number, 0, mesh_images(column.mesh, cameras, cloud.at(column.mesh.vertices).colours_by(legend)))
+        mesh = column.named.mesh
+        if mesh and column.named.is_mesh:
+            sheet.add(number, 0, mesh_images(mesh, cameras, cloud.at(mesh.vertices).colours_by(legend)))
             continue
         drawn = [view.points(cloud, colours, 6.5) if number else view.surface(colours) for view in views]
         sheet.add(number, 0, drawn)
-        if column.mesh:
-            sheet.add(number, 1, mesh_images(column.mesh, cameras))
+        if mesh:
+            sheet.add(number, 1, mesh_images(mesh, cameras))
     bar_width = min(0.5, 600 / sheet.width)
     box = (0.5 - bar_width / 2.0, 80 / sheet.height, bar_width, 16 / sheet.height)
     legend.add_bar(sheet.figure, box, POINT * TEXT)
@@ -123,12 +122,11 @@ class _Sheet:
 
     def write(self, number: int, column: Column) -> None:
         """Write the title, the size and the caption of a column, and "no mesh" in place of one."""
-        self._text(number, round(1.6 * TITLE), column.title, TITLE, color="0.1", weight="bold")
-        size = size_text(column.mesh) if column.is_mesh and column.mesh else f"{len(column.cloud.points):,} points"
-        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), size, TEXT, color="0.35")
+        self._text(number, round(1.6 * TITLE), column.named.name, TITLE, color="0.1", weight="bold")
+        self._text(number, round(1.6 * TITLE + 1.4 * TEXT), column.named.size_text, TEXT, color="0.35")
         for line, text in enumerate(column.caption.split("\n")):
             self._text(number, self.tops[-1] + round((0.9 + 1.35 * line) * TEXT), text, TEXT, color="0.1")
-        if self.with_meshes and not column.mesh:
+        if self.with_meshes and not column.named.mesh:
             self._text(number, self.tops[1] + self.panel[1] // 2, "no mesh", TEXT, color="0.5", style="italic")
 
     def _text(self, number: int, below: int, text: str, size: float, **style: Any) -> None:

@@ -8,19 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import gppcs
-from gppcs.app import options
+from gppcs.app import options, printing
 from gppcs.app.options import SIZE, option
-from gppcs.app.printing import (
-    emit,
-    names_of,
-    note_left_out,
-    note_units,
-    print_error,
-    record_of_run,
-    started,
-    time_in_words,
-    unit_text,
-)
 from gppcs.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,15 +72,14 @@ def mesh(
     points leave holes, the mesh is open. Lengths are in the unit of the coordinates (0.5), in another one (0.5mm), or
     relative to the diagonal (0.2%).
     """
-    from gppcs import io
-    from gppcs.app.outputs import read_each
+    from gppcs.app.outputs import check_output, read_each
     from gppcs.clouds.quantities import unit_of
     from gppcs.drawing.textures import bake_texture, checked_texture_size, require_colours
     from gppcs.io.files import naming
     from gppcs.io.mesh_files import fit_vertices, mesh_format_of, write_mesh
     from gppcs.meshing.arguments import Size
 
-    timer = started(quiet, threads)
+    timer = printing.started(quiet, threads)
     size: dict[str, Any] = {"n_points": points, "ratio": ratio, "n_faces": faces, "tolerance": tolerance}
     size |= {"unit": unit, "fill_holes": fill_holes}
     task = Size.from_arguments(**size, keep=keep_points)
@@ -99,10 +87,9 @@ def mesh(
     if texture:
         checked_texture_size(texture_size)
     files = [cloud, *filter(None, [keep_points])]
-    io.check_distinct([output], files)
-    io.check_writable(output, force)
+    check_output(output, files, force)
     with timer("reading"):
-        original, *selected = (read for read, _ in read_each(files, input_format, names_of(columns)))
+        original, *selected = (read for read, _ in read_each(files, input_format, printing.names_of(columns)))
         kept = _indices_of(original, selected[0], keep_points) if keep_points else None
     fit_vertices(original, output, lossy)
     with naming(cloud):
@@ -115,10 +102,10 @@ def mesh(
             baked = bake_texture(result.mesh, original, texture_size)
     with timer("writing"):
         dropped = write_mesh(output, result.mesh, result.cloud, force, lossy=True, texture=baked, unit=unit)
-    note_left_out(output, dropped)
-    note_units(cloud, original, unit)
+    printing.note_left_out(output, dropped)
+    printing.note_units(cloud, original, unit)
     for note in _notes(result, original, task.n_points, bool(moved or effort)):
-        print_error(f"note: {cloud}: {note}")
+        printing.print_error(f"note: {cloud}: {note}")
     diagnostics = {name: value for name, value in asdict(result.diagnostics).items() if value is not None}
     record = {
         "input": str(cloud),
@@ -126,14 +113,15 @@ def mesh(
         "points_in": len(original),
         "vertices": len(result.mesh.vertices),
         "triangles": len(result.mesh.faces),
-        **record_of_run(diagnostics, timer.seconds),
+        **printing.record_of_run(diagnostics, timer.seconds),
     }
     table = {name: record[name] for name in ("points_in", "vertices", "triangles")}
     table |= {name: value for name, value in diagnostics.items() if value}
     if excluded := table.pop("excluded", 0.0):
         table["points not covered by the mesh"] = f"{100 * excluded:.3g} %"
-    table["unit"] = unit_text(unit_of(original.header, unit))
-    emit(record, as_json, quiet, f"{cloud} → {output}", table | {"time": time_in_words(timer.seconds)})
+    table["unit"] = printing.unit_text(unit_of(original.header, unit))
+    table["time"] = printing.time_in_words(timer.seconds)
+    printing.emit(record, as_json, quiet, f"{cloud} → {output}", table)
 
 
 def _indices_of(original: PointCloud, kept: PointCloud, path: Path) -> NDArray[Any]:

@@ -152,4 +152,4 @@ def _pairs(texts: list[str] | None, pattern: str, expected: str) -> dict[str, st
     for text, match in pairs:
         if not match:
             raise ParameterError(f"expected {expected}, found {shown(text)}")
-    return dict(match.groups() for _, match in pairs if match)
+    return {match[1]: match[2] for _, match in pairs if match}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import NORMALS, PointCloud
-from gppcs.clouds.mesh import Mesh, size_text
+from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.colours import Colourable, kinds_of, scale_ends
 from gppcs.drawing.estimates import disc_radii, estimates
 from gppcs.drawing.surfaces import NOISY
@@ -40,7 +40,9 @@ class Named:
     @property
     def size_text(self) -> str:
         """The number of its points, or of its vertices and triangles."""
-        return size_text(self.mesh) if self.is_mesh and self.mesh else f"{len(self.cloud):,} points"
+        if self.is_mesh and self.mesh:
+            return f"{len(np.unique(self.mesh.faces)):,} vertices, {len(self.mesh.faces):,} triangles"
+        return f"{len(self.cloud):,} points"
 
 
 def in_one_unit(clouds: Sequence[Named]) -> list[Named]:
