@@ -98,10 +98,7 @@ def test_words_of_python_may_be_names():
         ("z >", "at its end: expected conditions"),
         ("Classification = 6", "expected conditions such as 'classification == 6'"),
         ("z > 3) or (z < 2", "at character 6"),
-        (
-            "classificaton == 6",
-            "at character 1 ('classificaton ='): the cloud has no attribute 'classificaton'; did you",
-        ),
+        ("classificaton == 6", "character 1 ('classificaton ='): the cloud has no attribute 'classificaton'; did you"),
         ("classification == high_vegetatoin", "did you mean 'high_vegetation'"),
         ("return == 0", "the cloud has no attribute 'return'"),
         ("'é' == label and zz > 2", "at character 18 ('zz > 2')"),

@@ -274,9 +274,8 @@ def test_fractions_as_intensities_and_colours_get_16_bits(tmp_path):
     colours = {name: np.array([0, 51, k], np.float32) / 255 for k, name in enumerate(("red", "green", "blue"))}
     write(path, PointCloud(np.eye(3), colours), force=True)  # nothing is lost beyond 16 bits
     assert laspy.read(path).blue.tolist() == [0, 51 * 257, 2 * 257]
-    assert (
-        losses("a.las", PointCloud(np.eye(3), colours))[0] == "the scale of attribute red (0 to 0.2 become 0 to 13107)"
-    )
+    scaled = losses("a.las", PointCloud(np.eye(3), colours))
+    assert scaled[0] == "the scale of attribute red (0 to 0.2 become 0 to 13107)"
 
 
 @pytest.mark.parametrize("names", [["n" * 33], ["X"], [f"a{i}" for i in range(342)]])

@@ -10,6 +10,7 @@ import trimesh
 import gppcs
 from formats import glb, parts_of_glb
 from gppcs.clouds.colours import linear
+from gppcs.errors import FileFormatError, OutputError
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -111,7 +112,7 @@ def test_hostile_gltf_is_refused(tmp_path, mesh, old, new, message):
     text = text.replace(b", ", b",").replace(b": ", b":")
     assert old in text
     (tmp_path / "mesh.glb").write_bytes(glb(text.replace(old, new), numbers))
-    with pytest.raises(gppcs.errors.FileFormatError, match=message):
+    with pytest.raises(FileFormatError, match=message):
         gppcs.read(tmp_path / "mesh.glb")
 
 
@@ -141,7 +142,7 @@ def test_colours_of_any_type_look_the_same(tmp_path, mesh, values, expected):
 )
 def test_what_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, mesh, suffix, changes, lost):
     cloud = gppcs.PointCloud(CORNERS, changes)
-    with pytest.raises(gppcs.errors.OutputError, match=f"cannot hold: {lost}"):
+    with pytest.raises(OutputError, match=f"cannot hold: {lost}"):
         gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud)
     assert not list(tmp_path.iterdir())
     (first, *_) = gppcs.write_mesh(tmp_path / f"mesh{suffix}", mesh, cloud, lossy=True)
@@ -150,7 +151,7 @@ def test_what_a_format_cannot_hold_is_refused_and_leaves_no_file(tmp_path, mesh,
 
 def test_survey_coordinates_are_not_rounded_to_single_precision_unasked(tmp_path):
     far = gppcs.Mesh(CORNERS + np.array([5e5 + 0.1, 5e6, 0]), FACES)
-    with pytest.raises(gppcs.errors.OutputError, match=r"the last digits of coordinates \(which move by"):
+    with pytest.raises(OutputError, match=r"the last digits of coordinates \(which move by"):
         gppcs.write_mesh(tmp_path / "mesh.stl", far)
     gppcs.write_mesh(tmp_path / "mesh.obj", far)
     assert len(gppcs.write_mesh(tmp_path / "mesh.stl", far, lossy=True)) == 1
@@ -158,9 +159,7 @@ def test_survey_coordinates_are_not_rounded_to_single_precision_unasked(tmp_path
 
 @pytest.mark.parametrize("name", ["mesh.las", "mesh", "mesh.gltf"])
 def test_other_formats_and_other_vertices_are_an_error(tmp_path, mesh, name):
-    with pytest.raises(
-        gppcs.errors.FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"
-    ):
+    with pytest.raises(FileFormatError, match=r"one of the formats of meshes \.ply \.obj \.stl \.off \.glb, found"):
         gppcs.write_mesh(tmp_path / name, mesh)
     with pytest.raises(gppcs.InputError, match="the vertices of the mesh"):
         gppcs.write_mesh(tmp_path / "mesh.ply", mesh, gppcs.PointCloud(CORNERS + 1))

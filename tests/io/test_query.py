@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gppcs
+from gppcs.errors import FileFormatError
 from gppcs.io.query import Polygons, read_polygons
 
 SQUARE = [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
@@ -87,7 +88,7 @@ def test_a_polygon_with_many_corners():
 )  # fmt: skip
 def test_what_is_no_polygon_is_refused(files, content):
     _, area = files(content)
-    with pytest.raises(gppcs.errors.FileFormatError, match=r"area.json: expected .*polygon.* in GeoJSON"):
+    with pytest.raises(FileFormatError, match=r"area.json: expected .*polygon.* in GeoJSON"):
         read_polygons(area)
 
 
@@ -114,9 +115,7 @@ def test_beyond_memory_the_same_points_are_read(tmp_path, monkeypatch):
 
 def test_an_attribute_that_is_not_there_is_named_with_the_file(files):
     scan, _ = files("{}")
-    with pytest.raises(
-        gppcs.errors.FileFormatError, match=r"scan.ply: .*at character 1 .*no attribute 'klassification'; did you mean"
-    ):
+    with pytest.raises(FileFormatError, match=r"scan.ply: .*at character 1 .*'klassification'; did you mean"):
         gppcs.open(scan, only="klassification == 2").read()
     with pytest.raises(gppcs.InputError, match="expected points with z > 99, found none"):
         gppcs.simplify(gppcs.open(scan, only="z > 99"), n_points=5)

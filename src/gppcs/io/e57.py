@@ -28,7 +28,7 @@ from gppcs.errors import FileFormatError, OutputError
 from gppcs.io.columns import column_name, columns_of, exact_type, with_byte_colours
 from gppcs.io.format import Format, Reader, begins, keeping, read_at_once
 from gppcs.io.joining import joined
-from gppcs.io.rows import check_unpacked, ends_early, reported
+from gppcs.io.rows import check_unpacked, damaged, ends_early, reported
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -118,7 +118,7 @@ def _check_xml(file: BufferedReader, size: int) -> None:
     header = file.read(48)
     offset, length, page = (int.from_bytes(header[start : start + 8], "little") for start in (24, 32, 40))
     if not header.startswith(b"ASTM-E57") or page != 1024 or offset > size or length > size:
-        raise FileFormatError("expected a whole E57 file, found a header that does not fit it; get the file again")
+        raise damaged("a whole E57 file", "a header that does not fit it")
     file.seek(offset - offset % page)
     pages = file.read(length + length // 100 + 4 * page)
     xml = b"".join(pages[i : i + page - 4] for i in range(0, len(pages), page))  # without checksums at the ends

@@ -44,7 +44,7 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
             entries[keyword] = values
         elif not line or (keyword and not keyword.startswith("#")):
             actual = rows.shortened(line.decode("utf-8", "replace")) if line else "the end of the file"
-            raise FileFormatError(f"expected lines of keywords up to DATA in a PCD file, found {actual}")
+            raise rows.damaged("lines of keywords up to DATA in a PCD file", actual)
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
         raise rows.damaged("DATA to be ascii, binary or binary_compressed", rows.shortened(encoding))

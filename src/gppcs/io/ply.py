@@ -124,7 +124,7 @@ def _read_header(file: BufferedReader) -> tuple[_Order, list[_Element], list[str
                 elements[-1].properties.append(_Property(name, _TYPES[kind], _TYPES[length]))
             case _:
                 raise FileFormatError(f"line {number}: expected a PLY header, found {rows.shortened(text)}")
-    raise FileFormatError("expected a line 'end_header', found the end of the file; get the whole file again")
+    raise rows.damaged("a line 'end_header'", "the end of the file")
 
 
 def _seek(file: BufferedReader, start: int, order: _Order, elements: list[_Element], element: _Element) -> None:
