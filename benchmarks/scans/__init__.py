@@ -16,6 +16,7 @@ from typing import Any
 import gppcs
 import gppcs.scans
 from gppcs.scans.patch import Scan
+from scans.avenue import AVENUE
 from scans.case import CASE
 from scans.gears import GEARS
 from scans.horse import HORSE
@@ -26,7 +27,6 @@ from scans.ribs import CRATE, SINK, VENTS
 from scans.room import ROOM
 from scans.scene import Scene
 from scans.statue import PAINTED, STATUE
-from scans.avenue import AVENUE
 from scans.terrain import TERRAIN
 from scans.tubes import CABLE, HANDLEBAR, HORN
 from scans.wood import FOREST, PLOT
