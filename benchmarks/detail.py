@@ -146,8 +146,8 @@ def main() -> None:
             f"{100 * RATIO:g} % of the points are kept. Errors of the attribute are in its range, from values that are "
             "interpolated linearly over the local surface; the column nearest takes the value of the nearest kept "
             "point. All but the first error are relative to gp without detail.",
-            f"Samples have {SIZE:,} points; the street has noise of {NOISE:g} diagonals. Its intensity is judged by the "
-            "true value; what is noise of the attributes of scans is not known, so it counts as error.",
+            f"Samples have {SIZE:,} points; the street has noise of {NOISE:g} diagonals. Its intensity is judged by "
+            "the true value; what is noise of the attributes of scans is not known, so it counts as error.",
             "The row best values there has the places of gp, detail, with the values that have about the least mean "
             "error of all, fitted to the whole scan. Hardly any choice of original points with about these places "
             "falls below that: what is left is noise, and texture finer than the kept points.",
