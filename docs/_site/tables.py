@@ -313,11 +313,11 @@ SENTENCES = {
         ("It thins 437,645 points to 13,129 in {} seconds on two cores", dragon_seconds),
     ],
     "docs/usage.md": [
-        ("That takes about 20 seconds for `gppcs simplify`, {} as", lambda: starts()[:1]),
+        ("For `gppcs simplify`, that takes [{} seconds]", lambda: starts()[:1]),
         ("[{} s on two cores](../benchmarks/results/speed.md)", dragon_seconds),
     ],
     "docs/ask.md": [
-        ("would leave {} to {} of the error of `gp`", best_values),
+        ("place, {} to {} of the error of `gp` would remain", best_values),
         ("takes {} to {} times as long with `--detail`", detail_times),
     ],
     "docs/methods.md": [

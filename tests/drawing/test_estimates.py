@@ -44,3 +44,11 @@ def test_wires_are_drawn_thin_and_planes_closed(gap):
     is_wire = height > height.mean()
     assert np.median(radii[is_wire]) < along[1]
     assert np.median(radii[~is_wire]) == pytest.approx(np.sqrt(6 / (np.pi * 4000 / 64)), rel=0.1)
+
+
+def test_stray_points_are_drawn_no_larger_than_others():
+    rng = np.random.default_rng(0)
+    surface = rng.random((4000, 3)) * [8, 8, 0]
+    strays = np.array([[2.0, 2, 0.4], [6, 2, 0.6], [4, 6, 0.8]])
+    radii = disc_radii(estimates(np.vstack([surface, strays]))[2])
+    assert radii[-3:].max() <= 1.1 * np.median(radii)

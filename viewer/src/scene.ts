@@ -18,7 +18,8 @@ import tintShader from "./tint.glsl";
 
 const FIELD = 30; // degrees, of the camera
 const SAMPLE = 20000; // points of a cloud that decide how far away the camera stands
-const WIDEST = 3; // extent that is shown whole, as a multiple of that of nearly all points
+const WIDEST = 1.5; // extent that is shown whole, as a multiple of that of nearly all points
+const BEYOND = 0.1; // of the latter, what is shown beyond them of a larger one
 const MARGIN = 1.03; // of the window around the clouds, as a multiple of theirs
 const COVERING = 1.7; // radius of a point in spacings, at which the discs close the surface
 const KEPT = 1.1; // that of a point of a result: larger discs would jut out where it bends
@@ -622,6 +623,6 @@ function axesOf(azimuth: number, elevation: number): [Vector3, Vector3, Vector3]
 function edge(numbers: number[]): number {
   const sorted = Float64Array.from(numbers).sort();
   const at = (share: number) => sorted[Math.round(share * (sorted.length - 1))] ?? 0;
-  const [low, high] = [at(0.005), at(0.995)];
-  return at(1) - low <= WIDEST * (high - low) ? at(1) : high + 0.25 * (high - low);
+  const [low, high] = [at(0.01), at(0.99)];
+  return at(1) - low <= WIDEST * (high - low) ? at(1) : high + BEYOND * (high - low);
 }

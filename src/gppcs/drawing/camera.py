@@ -14,6 +14,8 @@ from gppcs.errors import ParameterError, number, shown
 
 ELEVATIONS = (22.0, 35.0, STEEP := 55.0)  # degrees from which scenes are seen: the first that shows their ground
 GROUND = 0.15  # fraction of the points that the lowest 4 % of the height hold at least, if they are a ground
+WIDEST = 1.5  # extent that is shown whole, in that of nearly all points; the page has the same
+BEYOND = 0.1  # of the latter, what is shown beyond them of a larger one
 SUPERSAMPLING = 2  # pictures are drawn larger by this factor and averaged down, so that edges are smooth
 
 
@@ -145,10 +147,10 @@ def _axes(up: str, direction: tuple[float, float]) -> Floats:
 
 
 def _frame(flat: Floats) -> tuple[Floats, Floats]:
-    """Return the lower left and upper right corner (2,) of the points (N, 2), without distant outliers."""
-    lower, inner_lower, inner_upper, upper = np.percentile(flat, (0, 0.5, 99.5, 100), axis=0)
+    """Return the lower left and upper right corner (2,) of the points (N, 2), without the few that lie far out."""
+    lower, inner_lower, inner_upper, upper = np.percentile(flat, (0, 1, 99, 100), axis=0)
     inner = inner_upper - inner_lower
-    margin = np.where(upper - lower <= 3.0 * inner, upper - lower, 0.25 * inner)
+    margin = np.where(upper - lower <= WIDEST * inner, upper - lower, BEYOND * inner)
     return np.maximum(lower, inner_lower - margin), np.minimum(upper, inner_upper + margin)
 
 

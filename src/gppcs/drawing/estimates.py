@@ -54,7 +54,9 @@ def disc_radii(tree: KdTree) -> Floats:
     sparse = np.flatnonzero((radii > 1.5 * usual) | ((radii > WIRE * usual) & (across < 0.45 * total)))
     radii[sparse[are_on_lines(in_order, points[sparse])]] = WIRE * usual
     in_space = (thinnest > 0.35 * across) | (across < 0.35 * total)  # on no surface, such as where wires meet
-    radii[in_space & (radii > 2.5 * usual)] = usual
+    around, _ = measured.nearest_of(points, min(AROUND, len(points)))
+    alone = radii > 2.0 * np.median(radii[around], axis=1)  # such as beside a surface
+    radii = np.where(in_space | alone, np.minimum(radii, usual), radii)
     if measured is not in_order:
         radii = radii[measured.nearest_of(tree.points.T, 1)[0][:, 0]]
     return radii[tree.positions()]

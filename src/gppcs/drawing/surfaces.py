@@ -14,7 +14,7 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 
 MAX_DENSE = 1_000_000  # points that a surface is made from; of more, it would take minutes
-PER_VERTEX, ENOUGH = 8, 40_000  # points for each vertex that a surface is made from, and of all, if there are so many
+PER_VERTEX, ENOUGH = 4, 40_000  # points for each vertex that a surface is made from, and of all, if there are so many
 MAX_SPARSE = 10_000  # points of a cloud whose discs would hide its shape in a picture of usual size
 MIN_COVERED = 0.9  # fraction of the points that have to lie on it: of trees and wires, points show more
 NOISY = 0.15  # noise, in median edges of a surface, above which its triangles turn every way

@@ -58,6 +58,8 @@ def bake_texture(mesh: Mesh, cloud: CloudLike, size: int = 1024) -> Texture:
     >>> gppcs.write_mesh("wall.glb", result.mesh, result.cloud, texture=texture)
     ['attribute curvature (float32)']
     """
+    from scipy.ndimage import distance_transform_edt
+
     size = checked_texture_size(size)
     if not isinstance(mesh, Mesh):
         raise InputError(f"expected a gppcs.Mesh, found {shown(mesh)}")
@@ -73,7 +75,9 @@ def bake_texture(mesh: Mesh, cloud: CloudLike, size: int = 1024) -> Texture:
     image = np.zeros((size, size, 3), dtype=np.uint8)
     pixel = Mesh(vertices, mesh.faces).face_areas().sum() / max(1, len(seen))
     image[covered] = _blended(KdTree.build(points[distinct]), colours[distinct], seen, pixel)
-    return Texture(_spread(image, covered), indices, uv, faces)
+    # Empty pixels get the colour of the nearest covered one, as seams would show else.
+    rows, columns = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+    return Texture(image[rows, columns], indices, uv, faces)
 
 
 def require_colours(cloud: PointCloud) -> NDArray[np.uint8]:
@@ -116,11 +120,3 @@ def _blended(tree: KdTree, colours: NDArray[np.uint8], seen: Floats, pixel: floa
         sums = np.einsum("nk,nkc->nc", weights, colours[near].astype(np.float64))
         blended[part] = np.round(sums / weights.sum(axis=1, keepdims=True))
     return blended
-
-
-def _spread(image: NDArray[np.uint8], covered: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return a picture whose empty pixels have the colour of the nearest covered one, as seams would show else."""
-    from scipy.ndimage import distance_transform_edt
-
-    rows, columns = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-    return image[rows, columns]
