@@ -31,7 +31,7 @@ from gppcs.gp.local.greedy_state import (
     set_score,
     workspace_below,
 )
-from gppcs.gp.local.kernel import LocalField, field_distance
+from gppcs.gp.local.kernel import LocalField, by_squares, field_distance
 from gppcs.gp.local.posterior import condition, posterior_of_all
 from gppcs.spatial.box_distances import squared_distance_of_boxes
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
@@ -325,5 +325,5 @@ def _gap(field, i, j):
     return of_detail + field_distance(
         positions[0, i] - positions[0, j], positions[1, i] - positions[1, j], positions[2, i] - positions[2, j],
         normals[0, i] * normals[0, j] + normals[1, i] * normals[1, j] + normals[2, i] * normals[2, j],
-        1.0 / (field.spacings[i] ** 2 + field.spacings[j] ** 2), field.normal_weight,
+        by_squares(field.spacings[i], field.spacings[j]), field.normal_weight,
     )  # fmt: skip

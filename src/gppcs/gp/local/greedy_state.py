@@ -11,7 +11,7 @@ import numpy as np
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.gp.local.kernel import LANES, field_distance
+from gppcs.gp.local.kernel import LANES, by_squares, field_distance
 from gppcs.gp.local.posterior import Conditioning, Work, compute_posteriors, work_for
 from gppcs.spatial.kdtree import LEAF_SIZE, after, first_leaf, leaf_range
 
@@ -97,7 +97,7 @@ def condition_on(new, root, computed, field, state, workspace, count):
             cosine = field.normals[0, i] * u + field.normals[1, i] * v + field.normals[2, i] * w
             workspace.gaps[i - begin] = field_distance(
                 field.positions[0, i] - x, field.positions[1, i] - y, field.positions[2, i] - z, cosine,
-                1.0 / (field.spacings[i] ** 2 + spacing**2), field.normal_weight,
+                by_squares(field.spacings[i], spacing), field.normal_weight,
             )  # fmt: skip
         for c in range(len(field.detail)):  # Eq. (18), in loops that vectorise
             for i in range(begin, end):

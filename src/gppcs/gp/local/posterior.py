@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, correlate, field_distance
+from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, by_squares, correlate, field_distance
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range, least_of_nodes
 
@@ -266,7 +266,7 @@ def _keep_nearest_side_by_side(field, chosen, near, side):
             cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
             side.gaps[p] = field_distance(
                 side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine,
-                1.0 / (side.points[6, p] ** 2 + s**2), field.normal_weight,
+                by_squares(side.points[6, p], s), field.normal_weight,
             )  # fmt: skip
             side.new[p] = j
         for c in range(len(field.detail)):
