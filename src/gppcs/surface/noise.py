@@ -144,8 +144,7 @@ class Noise:
         within = int(np.pi * len(tree.order) / n_points)  # points within the target spacing of a point, on average
         if within < FEWEST:
             return cls(None, within, False, 0.0, True, True, spacing)
-        # Half as many are enough for what is only compared, and of larger clouds a quarter.
-        sampled = _sampled(tree, 4 if len(tree.order) >= 8192 else 2)
+        sampled = _sampled(tree, 2)  # half as many are enough for what is only compared
         layers = cache(lambda k: NoiseLayer.about(fit_quadrics(tree, sampled, k)))
         neighbours = min(across(layers, 2 * NEIGHBOURS)[0], within)
         sigma, thick = layers(neighbours).sigma, layers(NEIGHBOURS).is_thick()
