@@ -247,11 +247,7 @@ class Candidates(NamedTuple):
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
-        feet, weights, sheets = (
-            _taken(self.feet, positions),
-            _taken(self.weights, positions),
-            _taken(self.sheets, positions),
-        )
+        feet, weights, sheets = (_taken(column, positions) for column in (self.feet, self.weights, self.sheets))
         detail = None if self.detail is None else self.detail.take(positions)
         return Candidates(self.indices[positions], feet, self.variances[positions], weights, detail, sheets)
 

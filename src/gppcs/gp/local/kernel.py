@@ -31,10 +31,16 @@ class LocalField(NamedTuple):
 
 
 @kernel(fastmath=False, allocates=False)
-def field_distance(dx, dy, dz, cosine, by_squares, normal_weight):
-    """Return |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2) (Eq. (5)), by 1 / (s^2 + s'^2)."""
+def by_squares(s, r):
+    """Return 1 / (s^2 + r^2), the same as for r and s to the last digit."""
+    return 1.0 / (s * s + r * r)
+
+
+@kernel(fastmath=False, allocates=False)
+def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
+    """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2)."""
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
-    return (dx * dx + dy * dy + dz * dz) * (2.0 * by_squares) + across
+    return (dx * dx + dy * dy + dz * dz) * (2.0 * by_squares(s, r)) + across
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
@@ -51,15 +57,14 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
             out[p] += (sites[a, c, p] - sites[b, c, p]) ** 2
     for p in range(lanes):
         s, r = sites[a, 6, p], sites[b, 6, p]
-        by_squares = 1.0 / (s * s + r * r)
         squared = out[p] + field_distance(
             sites[a, 0, p] - sites[b, 0, p], sites[a, 1, p] - sites[b, 1, p], sites[a, 2, p] - sites[b, 2, p],
             sites[a, 3, p] * sites[b, 3, p] + sites[a, 4, p] * sites[b, 4, p] + sites[a, 5, p] * sites[b, 5, p],
-            by_squares, normal_weight,
+            s, r, normal_weight,
         )  # fmt: skip
         t = np.sqrt(5.0 * squared) / lengthscale
         e = _exponential(min(t, vanished))
-        even = 2.0 * s * r * by_squares
+        even = 2.0 * s * r * by_squares(s, r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
 

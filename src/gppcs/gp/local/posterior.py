@@ -190,7 +190,13 @@ def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioni
 def _condition_leaf(field, lower, upper, chosen, leaf, squared, near, side, conditioning):
     """Condition the points of a leaf, by a search within a squared range at first; return the largest of theirs."""
     begin, end = leaf_range(len(field.y), first_leaf(lower), leaf)
-    _take_up(field, begin, end, side)
+    for p in range(LEAF_SIZE):
+        i = min(begin + p, end - 1)  # the last one fills the rest
+        for axis in range(3):
+            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        side.points[6, p] = field.spacings[i]
+        for c in range(len(field.detail)):
+            side.points[7 + c, p] = field.detail[c, i]
     while True:
         count = _find_chosen(chosen, lower[leaf], upper[leaf], squared, side.points, near)
         needed = _keep_nearest_side_by_side(field, chosen, near[:count], side)
@@ -239,18 +245,6 @@ class _SideBySide(NamedTuple):
     gaps: Floats  # (LEAF_SIZE,), its squared distances in the field
 
 
-@kernel(inline="always")
-def _take_up(field, begin, end, side):
-    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
-    for p in range(LEAF_SIZE):
-        i = min(begin + p, end - 1)
-        for axis in range(3):
-            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
-        side.points[6, p] = field.spacings[i]
-        for c in range(len(field.detail)):
-            side.points[7 + c, p] = field.detail[c, i]
-
-
 @kernel(fastmath=False, allocates=False)
 def _keep_nearest_side_by_side(field, chosen, near, side):
     """Keep, for each point of a leaf, the nearest of some chosen points, (count,); return the largest range."""
@@ -265,8 +259,8 @@ def _keep_nearest_side_by_side(field, chosen, near, side):
         for p in range(LEAF_SIZE):
             cosine = side.points[3, p] * u + side.points[4, p] * v + side.points[5, p] * w
             side.gaps[p] = field_distance(
-                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine,
-                1.0 / (side.points[6, p] ** 2 + s**2), field.normal_weight,
+                side.points[0, p] - x, side.points[1, p] - y, side.points[2, p] - z, cosine, side.points[6, p], s,
+                field.normal_weight,
             )  # fmt: skip
             side.new[p] = j
         for c in range(len(field.detail)):
