@@ -152,9 +152,34 @@ def test_the_seed_decides_a_random_choice():
     assert re.fullmatch(r"Result\(120 points by random \(seed=1\) in \S+ s\)", repr(result))
 
 
-def test_arguments_of_reading_are_refused_for_files_that_are_open(tmp_path):
+def test_old_names_of_arguments_work_with_a_warning_that_tells_the_new_ones(tmp_path):
+    cloud = gppcs.sample("bracket", n_points=2000)
+    gppcs.write(tmp_path / "a.ply", cloud)
+    with pytest.warns(DeprecationWarning, match=r"use gppcs.open\(paths, only=...\), which gppcs.simplify takes"):
+        result = gppcs.simplify(tmp_path / "a.ply", n_points=9, only="z > 6", method="random")
+    assert result.points[:, 2].min() > 6
+    with pytest.warns(DeprecationWarning, match="which gppcs.read takes"):
+        assert len(gppcs.read(tmp_path / "a.ply", inside=[0, 0, 9, 9])) < len(cloud)
+    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.Random\(seed=3\)"):
+        assert gppcs.simplify(cloud, n_points=9, method="random", seed=3).method == gppcs.Random(seed=3)
+    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.LocalGP\(denoise=True\)"):
+        assert gppcs.simplify(cloud, n_points=9, denoise=True).method == gppcs.LocalGP(denoise=True)
+    refused = pytest.raises(gppcs.ParameterError, match="'fps' has no parameter 'seed'")
+    with pytest.warns(DeprecationWarning, match="Random"), refused:
+        gppcs.simplify(cloud, n_points=9, method="fps", seed=3)
+
+
+@pytest.mark.filterwarnings("ignore:.*is deprecated here:DeprecationWarning")
+def test_arguments_of_reading_are_taken_by_position_and_refused_without_files(tmp_path):
     (tmp_path / "a.txt").write_text("x,y,z\n0,0,1\n0,0,3\n")
-    for wrong in ({"format": "csv"}, {"columns": ["x", "y", "z"]}):
+    assert len(gppcs.read(tmp_path / "a.txt", "csv", only="z > 2")) == 1
+    with pytest.raises(gppcs.GppcsError, match="LAS"):
+        gppcs.read(tmp_path / "a.txt", "las", only="z > 2")
+    with pytest.raises(TypeError, match="path"):
+        gppcs.read(only="z > 2")
+    with pytest.raises(gppcs.ParameterError, match=r"cloud\[mask\]"):
+        gppcs.simplify(gppcs.sample("bracket", n_points=20), n_points=9, only="z > 2")
+    for wrong in ({"format": "csv"}, {"columns": ["x", "y", "z"]}, {"only": "z > 2"}):
         with pytest.raises(gppcs.ParameterError, match=r"gppcs\.open"):
             gppcs.read(gppcs.open(tmp_path / "a.txt", "csv"), **wrong)
 
@@ -195,6 +220,19 @@ def test_points_that_are_not_finite_are_counted_or_dropped(bad):
     assert everything.indices.tolist() == rest.tolist()
 
 
+@pytest.mark.parametrize(
+    ("cloud", "message"),
+    [
+        (np.empty((0, 3)), "empty"),
+        (np.full((2, 3), np.nan), "none of the 2 points has finite coordinates"),
+        ([[1e308, 0, 0], [-1e308, 0, 0], [1, 2, 3]], "overflow"),
+    ],
+)
+def test_what_is_no_cloud_is_refused(cloud, message):
+    with pytest.raises(gppcs.InputError, match=message):
+        gppcs.simplify(cloud, ratio=0.5, invalid="drop")
+
+
 @pytest.mark.parametrize("method", ["gp", "gp-spectral"])
 def test_every_step_is_reported_in_small_ones(method):
     """No step of the choice is more than two fifths of all points."""
@@ -213,15 +251,20 @@ def test_every_step_is_reported_in_small_ones(method):
         assert all(after[0] - before[0] <= 0.4 * number for before, after in itertools.pairwise(steps))
 
 
-def test_a_result_is_an_array_and_does_not_change_with_its_timer():
-    timer = gppcs.Timer()
-    result = gppcs.simplify(np.eye(3), n_points=2, method="random", scores=np.False_, normals=np.False_, timer=timer)
+def test_a_result_is_an_array_and_options_may_be_flags_of_numpy():
+    result = gppcs.simplify(np.eye(3), n_points=2, method="random", scores=np.False_, normals=np.False_)
+    assert np.array(result).tolist() == result.points.tolist()
     with pytest.raises(ValueError, match="copy"):
         np.array(result, copy=False)
-    seconds = dict(result.seconds)
+
+
+def test_a_timer_of_two_runs_does_not_change_the_first_result():
+    timer = gppcs.Timer()
+    first = gppcs.simplify(np.eye(3), n_points=2, method="random", timer=timer)
+    seconds = dict(first.seconds)
     with timer("something else"):
         pass
-    assert result.seconds == seconds
+    assert first.seconds == seconds
 
 
 @pytest.mark.parametrize(
@@ -329,7 +372,12 @@ def test_a_list_of_clouds_of_any_kind_is_a_batch(tmp_path, bracket):
         results.indices  # noqa: B018
 
 
-@pytest.mark.parametrize("batch", [np.zeros((9, 3)), "scan.ply", None, 3, np.full((3, 9, 3), np.nan)])
-def test_what_is_no_batch_or_has_clouds_that_are_none_is_refused(batch):
-    with pytest.raises(gppcs.InputError, match=r"\(B, N, 3\)" if np.ndim(batch) < 3 else "finite"):
+@pytest.mark.parametrize("batch", [np.zeros((9, 3)), "scan.ply", None, 3])
+def test_what_is_no_batch_is_refused(batch):
+    with pytest.raises(gppcs.InputError, match=r"\(B, N, 3\)"):
         gppcs.simplify_batch(batch, n_points=3)
+
+
+def test_an_error_in_a_batch_is_that_of_the_cloud():
+    with pytest.raises(gppcs.InputError, match="finite"):
+        gppcs.simplify_batch(np.full((3, 9, 3), np.nan), n_points=3)

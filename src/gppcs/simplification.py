@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
+from functools import partial, wraps
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gppcs.amounts.options import Options
+from gppcs.amounts.options import Options, method_of
 from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud, array_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.io.joining import joined
-from gppcs.io.reading import source_of
+from gppcs.io.reading import Function, source_of, taking_old_names
 from gppcs.io.streams import check_distinct
 from gppcs.methods import DEFAULT, Method, Selection
 from gppcs.result import BatchResult, Result
@@ -33,6 +34,24 @@ if TYPE_CHECKING:
     from gppcs.streaming.plan import Plan
 
 
+def _taking_old_settings(function: Function) -> Function:
+    """Let a function take parameters of the method by themselves, with a warning, until release 0.3."""
+
+    @wraps(function)
+    def with_old_settings(*arguments: Any, **options: Any) -> Any:
+        old = {name: options.pop(name) for name in ("seed", "denoise") if name in options}
+        for name, value in old.items():
+            if value is not None and value is not False:
+                instead = f"use method=gppcs.{'LocalGP' if name == 'denoise' else 'Random'}({name}={value})"
+                warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=3)
+                options["method"] = method_of(options.get("method", DEFAULT), {name: value})
+        return function(*arguments, **options)
+
+    return cast(Function, with_old_settings)
+
+
+@taking_old_names
+@_taking_old_settings
 def simplify(
     cloud: CloudLike,
     *,
@@ -213,6 +232,8 @@ def simplify_batch(
         return BatchResult(run_on.run(partial(simplify, **options), list(listed), on_progress=on_progress))
 
 
+@taking_old_names
+@_taking_old_settings
 def simplify_tiles(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | CloudFiles,
     output: str | os.PathLike[str],

@@ -1,14 +1,45 @@
 """Reads clouds from files, and takes clouds in any form."""
 
+import inspect
 import os
-from collections.abc import Sequence
-from typing import Any, BinaryIO
+import warnings
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any, BinaryIO, TypeVar, cast
 
 from gppcs.clouds.cloud import CloudLike, PointCloud
 from gppcs.errors import ParameterError
 from gppcs.io.cloud_files import CloudFiles
 
+Function = TypeVar("Function", bound=Callable[..., Any])
 
+OLD_NAMES = ("format", "columns", "inside", "only", "resolution", "assume_same_crs")
+
+
+def taking_old_names(function: Function) -> Function:
+    """Let a function of files take arguments that went to `gppcs.open`, with a warning, until release 0.3."""
+    first, signature = next(iter(function.__annotations__)), inspect.signature(function)
+
+    @wraps(function)
+    def with_old_names(*arguments: Any, **options: Any) -> Any:
+        if old := [name for name in OLD_NAMES if name in options and name not in function.__annotations__]:
+            reading = {name: options.pop(name) for name in OLD_NAMES if name in options}
+            bound = signature.bind(*arguments, **options)
+            reading |= {name: bound.arguments.pop(name) for name in OLD_NAMES if name in bound.arguments}
+            if isinstance(paths := bound.arguments[first], PointCloud | CloudFiles):
+                actual = f"found a {type(paths).__name__}; choose points of a cloud in memory by cloud[mask]"
+                raise ParameterError(f"expected `{old[0]}` where files are opened, by gppcs.open, {actual}")
+            for name in old:
+                instead = f"use gppcs.open(paths, {name}=...), which gppcs.{function.__name__} takes"
+                warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=2)
+            bound.arguments[first] = CloudFiles(paths, **reading)
+            return function(*bound.args, **bound.kwargs)
+        return function(*arguments, **options)
+
+    return cast(Function, with_old_names)
+
+
+@taking_old_names
 def read(
     path: str | os.PathLike[str] | BinaryIO | Sequence[str | os.PathLike[str]] | CloudFiles,
     format: str | None = None,  # noqa: A002  # as NumPy and pandas say
