@@ -298,9 +298,10 @@ def write_gltf(
             tree["bufferViews"][tree["accessors"][accessor]["bufferView"]]["target"] = target
 
     normals, scene = cloud.normals(), trimesh.Scene()
-    vertices = {"vertices": cloud.points - origin, "vertex_normals": normals, "vertex_attributes": light}
     to_place = np.block([[np.diag(scales), (scales * origin)[:, None]], [0.0, 0.0, 0.0, 1.0]])
-    scene.add_geometry(trimesh.Trimesh(faces=faces, visual=shown, process=False, **vertices), transform=Y_UP @ to_place)
+    local = cloud.points - origin
+    mesh = trimesh.Trimesh(local, faces, vertex_normals=normals, visual=shown, vertex_attributes=light, process=False)
+    scene.add_geometry(mesh, transform=Y_UP @ to_place)
     content: Any = scene.export(file_type="glb", include_normals=normals is not None, tree_postprocessor=complete)
     file.write(content)
 
