@@ -20,7 +20,6 @@ from conditions import COVER, ESTIMATED_H_MEAN, FEATURES, FOUND_ON, H_MAX, H_MEA
 from gppcs.gp.local import algorithm
 from gppcs.gp.local.candidates import survey
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import Measured
 
 SHOWN = (H_MEAN, H_MAX, ESTIMATED_H_MEAN, SURFACE, COVER, FEATURES)
 STARTS = range(3)  # turns of the cloud
@@ -33,7 +32,7 @@ class PlacedFarthestPoint(gppcs.FarthestPoint):
     def __call__(self, task: gppcs.Task) -> gppcs.Selection:
         """Choose, then place."""
         found = super().__call__(task)
-        measured = Measured(*survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)[:3])
+        measured = survey(task.points, task.n_points, gppcs.LocalGP().candidates, task.timer)
         return replace(found, indices=place(task.points, found.indices, 0, measured))
 
 

@@ -7,8 +7,10 @@ import pytest
 
 import gppcs
 from dense import distances_to_triangles
+from gppcs.gp.local.candidates import Measured
+from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import NEAR, Measured, cells_of
+from gppcs.gp.local.placement.cells import NEAR, cells_of
 from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.settings import (
     DETAIL_INTERPOLATED,
@@ -48,7 +50,8 @@ def test_with_attributes_each_place_goes_to_the_point_of_its_cell_with_the_least
     points = sphere_cap()
     values = (points[:, :1] * 3.0 % 1.0 < 0.5).astype(np.float32)
     chosen = np.random.default_rng(1).choice(len(points), 800, replace=False)
-    found, surface = placed(points, chosen, passes=1, detail=values), LocalSurface.from_points(points[chosen])
+    detail, surface = Detail(values, np.zeros(len(points), np.float32)), LocalSurface.from_points(points[chosen])
+    found = placed(points, chosen, passes=1, detail=detail)
     nearest, squared = KdTree.build(points[chosen]).nearest_of(points, 1)
     gaps = np.sqrt(KdTree.build(points[chosen]).nearest_of(points[chosen], 4)[1])[:, 1:].mean(axis=1)
     agree = []

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import RANDOM_BITS, Stage, cells_for, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import RANDOM_BITS, Measured, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import (
     VARIATION_ROUNDING,
@@ -25,7 +25,6 @@ from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import Measured
 from gppcs.gp.local.scale import FieldScale, Scale
 from gppcs.gp.local.settings import (
     DENSITY_POWER,
@@ -118,7 +117,9 @@ def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> 
 def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
     """Measure a cloud, and return the candidates of the last stage, as they are observed, and all stages."""
     points, n_points, fixed, weights, attributes, _, scale = problem
-    area, noise, ranks, detail, tree, normals = survey(points, n_points, density, timer, attributes, scale)
+    measured = survey(points, n_points, density, timer, attributes, scale)
+    area, noise, ranks, detail, tree, *_ = measured
+    assert tree is not None
     with timer("candidates"):
         stages = nested_candidates(
             points, ranks, n_points, area, density, fixed, scale and scale.largest_gap, problem.finished
@@ -129,14 +130,14 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
         with timer("features"):
             is_thin = None if scale is None else scale.stages[0].alone < 1.0
             sheets = normals_of_sheets(tree, positions, stages[-1].spacing, is_thin)
-    measured = Measured(stages[-1].area, noise, ranks, None if detail is None else detail.values)
+    measured = measured._replace(area=stages[-1].area)
     with timer("noise"):
         quadrics = None
-        if len(tree.order) == len(points):  # the placement needs the same
-            measured = measured._replace(tree=tree, normals=normals)
-            if not noise.is_negligible and NOISY_CELL_POINTS * n_points >= len(points):
-                fitted = noise.fitted(tree)
-                measured, quadrics = measured._replace(quadrics=fitted), fitted.take(tree.positions()[indices])
+        if len(tree.order) < len(points):
+            measured = measured._replace(tree=None)  # the placement draws a sample of its own
+        elif not noise.is_negligible and NOISY_CELL_POINTS * n_points >= len(points):  # the placement needs the same
+            fitted = noise.fitted(tree)
+            measured, quadrics = measured._replace(quadrics=fitted), fitted.take(tree.positions()[indices])
         feet, variances = noise.observe(positions, quadrics)
     detail = None if detail is None else detail.take(indices)
     return Candidates(indices, feet, variances, _taken(weights, indices), detail, sheets), stages, measured
@@ -247,11 +248,7 @@ class Candidates(NamedTuple):
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
-        feet, weights, sheets = (
-            _taken(self.feet, positions),
-            _taken(self.weights, positions),
-            _taken(self.sheets, positions),
-        )
+        feet, weights, sheets = (_taken(column, positions) for column in (self.feet, self.weights, self.sheets))
         detail = None if self.detail is None else self.detail.take(positions)
         return Candidates(self.indices[positions], feet, self.variances[positions], weights, detail, sheets)
 

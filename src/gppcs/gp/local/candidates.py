@@ -36,6 +36,7 @@ from gppcs.spatial.kdtree import KdTree, leaf_range
 from gppcs.spatial.samples import point_hashes, short_hashes
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
+from gppcs.surface.quadrics import Quadrics
 from gppcs.surface.surface_variation import features_in_radius
 
 ALIKE = 0.8  # A ball whose radius is at least this fraction of that for planes is enlarged to that radius.
@@ -44,17 +45,19 @@ RANDOM_BITS = 16  # Of a rank, the last. The others are the first of a float32 t
 Ranks = NDArray[np.uint32]
 
 
-class Survey(NamedTuple):
+class Measured(NamedTuple):
     """What is measured on a cloud of N points, or on a sample of n of them."""
 
     area: float  # Of the surface
     noise: Noise
     # (N,), by which the candidate of a cell is chosen: surface variation in a ball about as wide as the cell, and that
-    # of the detail, where both are measured; then a random number.
+    # of the detail, where both are measured; then a random number, by which samples are drawn.
     ranks: Ranks
-    detail: Detail | None
-    tree: KdTree  # Over the n points
-    normals: Floats | None  # (n, 3), of these balls, in tree order, if the placement can take them
+    detail: Detail | None = None
+    # What is missing of these, the placement finds itself.
+    tree: KdTree | None = None  # Over the n points
+    normals: Floats | None = None  # (n, 3), of the planes of these balls, in tree order, if the placement can take them
+    quadrics: Quadrics | None = None  # Around the n points, in tree order
 
 
 def survey(
@@ -64,7 +67,7 @@ def survey(
     timer: Timer,
     attributes: NDArray[np.float32] | None = None,
     scale: Scale | None = None,
-) -> Survey:
+) -> Measured:
     """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k)."""
     with timer("sample"):
         ranks = short_hashes(points, RANDOM_BITS)
@@ -99,7 +102,7 @@ def survey(
     bits = sharpness.view(np.uint32) >> RANDOM_BITS << RANDOM_BITS
     bits |= ranks.take(of_tree)
     ranks[of_tree] = bits
-    return Survey(area, noise, ranks, detail, tree, normals)
+    return Measured(area, noise, ranks, detail, tree, normals)
 
 
 def sample_size(n_points: int) -> int:

@@ -7,7 +7,7 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import EDGE_ROUGHNESS, MAX_REFINEMENT, MIN_ROUGHNESS, ROUNDNESS_POWER
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
-from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, least_of_nodes
 
 VARIATION_ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
@@ -55,13 +55,8 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
     starts, counts = ends[:-1], np.diff(ends)
     centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
     density = np.add.reduceat(1.0 / (spacings * spacings), starts) / counts
-    means, width = density**-0.5, centres.leaves
-    minima = np.empty(2 * width)  # of each node's groups
-    minima[width:] = np.minimum.reduceat(means, len(means) * np.arange(width) // width)
-    while width > 1:
-        width //= 2
-        minima[width : 2 * width] = minima[2 * width : 4 * width].reshape(-1, 2).min(axis=1)
-    limits = means.copy()
+    means = density**-0.5
+    minima, limits = least_of_nodes(means, centres.leaves), means.copy()
     on_ranges(_limit_leaves, centres.leaves, *centres.arrays, means, slope, minima, limits, minimum=16)
     return np.minimum(spacings, np.repeat(limits, counts))
 

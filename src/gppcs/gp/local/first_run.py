@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from gppcs.gp.local.candidates import Measured
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
-from gppcs.gp.local.placement.cells import Measured
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.local_surface import LocalSurface
 from gppcs.surface.noise import Noise

@@ -23,7 +23,6 @@ from gppcs.gp.local.greedy_state import (
     computed_from,
     condition_on,
     is_in_range,
-    observe,
     renew,
     renew_inner,
     renew_leaf,
@@ -265,19 +264,16 @@ def _choose_in_part(part, threshold, computed, maximum, field, error_weight, sta
             waiting += 1
             set_score(state, root, new, TAKEN)
         else:
-            _take(new, part, state, parts)
-            observe(new, root, computed, field, error_weight, state, workspace)
+            slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
+            parts.positions[slot], parts.scores[slot] = new, state.scores[new]
+            parts.counts[part] += 1
+            state.scores[new] = state.ranges[new] = TAKEN
+            nodes, changed = condition_on(new, root, computed, field, state, workspace, 0)
+            rescore(changed, field, error_weight, state, workspace)
+            for v in range(nodes - 1, -1, -1):  # children before their parents
+                renew(workspace.visited[v], state)
     for which in range(waiting):
         set_score(state, root, deferred[which], scores[which])
-
-
-@kernel(inline="always")
-def _take(new, part, state, parts):
-    """Choose a point for a part."""
-    slot = len(state.scores) * part // len(parts.counts) + parts.counts[part]
-    parts.positions[slot], parts.scores[slot] = new, state.scores[new]
-    parts.counts[part] += 1
-    state.scores[new] = state.ranges[new] = TAKEN
 
 
 @kernel(inline="always")

@@ -62,15 +62,6 @@ def computed_from(threshold: float, error_weight: float) -> float:
     return 0.9 * threshold if error_weight == 0.0 else 0.0
 
 
-@kernel(inline="always")
-def observe(new, root, computed, field, error_weight, state, workspace):
-    """Condition the points below a node on a new chosen point; update nodes, and scores from `computed` on."""
-    nodes, points = condition_on(new, root, computed, field, state, workspace, 0)
-    rescore(points, field, error_weight, state, workspace)
-    for v in range(nodes - 1, -1, -1):  # children before their parents
-        renew(workspace.visited[v], state)
-
-
 @kernel(fastmath=False, allocates=False)
 def condition_on(new, root, computed, field, state, workspace, count):
     """Condition the points below a node on a new one; return the numbers of visited nodes and of changed points.

@@ -4,6 +4,7 @@ The nonstationary form is that of Paciorek and Schervish (2004). The paper trunc
 This one has full rank, and its lengthscale is about the target spacing.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from gppcs.engine.kernels import kernel
 
 LANES, STEP = 32, 8  # Points that are computed side by side at most; their number is rounded up to whole steps.
 SITE = 9  # Numbers of a site before its k details: position (3), normal (3), desired spacing, y, 1 + variance.
+EXPONENTIAL = tuple((-1 / 64) ** n / math.factorial(n) for n in range(10, -1, -1))  # Taylor's, of exp(-t / 64)
 
 
 class LocalField(NamedTuple):
@@ -29,10 +31,16 @@ class LocalField(NamedTuple):
 
 
 @kernel(fastmath=False, allocates=False)
+def by_squares(s, r):
+    """Return 1 / (s^2 + r^2), the same as for r and s to the last digit."""
+    return 1.0 / (s * s + r * r)
+
+
+@kernel(fastmath=False, allocates=False)
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2)."""
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
-    return (dx * dx + dy * dy + dz * dz) / (0.5 * (s * s + r * r)) + across
+    return (dx * dx + dy * dy + dz * dz) * (2.0 * by_squares(s, r)) + across
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
@@ -56,7 +64,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
         )  # fmt: skip
         t = np.sqrt(5.0 * squared) / lengthscale
         e = _exponential(min(t, vanished))
-        even = 2.0 * s * r / (s * s + r * r)
+        even = 2.0 * s * r * by_squares(s, r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
 
@@ -64,9 +72,9 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
 def _exponential(t):
     """Return exp(-t): the 64th power of the Taylor polynomial at -t / 64, with an error below 1e-14."""
-    e = 1.0
-    for power in range(10, 0, -1):
-        e = 1.0 + t / -64.0 * e * (1.0 / power)
+    e = EXPONENTIAL[0]
+    for power in range(1, len(EXPONENTIAL)):
+        e = e * t + EXPONENTIAL[power]
     for _ in range(6):
         e *= e
     return e

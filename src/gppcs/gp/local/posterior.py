@@ -13,9 +13,12 @@ from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, correlate, field_distance
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
+from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range, least_of_nodes
 
 NEGLIGIBLE = 1e-12  # Smallest pivot of the factorisation, in units of the prior variance: less is only rounding.
+# Squared range of a search, times that of the last leaf; that of a second search, times what it is known to need.
+WIDER, ROUNDED_UP = 1.3, 1.0 + 1e-9
 
 
 class Conditioning(NamedTuple):
@@ -145,10 +148,11 @@ def condition(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int) ->
     conditioning = Conditioning(np.full((n, neighbours), -1, dtype=np.int32), np.full((n, neighbours), np.inf))
     if len(chosen):
         indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
-        positions = np.ascontiguousarray(field.positions[:, indices])
-        tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the radius of the last
-        tree_of_chosen = _Chosen(*KdTree.over(positions).arrays, indices, float(field.spacings[chosen].max()))
-        on_ranges(_condition_leaves, tasks, tasks, field, tree.lower, tree.upper, tree_of_chosen, conditioning)
+        tree_of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
+        widest = -least_of_nodes(-(field.spacings[indices] ** 2), tree_of_chosen.leaves)
+        tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the range of the last
+        among = _Chosen(*tree_of_chosen.arrays, indices, widest)
+        on_ranges(_condition_leaves, tasks, tasks, field, tree.lower, tree.upper, among, conditioning)
     return conditioning
 
 
@@ -159,7 +163,7 @@ class _Chosen(NamedTuple):
     lower: Floats  # (nodes, 3)
     upper: Floats  # (nodes, 3)
     indices: Ints  # (m,), their columns in the field's order
-    widest: float  # Their largest desired spacing
+    widest: Floats  # (nodes,), their largest squared desired spacing
 
 
 @kernel(fastmath=False)
@@ -174,39 +178,61 @@ def _condition_leaves(begin, end, tasks, field, lower, upper, chosen, conditioni
         np.empty(LEAF_SIZE, dtype=np.int64),
         np.empty(LEAF_SIZE, dtype=np.float64),
     )
-    leaves_in_ball = np.empty(first_leaf(chosen.lower), dtype=np.int64)
-    in_ball = np.empty(len(leaves_in_ball) * LEAF_SIZE, dtype=np.int64)
+    near = np.empty(len(chosen.indices) + 1, dtype=np.int64)
     for task in range(begin, end):
-        squared_radius = 1.0
+        squared = 1.0
         for leaf in range(leaves + leaves * task // tasks, leaves + leaves * (task + 1) // tasks):
-            needed = _condition_leaf(
-                field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning
-            )
-            squared_radius = needed if needed > 0.0 else 1.0  # a radius of 0 could not grow
+            needed = _condition_leaf(field, lower, upper, chosen, leaf, squared, near, side, conditioning)
+            squared = WIDER * needed if needed > 0.0 else 1.0  # a range of 0 could not grow
 
 
 @kernel(inline="always")
-def _condition_leaf(field, lower, upper, chosen, leaf, squared_radius, leaves_in_ball, in_ball, side, conditioning):
-    """Condition the points of a leaf; return the squared radius of the search that the leaf needed."""
-    n, leaves = len(field.y), first_leaf(lower)
-    begin, end = leaf_range(n, leaves, leaf)
-    _take_up(field, begin, end, side)
+def _condition_leaf(field, lower, upper, chosen, leaf, squared, near, side, conditioning):
+    """Condition the points of a leaf, by a search within a squared range at first; return the largest of theirs."""
+    begin, end = leaf_range(len(field.y), first_leaf(lower), leaf)
+    for p in range(LEAF_SIZE):
+        i = min(begin + p, end - 1)  # the last one fills the rest
+        for axis in range(3):
+            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
+        side.points[6, p] = field.spacings[i]
+        for c in range(len(field.detail)):
+            side.points[7 + c, p] = field.detail[c, i]
     while True:
-        count = leaves_near(chosen.lower, chosen.upper, lower[leaf], upper[leaf], squared_radius, leaves_in_ball)
-        count = points_near(
-            chosen.points, chosen.lower, chosen.upper, leaves_in_ball[:count], lower[leaf], upper[leaf], squared_radius,
-            in_ball,
-        )  # fmt: skip
-        # At a distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2).
-        needed = _keep_nearest_side_by_side(field, chosen, in_ball[:count], side)
-        if needed <= squared_radius or count == len(chosen.indices):
+        count = _find_chosen(chosen, lower[leaf], upper[leaf], squared, side.points, near)
+        needed = _keep_nearest_side_by_side(field, chosen, near[:count], side)
+        if needed <= squared or count == len(chosen.indices):
             break
-        squared_radius = min(needed, 4.0 * squared_radius)
+        squared = min(ROUNDED_UP * needed, 4.0 * squared)
     for i in range(begin, end):
         for slot in range(len(side.squared)):
             conditioning.nearest[i, slot] = side.nearest[slot, i - begin]
             conditioning.squared[i, slot] = side.squared[slot, i - begin]
-    return min(needed, squared_radius)
+    return min(needed, squared)
+
+
+@kernel(fastmath=False, allocates=False)
+def _find_chosen(chosen, box_lower, box_upper, squared, points, near):
+    """Fill `near` with the chosen points that may be within a squared range of points in a box; return their number.
+
+    At a distance d, the squared distance in the field is at least d^2 / ((s^2 + s'^2) / 2). Shapes: points (7 + k, n).
+    """
+    lowest, highest = (box_lower[0], box_lower[1], box_lower[2]), (box_upper[0], box_upper[1], box_upper[2])
+    n, leaves = chosen.points.shape[1], first_leaf(chosen.lower)
+    node, count, widest = 1, 0, 0.0
+    for p in range(points.shape[1]):
+        widest = max(widest, points[6, p])
+    while node:
+        reach = 0.5 * squared * (widest**2 + chosen.widest[node])
+        if squared_distance_of_boxes(chosen.lower[node], chosen.upper[node], box_lower, box_upper) <= reach:
+            if node < leaves:
+                node *= 2
+                continue
+            for j in range(*leaf_range(n, leaves, node)):
+                x, y, z = chosen.points[0, j], chosen.points[1, j], chosen.points[2, j]
+                near[count] = j  # always written and then counted or not: a branch would be mispredicted often
+                count += 1 if squared_distance_to_box(lowest, highest, x, y, z) <= reach else 0
+        node = after(node, 1)
+    return count
 
 
 class _SideBySide(NamedTuple):
@@ -219,25 +245,13 @@ class _SideBySide(NamedTuple):
     gaps: Floats  # (LEAF_SIZE,), its squared distances in the field
 
 
-@kernel(inline="always")
-def _take_up(field, begin, end, side):
-    """Copy the points `begin` to `end` of the field into the columns; the last one fills the rest."""
-    for p in range(LEAF_SIZE):
-        i = min(begin + p, end - 1)
-        for axis in range(3):
-            side.points[axis, p], side.points[3 + axis, p] = field.positions[axis, i], field.normals[axis, i]
-        side.points[6, p] = field.spacings[i]
-        for c in range(len(field.detail)):
-            side.points[7 + c, p] = field.detail[c, i]
-
-
 @kernel(fastmath=False, allocates=False)
-def _keep_nearest_side_by_side(field, chosen, in_ball, side):
-    """Keep, for each point of a leaf, the nearest of some chosen points, (count,)."""
+def _keep_nearest_side_by_side(field, chosen, near, side):
+    """Keep, for each point of a leaf, the nearest of some chosen points, (count,); return the largest range."""
     neighbours = len(side.squared)
     side.nearest[:] = -1
     side.squared[:] = np.inf
-    for slot in in_ball:
+    for slot in near:
         j = chosen.indices[slot]
         x, y, z = field.positions[0, j], field.positions[1, j], field.positions[2, j]
         u, v, w = field.normals[0, j], field.normals[1, j], field.normals[2, j]
@@ -260,5 +274,5 @@ def _keep_nearest_side_by_side(field, chosen, in_ball, side):
                 side.nearest[rank, p], side.new[p] = new if nearer else nearest, nearest if nearer else new
     needed = 0.0
     for p in range(LEAF_SIZE):
-        needed = max(needed, side.squared[neighbours - 1, p] * 0.5 * (side.points[6, p] ** 2 + chosen.widest**2))
+        needed = max(needed, side.squared[neighbours - 1, p])
     return needed

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
-from gppcs.gp.local.candidates import drawn
-from gppcs.gp.local.placement.cells import Attributes, Measured, Observed, Vertices, cells_of
+from gppcs.gp.local.candidates import Measured, drawn
+from gppcs.gp.local.placement.cells import Attributes, Observed, Vertices, cells_of
 from gppcs.gp.local.placement.check import farther
 from gppcs.gp.local.placement.exchange import exchanged
 from gppcs.gp.local.settings import CELL_POINTS, GAP_GROWTH, NOISY_CELL_POINTS
@@ -27,7 +27,7 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     Where a cell would have many points, a sample of the cloud is drawn. Shapes: points (N, 3), chosen (m,); returns
     (m,).
     """
-    noise, tree, values = measured.noise, measured.tree, measured.attributes
+    noise, tree, detail = measured.noise, measured.tree, measured.detail
     fraction = (CELL_POINTS if noise.is_negligible else NOISY_CELL_POINTS) * len(chosen) / len(points)
     if fraction < 1.0:
         indices = drawn(measured.ranks, fraction)
@@ -44,7 +44,7 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     widest = GAP_GROWTH**2 * float(squared[~vertices.stays[owners]].max(initial=0.0))
     new, positions, allowed, feet = exchanged(
         Observed.around(tree, measured),
-        None if values is None else Attributes(values.take(indices, axis=0), values.take(chosen[order], axis=0)),
+        None if detail is None else Attributes(*(detail.values.take(of, axis=0) for of in (indices, chosen[order]))),
         vertices, owners, cells, widest, passes,
     )  # fmt: skip
     if not noise.thick:

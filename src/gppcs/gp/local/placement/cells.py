@@ -9,29 +9,16 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
-from gppcs.gp.local.candidates import Ranks, radius_of_plane
+from gppcs.gp.local.candidates import Measured, radius_of_plane
 from gppcs.gp.local.settings import MAX_STEP
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.nearest import nearest_others
 from gppcs.spatial.triangles import dot, minus, row
 from gppcs.surface.local_surface import LocalSurface
-from gppcs.surface.noise import Noise, projected
-from gppcs.surface.quadrics import Quadrics
+from gppcs.surface.noise import projected
 from gppcs.surface.surface_variation import features_in_radius
 
 NEAR = 8  # Others near a chosen point: as its fan has on average, and two more.
-
-
-class Measured(NamedTuple):
-    """What is measured of a surface and around its points: what is missing, the placement fits itself."""
-
-    area: float
-    noise: Noise
-    ranks: Ranks  # (N,), by whose random bits a sample is drawn
-    attributes: NDArray[np.float32] | None = None  # (N, k), of all points
-    tree: KdTree | None = None  # Over all points
-    quadrics: Quadrics | None = None  # Around all points, in tree order
-    normals: Floats | None = None  # (N, 3), of the planes of all points, in tree order
 
 
 class Observed(NamedTuple):

@@ -61,7 +61,8 @@ def _off_fans(local, squared, judged, fans, near, i, origin, triangles, threshol
     `squared`, (n,), and `triangles`, (3, t), are scratch memory.
     """
     (vertices, corners), step = fans, minus(row(fans[0], i), origin)
-    _measure_from(local, squared, step)
+    for q in range(len(squared)):
+        squared[q] = (local[0, q] - step[0]) ** 2 + (local[1, q] - step[1]) ** 2 + (local[2, q] - step[2]) ** 2
     radius, limit, count = np.sqrt(_greatest(squared)) + np.sqrt(dot(step, step)), np.inf, 0  # of feet about the origin
     total = 0.0
     for centre in near:  # the first is the point itself
@@ -89,13 +90,6 @@ def _greatest(values):
     for number in values:
         greatest = max(greatest, number)
     return greatest
-
-
-@kernel(inline="always")
-def _measure_from(local, squared, origin):
-    """Fill `squared`, (n,), with the squared distances of feet, (3, n), from a point."""
-    for q in range(len(squared)):
-        squared[q] = (local[0, q] - origin[0]) ** 2 + (local[1, q] - origin[1]) ** 2 + (local[2, q] - origin[2]) ** 2
 
 
 @kernel(allocates=False)

@@ -8,7 +8,7 @@ from gppcs.spatial.triangles import approach, dot, minus, row
 from gppcs.surface.error_quadrics import add_plane, value
 
 DISTANCE_ROUNDING = 1e-9  # Distances that change by less, in mean distances of kept points, are only rounded.
-LANES = 8  # Numbers of feet that are judged are multiples of this.
+LANES = 4  # Numbers of feet that are judged are multiples of this.
 
 
 @kernel(allocates=False)
