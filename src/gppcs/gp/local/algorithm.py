@@ -119,6 +119,7 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
     points, n_points, fixed, weights, attributes, _, scale = problem
     measured = survey(points, n_points, density, timer, attributes, scale)
     area, noise, ranks, detail, tree, *_ = measured
+    assert tree is not None
     with timer("candidates"):
         stages = nested_candidates(
             points, ranks, n_points, area, density, fixed, scale and scale.largest_gap, problem.finished
