@@ -88,8 +88,8 @@ class Sheets(NamedTuple):
 
 def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> Sheets | None:
     """Measure two sheets by fits to so many neighbours; None if hardly any fit sees both."""
-    sampled = _sampled(tree)
-    peaks, fewest = (TWO_PEAKS, SHEETS) if neighbours < WIDE else (WIDE_PEAKS, WIDE_SHEETS)
+    peaks, fewest, one_of = (TWO_PEAKS, SHEETS, 1) if neighbours < WIDE else (WIDE_PEAKS, WIDE_SHEETS, 8)
+    sampled = _sampled(tree, one_of)
     own = fit_quadrics(tree, sampled, neighbours, sheets=peaks)
     seen = own.kurtosis < peaks
     if (share := float(seen.mean())) <= fewest:
