@@ -286,6 +286,31 @@ def test_a_plate_keeps_both_sheets(thickness, size, n_points):
     assert result.diagnostics.boundary_loops <= 2
 
 
+def noisy_plate(size, thickness):
+    """Points of a plate with noise of a fourth of its wall, in all directions; its wall and its area."""
+    points, _, area = plate(size, thickness)
+    wall = thickness * np.sqrt(area / size)
+    return points + wall / 4 * np.random.default_rng(1).standard_normal(points.shape), wall, area
+
+
+@pytest.mark.parametrize(
+    ("thickness", "size"), [(4.0, 10_000), *(pytest.param(t, 20_000, marks=pytest.mark.slow) for t in (2.0, 6.0))]
+)
+def test_a_plate_with_noise_of_a_fourth_of_its_wall_keeps_both_sheets(thickness, size):
+    points, wall, area = noisy_plate(size, thickness)
+    result = gppcs.mesh(points, n_points=150)
+    assert result.mesh.face_areas().sum() == pytest.approx(area, rel=0.05)
+    assert result.diagnostics.boundary_loops <= (0 if thickness > 3 else 2)
+    assert result.diagnostics.noise == pytest.approx(wall / 4, rel=0.2)
+
+
+def test_noisy_sheets_that_become_one_are_told():
+    points, wall, _ = noisy_plate(8000, 1.0)
+    result = gppcs.mesh(points, n_points=300)
+    assert result.diagnostics.joined_sheets == pytest.approx(wall, rel=0.2)
+    assert np.array_equal(result.mesh.vertices, points[result.indices])  # nothing moves between sheets
+
+
 @pytest.mark.slow
 def test_a_horn_is_one_closed_surface_whose_sheets_are_apart():
     """Its wall is 2.6 spacings thick."""

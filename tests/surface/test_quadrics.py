@@ -126,22 +126,23 @@ def test_a_fit_that_sees_two_sheets_is_that_of_the_own_one():
 
 
 @pytest.mark.parametrize(
-    ("heights", "between"),
+    ("heights", "kurtosis"),
     [
         (lambda rng, n: rng.random(n) < 0.5, 1.0),
-        (lambda rng, n: rng.random(n) < 0.35, 1.0),
-        (lambda rng, n: rng.random(n), 3 / 4),
-        (lambda rng, n: rng.standard_normal(n), 2 / np.pi),
-        (lambda rng, n: 4.0 * (rng.random(n) < 0.5) + rng.standard_normal(n), 0.813),
+        (lambda rng, n: rng.random(n), 1.8),
+        (lambda rng, n: rng.standard_normal(n), 3.0),
+        (lambda rng, n: 4.0 * (rng.random(n) < 0.5) + rng.standard_normal(n), 1.72),
     ],
 )
-def test_the_variance_between_two_classes_tells_sheets_from_noise(heights, between):
-    """Its values are those of two points, a uniform and a normal distribution, and of two normal ones."""
+def test_the_kurtosis_tells_sheets_from_noise(heights, kurtosis):
+    """Its values are those of two points, a uniform and a normal distribution, and of two normal ones; 2 at a rim."""
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-1.0, 1.0, (20_000, 2)), 1e-3 * heights(rng, 20_000)])
-    middle = KdTree.build(points[(np.abs(points[:, :2]) < 0.5).all(axis=1)])
-    fitted = fit_quadrics(KdTree.build(points), middle, 400, sheets=TWO_PEAKS)
-    assert np.median(fitted.between) == pytest.approx(between, abs=0.02)
+    is_middle = (np.abs(points[:, :2]) < 0.5).all(axis=1)
+    middle, rim = (KdTree.build(points[where]) for where in (is_middle, points[:, 0] > 0.99))
+    fitted, at_rim = (fit_quadrics(KdTree.build(points), queries, 400, sheets=2.3) for queries in (middle, rim))
+    assert np.median(fitted.kurtosis) == pytest.approx(kurtosis, rel=0.05)
+    assert np.isinf(at_rim.kurtosis).all()
 
 
 @given(

@@ -25,8 +25,8 @@ JOINED_OF_SHEETS = 24  # where sheets are near each other
 JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
-ACROSS_SHEETS = 1 / 6  # thickness of noise, in radii, from which on fits would see another sheet four sigmas away
 LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy ones: noise alone has 3
+NARROW_RADIUS = 0.85  # of fits to one of two noisy sheets, in distances of these
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 
 
@@ -118,6 +118,8 @@ class DensePoints:
             normals = normals_of(tree.in_own_order(), near, False, True) if own_sheets else normals[tree.order]
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
+        if noise and own_sheets:  # rims are sparse
+            radii = radii * (len(indices) / len(joined)) ** 0.5
         cover = Cover(*tree.arrays, normals, radii)
         return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed or own_sheets, layer.joined)
 
@@ -218,19 +220,18 @@ def _noise(tree: KdTree) -> _Layer:
     if len(tree.order) <= 2 * ACROSS:
         return _Layer(0.0)
     spacing = float(np.median(nearest_distances(tree, RANK)))
-    layer = narrow = layer_of(tree, ACROSS)
-    sheets, fitted, k = two_sheets(tree, ACROSS), ACROSS, WIDE
-    while narrow.sigma > 0.25 * spacing and layer.ratio > ACROSS_SHEETS and 2 * k < len(tree.order):
-        seen, layer = two_sheets(tree, k), layer_of(tree, k)
+    narrow = layer_of(tree, ACROSS)
+    sheets, fitted = two_sheets(tree, ACROSS), ACROSS
+    is_noisy = narrow.sigma > 0.25 * spacing
+    for k in (WIDE, 2 * WIDE, 4 * WIDE):
+        seen = two_sheets(tree, k) if is_noisy and 2 * k < len(tree.order) else None
         if seen and (sheets is None or seen.share > sheets.share):
             sheets, fitted = seen, k
-        k *= 2
     if sheets and sheets.apart > spacing:
-        squared = (sheets.apart / sheets.radius) ** 2
-        narrow_points = max(FEWEST, int(0.72 * fitted * squared / (2.0 - squared)))
-        noise = sheets.noise if sheets.noise > 0.25 * spacing else 0.0
-        return _Layer(noise, fitted, narrow_points, sheets.apart, spacing)
-    is_noise = narrow.sigma > 0.25 * spacing and narrow.ratio <= layer_of(tree, ACROSS // 2).ratio
+        squared = (sheets.apart / sheets.radius) ** 2  # a ball of this radius around a point has as much of both sheets
+        of_own = max(FEWEST, int(NARROW_RADIUS**2 * fitted * squared / (2.0 - squared)))
+        return _Layer(sheets.noise if sheets.noise > 0.25 * spacing else 0.0, fitted, of_own, sheets.apart, spacing)
+    is_noise = is_noisy and narrow.ratio <= layer_of(tree, ACROSS // 2).ratio
     return _Layer(narrow.sigma if is_noise else 0.0, ACROSS, ACROSS, sheets.apart if sheets else 0.0, spacing)
 
 

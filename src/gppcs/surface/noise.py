@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gppcs.engine.arrays import Floats
+from gppcs.engine.arrays import Flags, Floats
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import quantile
 from gppcs.surface.quadrics import TWO_PEAKS, Quadrics, fit_quadrics
@@ -29,8 +29,8 @@ DETAIL = 0.85
 # Fits of 60 points with two peaks, of all, above which a cloud has two sheets: thin parts have 0.17 to 0.76, all others
 # at most 0.02 (research/local-field.md).
 SHEETS = 0.05
-# Fits of so many points and more scatter less, so they see sheets below a larger kurtosis, whose noise may be a fourth of
-# their distance: there 0.2 or more of all are below, 0.06 or less in other clouds and where noise is a third of walls.
+# The kurtosis of fits of so many points and more scatters less, so a larger one is enough. Where noise is a fourth of
+# the distance of sheets, 0.3 or more are below, where it is a third, and in other clouds, at most 0.06.
 WIDE, WIDE_PEAKS, WIDE_SHEETS = 160, 1.9, 0.1
 CLEAN = 0.04  # Noise below this, in target spacings, changes no choice that matters, and sharpness can be measured.
 TOLERATED = 0.5  # Noise of this size, in target spacings, makes an observation as uncertain as the prior.
@@ -88,20 +88,20 @@ class Sheets(NamedTuple):
 
 def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> Sheets | None:
     """Measure two sheets by fits to so many neighbours; None if hardly any fit sees both."""
-    sampled = _sampled(tree)
-    peaks, fewest = (TWO_PEAKS, SHEETS) if neighbours < WIDE else (WIDE_PEAKS, WIDE_SHEETS)
+    peaks, fewest, one_of = (TWO_PEAKS, SHEETS, 1) if neighbours < WIDE else (WIDE_PEAKS, WIDE_SHEETS, 8)
+    sampled = _sampled(tree, one_of)
     own = fit_quadrics(tree, sampled, neighbours, sheets=peaks)
-    seen = np.flatnonzero(own.kurtosis < peaks)
-    if (share := len(seen) / len(own.kurtosis)) <= fewest:
+    seen = own.kurtosis < peaks
+    if (share := float(seen.mean())) <= fewest:
         return None
-    both = fit_quadrics(tree, sampled, neighbours).take(seen)
-    apart, radius = 2.0 * quantile(np.abs(both.heights), 0.5), quantile(both.radii, 0.5)
-    return Sheets(share, _noise_of_each(own.take(seen)), apart, radius)
+    both = fit_quadrics(tree, sampled, neighbours)
+    apart, radius = 2.0 * quantile(np.abs(both.heights[seen]), 0.5), quantile(both.radii[seen], 0.5)
+    return Sheets(share, _noise_of_each(own, seen), apart, radius)
 
 
-def _noise_of_each(own: Quadrics) -> float:
-    """Return the noise of each of two sheets, by fits to the query's own one."""
-    return quantile(np.abs(own.heights), 0.5) / MEDIAN
+def _noise_of_each(own: Quadrics, seen: Flags) -> float:
+    """Return the noise of each of two sheets, by those fits to the query's own one that have seen both."""
+    return quantile(np.abs(own.heights[seen]), 0.5) / MEDIAN
 
 
 def _sampled(tree: KdTree, one_of: int = 1) -> KdTree:
@@ -164,7 +164,7 @@ class Noise:
             return cls(None, neighbours, thick, sigma, True, True, spacing)
         own = fit_quadrics(tree, sampled, 2 * NEIGHBOURS, sheets=TWO_PEAKS)
         if own.two_sheets.mean() > SHEETS:
-            return cls(None, neighbours, False, _noise_of_each(own.take(np.flatnonzero(own.two_sheets))), True, False, spacing)
+            return cls(None, neighbours, False, _noise_of_each(own, own.two_sheets), True, False, spacing)
         is_negligible = not thick and layers(NEIGHBOURS).is_detail(NoiseLayer.about(own))
         return cls(None if is_negligible else tree, neighbours, thick, sigma, is_negligible, False, spacing)
 

@@ -48,8 +48,8 @@ def fit_quadrics(tree: KdTree, queries: KdTree, k: int, shared: float = 0.0, she
     """Fit z = a + b u + c v + d u^2 + e u v + f v^2 to the k points nearest each query, over their plane.
 
     Queries of a leaf within `shared` radii of a fit take its quadric; with 0, each has its own. Where it is steep, or
-    there are fewer than six points, the normal is the plane's. Where the kurtosis of the residuals is below `sheets`, the
-    points lie on two sheets, and the quadric is that of the query's own; with more than `TWO_PEAKS`, not at rims.
+    there are fewer than six points, the normal is the plane's. Where the kurtosis of the residuals is below `sheets`,
+    points lie on two sheets, and the quadric is that of the query's own; if more than `TWO_PEAKS`, not at rims.
     """
     m = queries.points.shape[1]
     fitted = Quadrics(np.empty(m), np.empty((3, m)), np.empty(m), np.empty(m if sheets else 0))
