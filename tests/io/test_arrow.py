@@ -55,6 +55,17 @@ def test_a_long_text_of_one_or_many_points_does_not_fill_the_memory(folder, suff
             read(stored(folder / f"long{suffix}", table))
 
 
+def test_texts_that_unpack_from_nothing_are_refused(tmp_path):
+    count = 330_000
+    texts = pa.array(["a" * 1000]).take(pa.array(np.zeros(count, int)))
+    table = pa.table({axis: np.zeros(count) for axis in "xyz"} | {"label": texts})
+    pq.write_table(table, tmp_path / "texts.parquet")
+    feather.write_feather(table, tmp_path / "texts.feather", compression="zstd")
+    for path in tmp_path.iterdir():
+        with pytest.raises(FileFormatError, match="unpacks to at most 100 times"):
+            read(path)
+
+
 def test_lists_of_many_numbers_need_memory_before_they_are_unpacked(folder):
     zeros, count = np.zeros(1000), 20_000
     lists = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(1000 * count, np.int8)), count)

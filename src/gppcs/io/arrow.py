@@ -13,7 +13,7 @@ from gppcs.engine.extras import require_pyarrow
 from gppcs.errors import FileFormatError
 from gppcs.io.columns import columns_of
 from gppcs.io.format import Format, Reader, begins, keeping
-from gppcs.io.rows import at_most, bytes_left, check_unpacked, ends_early, reported, size_of_repeats
+from gppcs.io.rows import BLOCK, at_most, bytes_left, check_unpacked, ends_early, reported, size_of_repeats
 
 _reported = partial(reported, "pyarrow", "a whole table")
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
@@ -32,7 +32,8 @@ def open_parquet(file: BufferedReader) -> Reader:
         sizes = [table.metadata.row_group(i).total_byte_size for i in range(table.metadata.num_row_groups)]
         count, schema = table.metadata.num_rows, table.schema_arrow
         memory = max([min(count, _ROWS) * sum(map(_width, schema.types)), *sizes])
-        return _reader(schema, lambda n: table.iter_batches(min(n, _ROWS)), count, size, memory)
+        rows = _ROWS if all(map(_width, schema.types)) else BLOCK  # texts may be long
+        return _reader(schema, lambda n: table.iter_batches(min(n, rows)), count, size, memory)
 
 
 def open_feather(file: BufferedReader) -> Reader:
@@ -71,9 +72,11 @@ def _reader(schema: Any, batches: Callable[[int], Iterable[Any]], count: int, si
     empty = _cloud(require_pyarrow().RecordBatch.from_pylist([], schema))
 
     def chunks(n: int) -> Iterator[PointCloud]:
-        done = 0
+        done = unpacked = 0
         with _reported():
             for batch in batches(n):
+                unpacked += batch.nbytes  # with texts, whose lengths no header tells
+                check_unpacked(unpacked, size)
                 if batch.num_rows:
                     yield from at_most(n, [_cloud(batch)])
                 done += batch.num_rows
