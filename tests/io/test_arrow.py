@@ -56,7 +56,7 @@ def test_a_long_text_of_one_or_many_points_does_not_fill_the_memory(folder, suff
 
 
 def test_texts_that_unpack_from_nothing_are_refused(tmp_path):
-    count = 330_000
+    count = 450_000
     texts = pa.array(["a" * 1000]).take(pa.array(np.zeros(count, int)))
     table = pa.table({axis: np.zeros(count) for axis in "xyz"} | {"label": texts})
     pq.write_table(table, tmp_path / "texts.parquet")
