@@ -18,7 +18,7 @@ from gppcs.spatial.samples import even_sample
 from gppcs.spatial.spacing import nearest_distances
 from gppcs.surface.noise import FEWEST, SAMPLES, THICK, WIDE, layer_of, projections, two_sheets
 from gppcs.surface.normals import ACROSS, EDGES, NARROW, SHARP, normals_of, with_signs
-from gppcs.surface.quadrics import COEFFICIENTS, fit_quadrics
+from gppcs.surface.quadrics import COEFFICIENTS, TWO_PEAKS, fit_quadrics
 
 JOINED = 8  # points of the first mesh for each vertex of the result
 JOINED_OF_SHEETS = 24  # where sheets are near each other
@@ -26,6 +26,7 @@ JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
 LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy ones: noise alone has 3
+CURVED = 3.0  # noise of each sheet in wider fits, over that in narrower ones, from which on it is curvature
 NARROW_RADIUS = 0.85  # of fits to one of two noisy sheets, in distances of these
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 
@@ -98,30 +99,33 @@ class DensePoints:
         if finer and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
             dense = cls.from_points(points, n_vertices, chosen, times=2 * times)
             return dense and replace(dense, near_sheets=True)
-        noise = layer.sigma
-        own_sheets = (mixed and not layer.joined) or (near_sheets and noise > 0.0 and layer.has_two_sheets)
+        noise, own_sheets = layer.sigma, mixed and not layer.joined
+        noisy_sheets = near_sheets and noise > 0.0 and layer.has_two_sheets
         if noise:
-            count = (JOINED if own_sheets else JOINED_OF_NOISY) * n_vertices
+            count = (JOINED if noisy_sheets else JOINED_OF_NOISY) * n_vertices
         else:
             count = (JOINED_OF_SHEETS if mixed or times > 1 else JOINED) * n_vertices
         spread = cache(partial(beside, partial(_spread, indices, raw, chosen, count)))  # started once
         near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
         on_surface = raw
-        if not (noise and own_sheets):
+        if not noisy_sheets:
             normals = normals_of(tree.in_own_order(), near, noise > 0.0, own_sheets, None if noise else spread)
         if noise:
-            feet = _on_own_sheets(tree, layer) if own_sheets else _feet(tree, tree.points, layer.fitted)
+            if noisy_sheets:
+                feet = _on_own_sheets(tree, layer)
+            else:
+                feet = _feet(tree, tree.points, layer.fitted, TWO_PEAKS if own_sheets else 0.0)
             on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
             indices, raw, on_surface = indices[tree.order], raw[tree.order], on_surface[tree.order]
             near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
-            normals = normals_of(tree.in_own_order(), near, False, True) if own_sheets else normals[tree.order]
+            normals = normals_of(tree.in_own_order(), near, False, True) if noisy_sheets else normals[tree.order]
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])
-        if noise and own_sheets:  # rims are sparse
+        if noisy_sheets:  # rims are sparse
             radii = radii * (len(indices) / len(joined)) ** 0.5
         cover = Cover(*tree.arrays, normals, radii)
-        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed or own_sheets, layer.joined)
+        return cls(indices, raw, on_surface, normals, cover, joined, noise, False, mixed or noisy_sheets, layer.joined)
 
     @classmethod
     def _across_uneven(
@@ -191,10 +195,10 @@ def _mixes_sheets(tree: KdTree) -> bool:
     return bool(differ > max(MIXED, noise))
 
 
-def _feet(tree: KdTree, points: Floats, neighbours: int) -> Floats:
+def _feet(tree: KdTree, points: Floats, neighbours: int, sheets: float = 0.0) -> Floats:
     """Return the projections, (3, m), of points in the order of a tree onto quadrics across its noise."""
     for _ in range(2):
-        points, _ = projections(tree, KdTree.over(points), neighbours)
+        points, _ = projections(tree, KdTree.over(points), neighbours, sheets)
     return points
 
 
@@ -225,7 +229,8 @@ def _noise(tree: KdTree) -> _Layer:
     is_noisy = narrow.sigma > 0.25 * spacing
     for k in (WIDE, 2 * WIDE, 4 * WIDE):
         seen = two_sheets(tree, k) if is_noisy and 2 * k < len(tree.order) else None
-        if seen and (sheets is None or seen.share > sheets.share):
+        noise, share = (sheets.noise, sheets.share) if sheets else (narrow.sigma, 0.0)
+        if seen and seen.share > share and seen.noise < CURVED * noise:
             sheets, fitted = seen, k
     if sheets and sheets.apart > spacing:
         squared = (sheets.apart / sheets.radius) ** 2  # a ball of this radius around a point has as much of both sheets
