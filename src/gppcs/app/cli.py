@@ -21,7 +21,8 @@ def main() -> None:
         if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it ignored
             signal.signal(number, _stop)
     sys.unraisablehook = _on_swallowed
-    if sys.stdout is None and sys.argv[1:2] in (["info"], ["evaluate"], ["methods"]):  # as by >&-
+    prints_results = sys.argv[1:2] in (["info"], ["evaluate"], ["methods"]) or "--dry-run" in sys.argv
+    if sys.stdout is None and prints_results:  # as by >&-
         sys.exit("gppcs: expected standard output, where the results go, found that it is closed; leave it open")
     for stream in ("stdout", "stderr"):
         if getattr(sys, stream) is None:  # closed, as by 2>&-
