@@ -122,16 +122,6 @@ def after(node, root):
     return node + 1 if node > root else 0
 
 
-def least_of_nodes(values: Floats, leaves: int) -> Floats:
-    """Return the least of values, (N,) in tree order, below each node of a tree, (nodes,)."""
-    least = np.empty(2 * leaves)
-    least[leaves:] = np.minimum.reduceat(values, len(values) * np.arange(leaves) // leaves)
-    while leaves > 1:
-        leaves //= 2
-        least[leaves : 2 * leaves] = np.minimum(*least[2 * leaves : 4 * leaves].reshape(-1, 2).T)
-    return least
-
-
 @kernel(allocates=False)
 def _record(begin, end, points, records, numbers):
     """Fill a range of records, (N, 4), with points, (N, 3), and their indices, as which `numbers` sees the records."""

@@ -7,7 +7,8 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import EDGE_ROUGHNESS, MAX_REFINEMENT, MIN_ROUGHNESS, ROUNDNESS_POWER
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
-from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range, least_of_nodes
+from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
+from gppcs.spatial.leaves import least_of_nodes
 
 VARIATION_ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 

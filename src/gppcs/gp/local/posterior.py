@@ -14,7 +14,8 @@ from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, correlate, field_distance
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
-from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range, least_of_nodes
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range
+from gppcs.spatial.leaves import least_of_nodes
 
 NEGLIGIBLE = 1e-12  # Smallest pivot of the factorisation, in units of the prior variance: less is only rounding.
 # Squared range of a search, times that of the last leaf; that of a second search, times what it is known to need.
