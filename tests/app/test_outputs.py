@@ -39,14 +39,15 @@ def found(inputs, output, **options):
 )
 def test_where_the_result_goes(tiles, inputs, output, levels, expected):
     [made] = found(inputs, output, levels=levels)
-    assert list(map(str, made.targets)) == expected
+    assert [target.as_posix() for target in made.targets] == expected
     assert made.makes_folders == ("/" in expected[0])
 
 
 def test_a_folder_stands_for_the_files_in_it_that_can_be_read(tiles):
     expected = ["a.ply", "tiles/A.XYZ", "tiles/b.ply"]
     [whole], each = found(["a.ply", "tiles"], "out.ply"), found(["a.ply", "tiles"], "out", separately=True)
-    assert list(map(str, whole.source.paths)) == [str(one.source.paths[0]) for one in each] == expected
+    assert [path.as_posix() for path in whole.source.paths] == expected
+    assert [one.source.paths[0].as_posix() for one in each] == expected
 
 
 @pytest.mark.parametrize(("output", "reason"), [("out/", "different names"), ("out_{level}.ply", "with `levels`")])

@@ -57,7 +57,10 @@ def test_closed_streams_do_no_harm(folder, scan):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no sh")
-@pytest.mark.parametrize("words", ["info scan.ply", "convert scan.ply - --to ply", "methods", "simplify scan.ply -o out.ply --points 9 --dry-run"])
+@pytest.mark.parametrize(
+    "words",
+    ["info scan.ply", "convert scan.ply - --to ply", "methods", "simplify scan.ply -o out.ply --points 9 --dry-run"],
+)
 def test_results_that_nobody_gets_are_an_error(folder, scan, words):
     run = subprocess.run(
         f'"{sys.executable}" -m gppcs {words} >&-', shell=True, check=False, capture_output=True, text=True

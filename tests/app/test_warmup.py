@@ -34,6 +34,8 @@ def test_nothing_is_left_to_compile_after_warmup(tmp_path):
     gppcs.write(tmp_path / "scan.ply", sample("statue", 40_000, noise=0.001, outliers=0.01, seed=3))
     gppcs.write(tmp_path / "fan.ply", gppcs.sample("fan", 15_000, noise=0.003))
     np.save(tmp_path / "plain.npy", np.random.default_rng(0).random((5_000, 3)))
+    for words in ("render scan.ply -o scan.png", "render scan.ply fan.ply -o both.png"):
+        assert timer.NOTICE not in run(words).stderr, words
     for words in (
         "mesh room.ply -o a.ply --points 4k",
         "mesh room.ply -o i.ply --points 2k --effort 2",

@@ -113,8 +113,9 @@ def test_flat_things_lie_and_tall_ones_stand(extents, up):
     "wrong", [("w",), (3,), (None, (0.0, 91.0)), (None, (np.nan, 0.0)), (None, (1.0, 2.0, 3.0)), (None, "up")]
 )
 def test_a_viewpoint_that_is_none_is_refused(wrong):
-    with pytest.raises(ParameterError, match=re.escape(f"found {wrong[-1]!r}")):
+    with pytest.raises(ParameterError, match=re.escape(f"found {wrong[-1]!r}")) as error:
         Viewpoint(*wrong)
+    assert ("from -90 to 90, in degrees" in str(error.value)) == (len(wrong) == 2)
 
 
 def test_the_camera_rises_until_half_of_the_ground_of_a_scene_is_seen():

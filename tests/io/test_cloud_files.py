@@ -67,6 +67,16 @@ def test_the_chunks_of_a_file_are_what_read_returns(tmp_path, suffix):
         assert clouds.read() == whole
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".xyz.gz"])
+def test_files_of_one_cloud_are_that_cloud(tmp_path, suffix):
+    paths = [tmp_path / f"{i}{suffix}" for i in range(3)]
+    for path, indices in zip(paths, np.split(np.arange(N), [1, 400]), strict=True):
+        gppcs.write(path, cloud().take(indices))
+    with CloudFiles(paths) as clouds:
+        assert np.array_equal(clouds.read().points.astype(np.float32), cloud().points)
+        assert joined(clouds.chunks(n=300)) == clouds.read()
+
+
 def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path):
     (tmp_path / "a.csv").write_text("x,y,z,k\n0,0,0,1\n")
     (tmp_path / "b.csv").write_text("x,y,z,k\n0,0,0.5,1.5\n")

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import gppcs
 from gppcs import METHODS, PointCloud, Timer, mesh, sample, simplify
 from gppcs.amounts.options import Options
+from gppcs.drawing.camera import Viewpoint
+from gppcs.drawing.single import draw_single
 from gppcs.engine.helpers import Part
 from gppcs.errors import MissingExtraError
 from gppcs.evaluation.comparison import PREPARATION_POINTS
@@ -36,6 +39,7 @@ def parts() -> list[Part]:
         (_options,),
         (_read_only,),
         (_tiles,),
+        (_pictures,),
         (_mesh, "fan", 30_000, {"n_faces": 2_000, "fill_holes": "5%"}),  # triangles cut others; a hole is filled
         (_mesh, "fan", 10_000, {"n_points": 1_000, "moved": True}),  # some triangles of which relax
         (_mesh, "medallion", 6_000, {"tolerance": "5%"}),
@@ -81,6 +85,13 @@ def _read_only() -> None:
     points.flags.writeable = False  # like memory-mapped arrays; another type for Numba
     gppcs.info(PointCloud(points))
     simplify(points, ratio=0.5, method="random")
+
+
+def _pictures() -> None:
+    scan = _scan()
+    for surface in (None, mesh(scan, n_points=100).mesh):
+        with suppress(MissingExtraError):
+            draw_single(BytesIO(), scan, surface, None, Viewpoint(), (320, 240))
 
 
 def _tiles() -> None:

@@ -22,6 +22,7 @@ from gppcs.io.remote import address_of
 from gppcs.methods.method import SCORES
 from gppcs.result import Result
 from gppcs.steps import check_addable
+from gppcs.streaming.folder import WORK
 
 LEVEL_FIELD = "{level}"  # stands for the number of a level in the name of its file
 
@@ -73,9 +74,9 @@ class Output:
         for source in self.source.paths:
             if not (io.is_standard(source) or address_of(source)):
                 source.stat()  # a missing input is reported before its name is taken for that of the output
+        goes_on = self.by_input and Path(self.targets[0].parent, WORK).exists()  # a run that was stopped
         for target, _ in zip(self.targets, self.formats, strict=True):
-            # Files by input may be those of a run that was stopped, which goes on.
-            io.check_writable(target, self.force or self.by_input, self.makes_folders)
+            io.check_writable(target, self.force or goes_on, self.makes_folders)
 
     def check_storable(self, options: Options) -> None:
         """Check that the targets can hold the first points with the attributes that the options add."""

@@ -103,7 +103,10 @@ def for_each(items: Iterable[tuple[Path, Item]], work: Callable[[Item], None]) -
 
 
 def started(quiet: bool, threads: int | None = None, in_pipes: bool = False) -> Timer:
-    """Return the timer of a run, which shows progress unless that is to be quiet; of a long run, in pipes as lines."""
+    """Return the timer of a run in so many threads, which shows progress and notices unless the user wants quiet.
+
+    With `in_pipes`, lines show the later stages of a long run where no terminal would show a bar.
+    """
     set_threads(threads)
     if quiet:
         logging.getLogger("gppcs").setLevel(logging.WARNING)

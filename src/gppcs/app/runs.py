@@ -44,6 +44,7 @@ def run_job(options: Options, output: Output, timer: Timer) -> tuple[dict[str, A
         output.check_storable(options)
         work = _to_files_by_input if output.by_input else _to_files_of_levels
         counts, points_in, points_out, diagnostics = work(options, output, plan, timer)
+    note_unused(output.input_title, files)
     note_units(output.input_title, files.preview, options.unit)
     for note in _notes(points_out, points_in, diagnostics, options):
         print_error(f"note: {output.input_title}: {note}")
@@ -80,7 +81,6 @@ def _to_files_of_levels(options: Options, output: Output, plan: Plan, timer: Tim
         levels = None if by_level else options.levels
         result = result.with_attributes(index=options.index, rank=options.rank, levels=levels)
         clouds = [level.cloud for level in (result.levels(options.sizes) if by_level else [result])]
-    note_unused(output.input_title, output.source)
     with timer("writing"):
         dropped = output.write(clouds, result.ranked and options.mark is None)
     note_left_out(output.targets[-1], dropped)

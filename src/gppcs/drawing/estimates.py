@@ -40,7 +40,7 @@ def estimates(points: Floats) -> tuple[Floats, Floats, KdTree, Ints]:
 
 
 def disc_radii(tree: KdTree) -> Floats:
-    """Return the distance (N,) of each point of a tree to its sixth neighbour; less where a scan has but lines.
+    """Return the distance (N,) of each point of a tree to its sixth neighbour; less on lines and for stray points.
 
     Of many points, every few are measured, and the others have the radius of the nearest of these.
     """

@@ -122,6 +122,7 @@ def evaluate_mesh(
     >>> gppcs.evaluate_mesh(cloud, fine).mesh_mean < gppcs.evaluate_mesh(cloud, coarse).mesh_mean
     True
     """
+    require_mesh(simplified)
     before, frame = _prepared(as_cloud(original))
     simplified, mesh = _local_mesh(simplified, frame), None if mesh is None else _local_mesh(mesh, frame)
     with timer_of(timer)("distances"):

@@ -53,7 +53,7 @@ def _read_binary(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         at += RECORD.itemsize + 8 * int.from_bytes(parts[-1][-8:], "little")
     if len(parts) < count or at != len(data):
         filled = f"{count:,} points of COLMAP to fill the file of {len(data):,} bytes"
-        raise damaged(filled, f"{len(parts):,} that end at byte {at:,}")
+        raise damaged(filled, f"{len(parts):,} that end at byte {at:,}", "export the model again")
     records = np.frombuffer(b"".join(parts), RECORD)
     colours = records["colour"].T
     return _cloud([records["id"], *records["position"].T, *colours, records["error"], records["track"]]), []

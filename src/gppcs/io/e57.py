@@ -107,7 +107,8 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
-    described = [scan for scan in scans if scan.node.isDefined("name") or _pose(scan) != _NO_POSE]
+    is_named = len(scans) > 1  # a single scan has but the name that programs give to all
+    described = [scan for scan in scans if (is_named and scan.node.isDefined("name")) or _pose(scan) != _NO_POSE]
     skipped += [f"names and poses of scans ({len(described):,})"] if described else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped

@@ -172,9 +172,10 @@ def open_gltf(file: BufferedReader) -> Reader:
         _check_gltf(description, primitives)
         if not description.get("scenes"):
             raise FileFormatError("expected a scene in the glTF file, found none; export one with its objects")
-        coloured = [item["attributes"]["COLOR_0"] for item in primitives if "COLOR_0" in item["attributes"]]
-        types = {accessors[colours]["componentType"] for colours in coloured}
-        if len(types) == 1 and types != {BYTES}:
+        triangles = [item["attributes"] for item in primitives if item.get("mode", 4) in _TRIANGLES]
+        coloured = [accessors[item["COLOR_0"]] for item in triangles if "COLOR_0" in item]
+        kinds = {(colours["componentType"], colours["type"]) for colours in coloured}
+        if len(coloured) == len(triangles) and len(kinds) == 1 and min(kinds)[0] != BYTES:
             data = data[:20] + data[20:end].replace(b'"COLOR_0"', f'"{LIGHT}"'.encode()) + data[end:]
         # Without a resolver, no other file is read.
         scene = trimesh.load_scene(BytesIO(data), file_type="glb", process=False, skip_materials=True)

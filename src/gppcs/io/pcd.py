@@ -20,6 +20,7 @@ from gppcs.io.format import Format, Reader, begins, keeping
 _TYPES = [np.dtype(name) for name in ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")]
 _KEYWORDS = frozenset(["VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA"])
 _PADDING = "_"
+EXPORT = "export the cloud again"
 _BYTES = {"red": 2, "green": 1, "blue": 0, "alpha": 3}  # where a packed colour holds them, on little-endian machines
 
 
@@ -47,10 +48,10 @@ def _read_header(file: BufferedReader) -> tuple[np.dtype[Any], int, str]:
             raise rows.damaged("lines of keywords up to DATA in a PCD file", actual)
     encoding = " ".join(entries["DATA"])
     if encoding not in ("ascii", "binary", "binary_compressed"):
-        raise rows.damaged("DATA to be ascii, binary or binary_compressed", rows.shortened(encoding))
+        raise rows.damaged("DATA to be ascii, binary or binary_compressed", rows.shortened(encoding), EXPORT)
     texts = [" ".join(entries.get(keyword, [])) for keyword in ("WIDTH", "HEIGHT")]
     if None in map(rows.as_count, texts):
-        raise rows.damaged("whole numbers as WIDTH and HEIGHT", " and ".join(map(rows.shortened, texts)))
+        raise rows.damaged("whole numbers as WIDTH and HEIGHT", " and ".join(map(rows.shortened, texts)), EXPORT)
     return _record(entries), math.prod(map(int, texts)), encoding
 
 

@@ -88,9 +88,9 @@ def check_unpacked(unpacked: int, size: int, spare: int = 1 << 28) -> None:
         )
 
 
-def damaged(expected: str, found: str) -> FileFormatError:
+def damaged(expected: str, found: str, remedy: str = "get the whole file again") -> FileFormatError:
     """Return the error for a file that is not as its format says."""
-    return FileFormatError(f"expected {expected}, found {found}; get the whole file again")
+    return FileFormatError(f"expected {expected}, found {found}; {remedy}")
 
 
 def ends_early(what: str, index: int, count: int) -> FileFormatError:

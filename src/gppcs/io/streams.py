@@ -55,8 +55,8 @@ def plain_input(path: Path, stream: Any = None) -> Any:
     elif sys.stdin is None or sys.stdin.buffer.closed:
         raise FileFormatError("expected standard input, found that it is closed or was read before; name it once")
     else:
-        with sys.stdin.buffer as stream:
-            file = _copied(stream)
+        with sys.stdin.buffer as standard:
+            file = _copied(standard)
     if file.peek(2).startswith(b"\x1f\x8b"):
         with file:
             try:

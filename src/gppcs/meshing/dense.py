@@ -28,6 +28,7 @@ MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at m
 LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy ones: noise alone has 3
 CURVED = 3.0  # noise of each sheet in wider fits, over that in narrower ones, from which on it is curvature
 NARROW_RADIUS = 0.85  # of fits to one of two noisy sheets, in distances of these
+NEAR_SPACINGS = 3.0  # distance of sheets, in those of points, below which more points help
 MAX_FOR_SHEETS = 2_000_000  # dense points at most, after they are doubled to tell near sheets apart
 
 
@@ -51,8 +52,8 @@ class _Layer(NamedTuple):
         return 0.0 if self.has_two_sheets or self.apart <= 0.25 * self.spacing else self.apart
 
     def needs_more(self, denser: float) -> bool:
-        """Return whether so many times as many points would tell noisy sheets apart, or these average too few."""
-        is_near = self.spacing < self.apart * np.sqrt(denser) and self.apart < 3.0 * self.spacing
+        """Return whether up to `denser` times as many points would tell sheets apart, or even out their noise."""
+        is_near = self.spacing < self.apart * np.sqrt(denser) and self.apart < NEAR_SPACINGS * self.spacing
         return is_near and (self.sigma > 0.0 or not self.has_two_sheets)
 
 
@@ -118,7 +119,7 @@ class DensePoints:
             on_surface = np.ascontiguousarray(feet.T)
             tree = KdTree.build(on_surface)
             indices, raw, on_surface = indices[tree.order], raw[tree.order], on_surface[tree.order]
-            near, squared = nearest_others(tree, min(EDGES, len(indices) - 1))
+            near, squared = nearest_others(tree, min(EDGES if noisy_sheets else RANK, len(indices) - 1))
             normals = normals_of(tree.in_own_order(), near, False, True) if noisy_sheets else normals[tree.order]
         joined = _spread(indices, on_surface, chosen, count) if noise else spread()()
         radii = _covered(near[:, :RANK], squared[:, :RANK])

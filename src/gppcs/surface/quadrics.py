@@ -30,7 +30,7 @@ class Quadrics(NamedTuple):
 
     @property
     def two_sheets(self) -> Flags:
-        """Whether the points of each fit lie on two sheets, (m,)."""
+        """Whether the points of each fit lie on two sheets, (m,): below `TWO_PEAKS`, also if `sheets` was larger."""
         two_sheets: Flags = self.kurtosis < TWO_PEAKS
         return two_sheets
 

@@ -31,8 +31,8 @@ class LocalField(NamedTuple):
 
 
 @kernel(fastmath=False, allocates=False)
-def by_squares(s, r):
-    """Return 1 / (s^2 + r^2), the same as for r and s to the last digit."""
+def inverse_of_squares(s, r):
+    """Return 1 / (s^2 + r^2), bit for bit the same if r and s are exchanged."""
     return 1.0 / (s * s + r * r)
 
 
@@ -40,7 +40,7 @@ def by_squares(s, r):
 def field_distance(dx, dy, dz, cosine, s, r, normal_weight):
     """Return the squared distance in the field (Eq. (5)), |x - x'|^2 / ((s^2 + s'^2) / 2) + beta^2 (1 - (n . n')^2)."""
     across = normal_weight * normal_weight * max(0.0, 1.0 - cosine * cosine)
-    return (dx * dx + dy * dy + dz * dz) * (2.0 * by_squares(s, r)) + across
+    return (dx * dx + dy * dy + dz * dz) * (2.0 * inverse_of_squares(s, r)) + across
 
 
 @kernel(fastmath={"contract", "nnan", "nsz", "arcp", "reassoc"}, allocates=False)
@@ -64,7 +64,7 @@ def correlate(sites, a, b, lengthscale, normal_weight, lanes, out):
         )  # fmt: skip
         t = np.sqrt(5.0 * squared) / lengthscale
         e = _exponential(min(t, vanished))
-        even = 2.0 * s * r * by_squares(s, r)
+        even = 2.0 * s * r * inverse_of_squares(s, r)
         value = even * np.sqrt(even) * (1.0 + t + t * t * (1.0 / 3.0)) * e
         out[p] = value if t < vanished else 0.0
 
