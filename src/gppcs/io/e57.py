@@ -107,11 +107,16 @@ def _read(file: BufferedReader) -> tuple[PointCloud, list[str]]:
         cloud = replace(cloud, attributes={**cloud.attributes, "scan": numbers})
     skipped = [f"points without a valid position ({count - len(cloud):,})"] if len(cloud) < count else []
     fields = {field for scan in scans for field in scan.point_fields if not field.startswith(("cart", "spher"))}
-    is_named = len(scans) > 1  # a single scan has but the name that programs give to all
-    described = [scan for scan in scans if (is_named and scan.node.isDefined("name")) or _pose(scan) != _NO_POSE]
+    described = [scan for scan in scans if _name_of(scan) or _pose(scan) != _NO_POSE]
     skipped += [f"names and poses of scans ({len(described):,})"] if described else []
     skipped += [f"field {field}" for field in sorted(fields) if _name(field) not in names]
     return replace(cloud, header=E57Header(crs) if crs else None), skipped
+
+
+def _name_of(scan: Any) -> str:
+    """Return the name that a user gave to a scan; empty if there is none."""
+    name = str(scan.node["name"].value()) if scan.node.isDefined("name") else ""
+    return "" if re.fullmatch(r"Scan \d+", name) else name  # which pye57 gives to all
 
 
 def _check_xml(file: BufferedReader, size: int) -> None:
