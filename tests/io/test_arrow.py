@@ -7,6 +7,7 @@ from formats import losses
 from gppcs import simplify
 from gppcs.errors import FileFormatError, InputError
 from gppcs.io import CloudFiles, read, write
+from gppcs.io.arrow import open_feather
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -64,6 +65,19 @@ def test_texts_that_unpack_from_nothing_are_refused(tmp_path):
     for path in tmp_path.iterdir():
         with pytest.raises(FileFormatError, match="unpacks to at most 100 times"):
             read(path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "uncompressed"])
+def test_the_memory_of_feather_files_is_that_of_their_largest_batch(tmp_path, compression):
+    count = 100_000
+    texts = pa.array(["a" * 1000]).take(pa.array(np.zeros(count, int)))
+    table = pa.table({axis: np.zeros(count) for axis in "xyz"} | {"label": texts, "kind": texts.dictionary_encode()})
+    path = tmp_path / "texts.feather"
+    feather.write_feather(table, path, compression=compression, chunksize=count)
+    with path.open("rb") as file:
+        assert open_feather(file).memory == pytest.approx(table.drop_columns("kind").nbytes, rel=0.02)
+    with pytest.raises(InputError, match="MB of memory, as the files are unpacked"):
+        simplify(path, n_points=10, memory="90MB")
 
 
 def test_lists_of_many_numbers_need_memory_before_they_are_unpacked(folder):

@@ -1,8 +1,11 @@
 """Reads and writes tables in Parquet and Feather files, by PyArrow."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
-from io import BufferedReader
+from io import BufferedReader, UnsupportedOperation
+from mmap import ACCESS_READ, mmap
+from struct import unpack_from
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -16,6 +19,7 @@ from gppcs.io.format import Format, Reader, begins, keeping
 from gppcs.io.rows import BLOCK, at_most, bytes_left, check_unpacked, ends_early, reported, size_of_repeats
 
 _reported = partial(reported, "pyarrow", "a whole table")
+DICTIONARY, RECORD_BATCH = 2, 3  # kinds of messages of Arrow
 _ROWS = 1 << 20  # of a block: what Parquet usually has in a row group
 
 
@@ -47,8 +51,57 @@ def open_feather(file: BufferedReader) -> Reader:
         _check_names(table.schema.names)
         count = pyarrow.dataset.IpcFileFormat().make_fragment(file).count_rows()
         batches = range(table.num_record_batches)
-        memory = count * sum(map(_width, table.schema.types)) // max(1, len(batches))
+        sizes = _unpacked_sizes(file)
+        check_unpacked(sum(sizes), size)
+        memory = max(sizes, default=0)
         return _reader(table.schema, lambda n: map(table.get_batch, batches), count, size, memory)
+
+
+def _unpacked_sizes(file: BufferedReader) -> list[int]:
+    """Return the bytes of each record batch and dictionary of an Arrow file when it is unpacked."""
+    pyarrow = require_pyarrow()
+    try:
+        content = memoryview(mmap(file.fileno(), 0, access=ACCESS_READ))  # only the starts of buffers are read
+    except UnsupportedOperation:  # from afar
+        file.seek(0)
+        content = memoryview(file.read())
+    messages = pyarrow.ipc.MessageReader.open_stream(pyarrow.BufferReader(content[len("ARROW1\0\0") :]))
+    sizes = []
+    with suppress(StopIteration):
+        while True:
+            message = messages.read_next_message()
+            buffers, is_packed = _buffers(message.metadata.to_pybytes())
+            if is_packed:  # each buffer begins with its size; -1 if it is not packed
+                starts = (int.from_bytes(message.body[at : at + 8], "little", signed=True) for at, n in buffers if n)
+                sizes.append(sum(start if start >= 0 else message.body.size for start in starts))
+            else:
+                sizes.append(sum(n for _, n in buffers))
+    return sizes
+
+
+def _buffers(metadata: bytes) -> tuple[list[list[int]], bool]:
+    """Return starts and lengths of the buffers of an Arrow message, and if they are packed (see its Message.fbs)."""
+
+    def field(table: int, number: int) -> int:
+        """Return where a field of a table of FlatBuffers is; 0 if it is not there."""
+        fields = table - unpack_from("<i", metadata, table)[0]
+        is_there = 6 + 2 * number <= unpack_from("<H", metadata, fields)[0]
+        offset = unpack_from("<H", metadata, fields + 4 + 2 * number)[0] if is_there else 0
+        return table + offset if offset else 0
+
+    def behind(place: int) -> int:
+        """Return where what a field refers to is."""
+        return place + int(unpack_from("<I", metadata, place)[0])
+
+    message = behind(0)
+    kind, batch = metadata[field(message, 1)], behind(field(message, 2))
+    if kind not in (DICTIONARY, RECORD_BATCH):
+        return [], False
+    if kind == DICTIONARY:
+        batch = behind(field(batch, 1))
+    vector = behind(field(batch, 2))
+    pairs = np.frombuffer(metadata, "<i8", 2 * unpack_from("<I", metadata, vector)[0], vector + 4)
+    return pairs.reshape(-1, 2).tolist(), field(batch, 3) > 0
 
 
 def _width(kind: Any) -> int:
