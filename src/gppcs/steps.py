@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gppcs.amounts.choice import choose_by_options
-from gppcs.amounts.constraints import Constraints, check_constraints, check_finite, largest_weight
+from gppcs.amounts.constraints import Constraints, check_constraints, check_finite
 from gppcs.amounts.options import Options
 from gppcs.amounts.order import check_order, in_order
 from gppcs.clouds.cloud import PointCloud, with_normals
@@ -41,7 +41,7 @@ def simplify_cloud(cloud: PointCloud, options: Options, timer: Timer) -> Result:
         if options.constrains_points:
             usable = np.arange(len(cloud)) if indices is None else indices
             constraints = Constraints.from_cloud(cloud, usable, options)
-            check_constraints(options, len(constraints.keep), largest_weight(constraints.weights))
+            check_constraints(options, len(constraints.keep), constraints.max_weight)
         if indices is not None:
             points = points[indices]
             lower, upper = bounds(points)

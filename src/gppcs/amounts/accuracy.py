@@ -101,26 +101,30 @@ class Goal(NamedTuple):
         errors = cache(errors)
         estimate, enough = min(max(round(start), self.minimum), maximum), maximum
         while True:
-            maximum, few, steps, is_enough = enough, self.minimum - 1, 0, True
-            while enough > few + 1 and enough > RESOLUTION * few:
-                error = errors(estimate)[self.measure]
-                was_enough, is_enough = is_enough, error <= self.tolerance
-                # Steps to one side grow, as the error may stay for long.
-                steps = steps + 1 if is_enough == was_enough else 1
-                step = RESOLUTION**2.0 ** max(0, steps - 2)
-                crossing = _crossing(estimate, error, self.tolerance, exponent) * RESOLUTION**0.15
-                if is_enough:
-                    enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
-                else:
-                    few, estimate = estimate, math.floor(max(estimate * step, crossing))
-                lower, upper = few + 1, enough - 1
-                if few >= self.minimum and enough < maximum:  # bracketed: not too near the ends
-                    lower, upper = (round(few * (enough / few) ** fraction) for fraction in (0.2, 0.8))
-                estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
+            enough = self._bracketed(errors, estimate, enough, exponent)
             estimate = math.floor(0.95 * enough)
             if estimate < self.minimum or errors(estimate)[self.measure] > self.tolerance:
                 return enough, errors(enough)
             enough = estimate
+
+    def _bracketed(self, errors: Errors, estimate: int, maximum: int, exponent: float) -> int:
+        """Return a number of points that reaches it, while a little fewer miss it."""
+        few, enough, steps, is_enough = self.minimum - 1, maximum, 0, True
+        while enough > few + 1 and enough > RESOLUTION * few:
+            error = errors(estimate)[self.measure]
+            was_enough, is_enough = is_enough, error <= self.tolerance
+            steps = steps + 1 if is_enough == was_enough else 1  # to one side, which grow: the error may stay for long
+            step = RESOLUTION**2.0 ** max(0, steps - 2)
+            crossing = _crossing(estimate, error, self.tolerance, exponent) * RESOLUTION**0.15
+            if is_enough:
+                enough, estimate = estimate, math.ceil(min(estimate / step, crossing))
+            else:
+                few, estimate = estimate, math.floor(max(estimate * step, crossing))
+            lower, upper = few + 1, enough - 1
+            if few >= self.minimum and enough < maximum:  # bracketed: not too near the ends
+                lower, upper = (round(few * (enough / few) ** fraction) for fraction in (0.2, 0.8))
+            estimate = min(max(estimate, lower, few + 1), upper, enough - 1)
+        return enough
 
 
 @dataclass
@@ -183,8 +187,12 @@ class _Search:
             exponent = _exponent(previous, previous_error, judged, error, lower)
             estimate = _crossing(judged, error, self.goal.tolerance, exponent)
             if estimate <= 0.97 * count or count == n - 1:  # long enough, with a margin
-                of_prefix = lambda m: self.errors(positions[:m])  # noqa: B023, E731
-                enough, errors = self.goal.smallest(of_prefix, count, estimate, exponent)
+                enough, errors = self.goal.smallest(
+                    lambda m: self.errors(positions[:m]),  # noqa: B023
+                    count,
+                    estimate,
+                    exponent,
+                )
                 if errors[self.goal.measure] <= self.goal.tolerance:
                     return ranking.arranged(ranking.indices[:enough]), errors
             previous, previous_error, lower = judged, error, MINIMUM_EXPONENT
@@ -196,8 +204,7 @@ class _Search:
     def among_numbers(self) -> tuple[Selection, dict[Measure, float]]:
         """Search among choices of all numbers of points."""
         choose = cache(self.choose)
-        of_number = lambda m: self.errors(self.positions(choose(m)))  # noqa: E731
-        enough, errors = self.goal.smallest(of_number, len(self.points), 1000)
+        enough, errors = self.goal.smallest(lambda m: self.errors(self.positions(choose(m))), len(self.points), 1000)
         return choose(enough), errors
 
 

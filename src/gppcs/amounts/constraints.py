@@ -42,6 +42,7 @@ class Constraints:
         weights, labels, usable = None, None, indices
         if options.weight is not None:
             weights = _weights(cloud, options.weight)[indices]
+            _check_weights(weights)
             usable = indices[keep | (weights > 0.0)]
         columns = {name: values[indices] for name, values in required_columns(cloud, options).items()}
         if options.quotas:
@@ -60,22 +61,24 @@ class Constraints:
         """Return how many of the n points may be kept."""
         return n if self.weights is None else len(self.usable(n))
 
+    @property
+    def max_weight(self) -> float:
+        """The largest of the weights; 0 without any."""
+        return 0.0 if self.weights is None else float(self.weights.max(initial=0.0))
 
-def largest_weight(weights: Floats | None) -> float:
-    """Return the largest of weights, (n,), after checking that they are finite and not negative; 0 without any."""
-    if weights is None:
-        return 0.0
+
+def _check_weights(weights: Floats) -> None:
+    """Check that weights, (n,), are finite and not negative."""
     bad = np.flatnonzero(~((weights >= 0.0) & np.isfinite(weights)))
     if len(bad):
         raise InputError(
             f"expected finite weights from 0 on, found {weights[bad[0]]:g} and {len(bad) - 1:,} more that are not"
         )
-    return float(weights.max(initial=0.0))
 
 
 def relative_weights(weights: Floats) -> Floats:
     """Return weights, (n,), relative to the largest, 0 or at least `MINIMUM_WEIGHT`."""
-    return np.where(weights > 0.0, np.maximum(weights / largest_weight(weights), MINIMUM_WEIGHT), 0.0)
+    return np.where(weights > 0.0, np.maximum(weights / weights.max(initial=0.0), MINIMUM_WEIGHT), 0.0)
 
 
 def check_constraints(options: Options, n_keep: int, max_weight: float) -> None:

@@ -22,7 +22,6 @@ from gppcs.io.remote import address_of
 from gppcs.methods.method import SCORES
 from gppcs.result import Result
 from gppcs.steps import check_addable
-from gppcs.streaming.folder import WORK
 
 LEVEL_FIELD = "{level}"  # stands for the number of a level in the name of its file
 
@@ -74,7 +73,11 @@ class Output:
         for source in self.source.paths:
             if not (io.is_standard(source) or address_of(source)):
                 source.stat()  # a missing input is reported before its name is taken for that of the output
-        goes_on = self.by_input and Path(self.targets[0].parent, WORK).exists()  # a run that was stopped
+        goes_on = False
+        if self.by_input:
+            from gppcs.streaming.folder import is_begun  # only here: most commands need nothing of it
+
+            goes_on = is_begun(self.targets[0].parent)
         for target, _ in zip(self.targets, self.formats, strict=True):
             io.check_writable(target, self.force or goes_on, self.makes_folders)
 

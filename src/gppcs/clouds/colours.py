@@ -45,12 +45,12 @@ def _from_0_to_255(colours: NDArray[Any], full: float | None = None) -> NDArray[
 
 
 def linear(colours: NDArray[Any]) -> NDArray[Any]:
-    """Return sRGB colours from 0 to 1 as shares of light (IEC 61966-2-1)."""
+    """Return sRGB colours from 0 to 1 as fractions of the light (IEC 61966-2-1)."""
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
 def from_linear(light: NDArray[Any]) -> NDArray[Any]:
-    """Return shares of light as sRGB colours from 0 to 1: the inverse of `linear`."""
+    """Return fractions of the light as sRGB colours from 0 to 1: the inverse of `linear`."""
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 

@@ -18,7 +18,6 @@ from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, NoSurfaceError, shown
 from gppcs.evaluation import reconstruction
 from gppcs.evaluation.detail import attribute_errors
-from gppcs.evaluation.reconstruction import distances_to
 from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
 from gppcs.spatial.cells import first_occurrences
@@ -133,7 +132,10 @@ def evaluate_mesh(
         if mesh is None:
             back = LocalSurface.from_points(before).nearest_to(used)[0]
         else:
-            forth, back = distances_to(simplified, mesh.vertices), distances_to(mesh, used)
+            forth, back = (
+                reconstruction.distances_to(simplified, mesh.vertices),
+                reconstruction.distances_to(mesh, used),
+            )
         intersections = reconstruction.count_self_intersections(simplified)
     topology = topology_of(simplified.faces)
     report = MeshReport(
@@ -329,7 +331,10 @@ def _mean_surface_variation(tree: KdTree, spacing: float) -> float:
 
 def _rebuilt(rebuilt: Mesh, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuilt:
     """Return a rebuilt mesh with its figures."""
-    forth, back = distances_to(rebuilt, mesh.vertices), distances_to(mesh, rebuilt.vertices)
+    forth, back = (
+        reconstruction.distances_to(rebuilt, mesh.vertices),
+        reconstruction.distances_to(mesh, rebuilt.vertices),
+    )
     areas = rebuilt.face_areas()
     astray = (back[rebuilt.faces] > 0.05 * diagonal).any(axis=1)
     figures = Rebuilt(
@@ -345,7 +350,7 @@ def _rebuilt(rebuilt: Mesh, mesh: Mesh, frame: Frame, diagonal: float) -> Rebuil
 def _distances_to_original(mesh: Mesh, before: Floats, after: Floats, frame: Frame) -> Floats:
     """Return the distances of points (K, 3) to a mesh that has an area and lies on the original, or raise an error."""
     reconstruction.require_area(mesh, "mesh")
-    distances = distances_to(mesh, after)
+    distances = reconstruction.distances_to(mesh, after)
     _require_near(distances, "mesh", mesh.vertices[np.unique(mesh.faces)], before, frame)
     return distances
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
-from io import BufferedReader, UnsupportedOperation
+from io import BufferedReader
 from mmap import ACCESS_READ, mmap
 from struct import unpack_from
 from typing import Any, BinaryIO
@@ -60,11 +60,7 @@ def open_feather(file: BufferedReader) -> Reader:
 def _unpacked_sizes(file: BufferedReader) -> list[int]:
     """Return the bytes of each record batch and dictionary of an Arrow file when it is unpacked."""
     pyarrow = require_pyarrow()
-    try:
-        content = memoryview(mmap(file.fileno(), 0, access=ACCESS_READ))  # only the starts of buffers are read
-    except UnsupportedOperation:  # from afar
-        file.seek(0)
-        content = memoryview(file.read())
+    content = memoryview(mmap(file.fileno(), 0, access=ACCESS_READ))  # of which only the starts of buffers are read
     messages = pyarrow.ipc.MessageReader.open_stream(pyarrow.BufferReader(content[len("ARROW1\0\0") :]))
     sizes = []
     with suppress(StopIteration):

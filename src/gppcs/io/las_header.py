@@ -184,8 +184,8 @@ def read_header(file: BufferedReader) -> laspy.LasHeader:
     length, start, n_records = struct.unpack_from("<HII", block, 94)
     minimum = {3: 235, 4: 375}.get(block[25], 227)
     if not minimum <= length <= min(start, size):
-        given = f"that it gives its own size as {length}, and {start} as the place of the points, in {size:,} bytes"
-        raise damaged(f"a LAS header of at least {minimum} bytes before the points", given)
+        sizes = f"that it gives its own size as {length}, and {start} as the place of the points, in {size:,} bytes"
+        raise damaged(f"a LAS header of at least {minimum} bytes before the points", sizes)
     n_complete = _n_complete(file, length, min(start, size), n_records)
     if block[25] >= 4:
         position, n_extended = struct.unpack_from("<QI", block, 235)
@@ -225,7 +225,7 @@ def _n_complete(file: BufferedReader, position: int, end: int, count: int, size:
 def scale_and_offset(
     parts: Callable[[], Iterable[NDArray[np.float64]]], scale: float, offset: float
 ) -> tuple[float, float]:
-    """Return the scale and the offset in which one axis is stored, given its coordinates in parts, as often as needed.
+    """Return the scale and the offset in which one axis is stored, by its coordinates in parts, as often as needed.
 
     They are those of the header if these are exact. Otherwise the scale is the coarsest power of ten that is exact and
     fits 32 bits, or else the finest one that fits.

@@ -208,8 +208,8 @@ def _colours_in(mesh: Any) -> NDArray[np.uint8]:
     light = mesh.vertex_attributes.get(LIGHT)
     if light is None:
         return mesh.visual.vertex_colors.T if mesh.visual.kind == "vertex" else np.empty((0, 0), np.uint8)
-    shares = np.clip(light / (1.0 if light.dtype.kind == "f" else np.iinfo(light.dtype).max), 0.0, 1.0)
-    return eight_bits(np.hstack([from_linear(shares[:, :3]), shares[:, 3:]]), 1.0).T
+    light = np.clip(light / (1.0 if light.dtype.kind == "f" else np.iinfo(light.dtype).max), 0.0, 1.0)
+    return eight_bits(np.hstack([from_linear(light[:, :3]), light[:, 3:]]), 1.0).T
 
 
 def _metres_of(extras: Any) -> NDArray[np.float64]:

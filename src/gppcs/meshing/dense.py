@@ -93,11 +93,13 @@ class DensePoints:
         if uneven:
             return cls._across_uneven(indices, tree, *uneven, JOINED_OF_NOISY * n_vertices, chosen)
         mixed = near_sheets and not thick and len(indices) > 4 * SHARP and _mixes_sheets(tree)
-        layer = _thick_noise(tree) if thick else _noise(tree)
-        if thick and not layer.sigma:
-            return None
-        finer = mixed or (near_sheets and layer.needs_more(len(points) / len(indices)))
-        if finer and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS):
+        doubles = near_sheets and 2 * times * PER_VERTEX * n_vertices <= min(len(points), MAX_FOR_SHEETS)
+        if not (mixed and doubles):
+            layer = _thick_noise(tree) if thick else _noise(tree)
+            if thick and not layer.sigma:
+                return None
+            doubles = doubles and layer.needs_more(len(points) / len(indices))
+        if doubles:
             dense = cls.from_points(points, n_vertices, chosen, times=2 * times)
             return dense and replace(dense, near_sheets=True)
         noise, own_sheets = layer.sigma, mixed and not layer.joined
@@ -230,8 +232,8 @@ def _noise(tree: KdTree) -> _Layer:
     is_noisy = narrow.sigma > 0.25 * spacing
     for k in (WIDE, 2 * WIDE, 4 * WIDE):
         seen = two_sheets(tree, k) if is_noisy and 2 * k < len(tree.order) else None
-        noise, share = (sheets.noise, sheets.share) if sheets else (narrow.sigma, 0.0)
-        if seen and seen.share > share and seen.noise < CURVED * noise:
+        noise, fraction = (sheets.noise, sheets.fraction) if sheets else (narrow.sigma, 0.0)
+        if seen and seen.fraction > fraction and seen.noise < CURVED * noise:
             sheets, fitted = seen, k
     if sheets and sheets.apart > spacing:
         squared = (sheets.apart / sheets.radius) ** 2  # a ball of this radius around a point has as much of both sheets

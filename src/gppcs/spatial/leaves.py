@@ -37,14 +37,14 @@ class SearchBuffer(NamedTuple):
     packed: Floats  # (3, m + STRIDE), coordinates; each row is an axis
 
 
-def least_of_nodes(values: Floats, leaves: int) -> Floats:
-    """Return the least of values, (N,) in tree order, below each node of a tree, (nodes,)."""
-    least = np.empty(2 * leaves)
-    least[leaves:] = np.minimum.reduceat(values, len(values) * np.arange(leaves) // leaves)
+def minimum_of_nodes(values: Floats, leaves: int) -> Floats:
+    """Return the minimum of values, (N,) in tree order, below each node of a tree, (nodes,)."""
+    minimum = np.empty(2 * leaves)
+    minimum[leaves:] = np.minimum.reduceat(values, len(values) * np.arange(leaves) // leaves)
     while leaves > 1:
         leaves //= 2
-        least[leaves : 2 * leaves] = np.minimum(*least[2 * leaves : 4 * leaves].reshape(-1, 2).T)
-    return least
+        minimum[leaves : 2 * leaves] = np.minimum(*minimum[2 * leaves : 4 * leaves].reshape(-1, 2).T)
+    return minimum
 
 
 @kernel

@@ -38,6 +38,7 @@ if sys.platform != "win32":
 REMEDY = "give the same ones, or begin anew with `force`"
 WORK = ".gppcs"  # The folder, inside that of the results, for what a run that is begun again needs.
 INDEX = "index.vpc"
+MANIFEST = "manifest.json"  # of the run that works in such a folder
 
 
 class Written(NamedTuple):
@@ -118,9 +119,14 @@ def _without_others(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def is_begun(folder: Path) -> bool:
+    """Return whether a run that was stopped can go on in the folder of its results."""
+    return (folder / WORK / MANIFEST).exists()
+
+
 def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Target], force: bool) -> None:
     """Make the folder of a run, or check that it is that of the same run."""
-    path = work / "manifest.json"
+    path = work / MANIFEST
     manifest = {
         "version": own_version(),
         "options": _described(options),
@@ -128,7 +134,7 @@ def _begin(work: Path, files: CloudFiles, options: Options, targets: Sequence[Ta
         "outputs": [repr(target) for target in targets],
         "inputs": [_state_of(path) for path in files.paths],
     }
-    if path.exists() and not force:
+    if is_begun(work.parent) and not force:
         before = json.loads(path.read_text(encoding="utf-8"))
         for name, value in manifest.items():
             if before.get(name) != value:

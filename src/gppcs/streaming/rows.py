@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.constraints import Constraints, largest_weight
+from gppcs.amounts.constraints import Constraints
 from gppcs.amounts.options import Options
 from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
@@ -44,7 +44,6 @@ class Rows:
             columns["keep"] = np.zeros(len(finite), dtype=np.bool_)
             columns["keep"][constraints.keep] = True
         if constraints.weights is not None:
-            largest_weight(constraints.weights)  # which checks them
             columns["weight"] = constraints.weights
         if constraints.labels is not None:
             columns["label"] = constraints.labels

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gppcs.amounts.constraints import largest_weight, mask_of, weights_of
+from gppcs.amounts.constraints import mask_of, weights_of
 from gppcs.amounts.options import Options
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.timer import Timer
@@ -122,7 +122,7 @@ def _read(limit: float, part: Part) -> Overview:
         if not is_finite.all():
             of_chunk.n_bad, of_chunk.first_bad = int((~is_finite).sum()), int(np.argmin(is_finite))
         of_chunk.lower, of_chunk.upper = bounds(rows.points)
-        of_chunk.max_weight = largest_weight(rows.columns.get("weight"))
+        of_chunk.max_weight = float(rows.column("weight").max(initial=0.0))
         of_chunk.labels = np.bincount(rows.labels, minlength=256)
         of_chunk.keep = np.bincount(rows.labels[rows.keep], minlength=256)
         of_chunk.sample, of_chunk.hashes = rows, point_hashes(rows.points, size=1.0)

@@ -80,7 +80,7 @@ def layer_of(tree: KdTree, neighbours: int) -> NoiseLayer:
 class Sheets(NamedTuple):
     """What fits see of two sheets near each other, by those that see both: others may see a part of the second."""
 
-    share: float  # of the fits that see both
+    fraction: float  # of the fits that see both
     noise: float  # of each sheet
     apart: float  # distance of the sheets
     radius: float  # of the fits
@@ -92,11 +92,11 @@ def two_sheets(tree: KdTree, neighbours: int = 2 * NEIGHBOURS) -> Sheets | None:
     sampled = _sampled(tree, one_of)
     own = fit_quadrics(tree, sampled, neighbours, sheets=peaks)
     seen = own.kurtosis < peaks
-    if (share := float(seen.mean())) <= fewest:
+    if (fraction := float(seen.mean())) <= fewest:
         return None
     both = fit_quadrics(tree, sampled, neighbours)
     apart, radius = 2.0 * quantile(np.abs(both.heights[seen]), 0.5), quantile(both.radii[seen], 0.5)
-    return Sheets(share, _noise_of_each(own, seen), apart, radius)
+    return Sheets(fraction, _noise_of_each(own, seen), apart, radius)
 
 
 def _noise_of_each(own: Quadrics, seen: Flags) -> float:

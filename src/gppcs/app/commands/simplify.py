@@ -147,7 +147,7 @@ def _completed(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def _pairs(texts: list[str] | None, pattern: str, expected: str) -> dict[str, str]:
-    """Return names and values that are given in one text each."""
+    """Return names and values, of which each text holds one of both."""
     pairs = [(text, re.fullmatch(pattern, text, re.DOTALL)) for text in texts or ()]
     for text, match in pairs:
         if not match:

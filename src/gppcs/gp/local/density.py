@@ -8,7 +8,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.settings import EDGE_ROUGHNESS, MAX_REFINEMENT, MIN_ROUGHNESS, ROUNDNESS_POWER
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
 from gppcs.spatial.kdtree import KdTree, after, first_leaf, leaf_range
-from gppcs.spatial.leaves import least_of_nodes
+from gppcs.spatial.leaves import minimum_of_nodes
 
 VARIATION_ROUNDING = 1e-12  # Surface variation, or its standard deviation, below this is only rounding.
 
@@ -57,7 +57,7 @@ def graded(tree: KdTree, spacings: Floats, slope: float, group_size: int = 8) ->
     centres = KdTree.over(np.add.reduceat(tree.points, starts, axis=1) / counts)
     density = np.add.reduceat(1.0 / (spacings * spacings), starts) / counts
     means = density**-0.5
-    minima, limits = least_of_nodes(means, centres.leaves), means.copy()
+    minima, limits = minimum_of_nodes(means, centres.leaves), means.copy()
     on_ranges(_limit_leaves, centres.leaves, *centres.arrays, means, slope, minima, limits, minimum=16)
     return np.minimum(spacings, np.repeat(limits, counts))
 

@@ -15,7 +15,7 @@ from gppcs.engine.threads import on_ranges
 from gppcs.gp.local.kernel import LANES, SITE, STEP, LocalField, correlate, field_distance
 from gppcs.spatial.box_distances import squared_distance_of_boxes, squared_distance_to_box
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, after, first_leaf, leaf_range
-from gppcs.spatial.leaves import least_of_nodes
+from gppcs.spatial.leaves import minimum_of_nodes
 
 NEGLIGIBLE = 1e-12  # Smallest pivot of the factorisation, in units of the prior variance: less is only rounding.
 # Squared range of a search, times that of the last leaf; that of a second search, times what it is known to need.
@@ -150,7 +150,7 @@ def condition(field: LocalField, tree: KdTree, chosen: Ints, neighbours: int) ->
     if len(chosen):
         indices = np.sort(chosen)  # in the tree's order, as `KdTree.over` needs it
         tree_of_chosen = KdTree.over(np.ascontiguousarray(field.positions[:, indices]))
-        widest = -least_of_nodes(-(field.spacings[indices] ** 2), tree_of_chosen.leaves)
+        widest = -minimum_of_nodes(-(field.spacings[indices] ** 2), tree_of_chosen.leaves)
         tasks = min(tree.leaves, 64)  # runs of leaves, in each of which a search starts from the range of the last
         among = _Chosen(*tree_of_chosen.arrays, indices, widest)
         on_ranges(_condition_leaves, tasks, tasks, field, tree.lower, tree.upper, among, conditioning)
@@ -223,15 +223,15 @@ def _find_chosen(chosen, box_lower, box_upper, squared, points, near):
     for p in range(points.shape[1]):
         widest = max(widest, points[6, p])
     while node:
-        reach = 0.5 * squared * (widest**2 + chosen.widest[node])
-        if squared_distance_of_boxes(chosen.lower[node], chosen.upper[node], box_lower, box_upper) <= reach:
+        squared_distance = 0.5 * squared * (widest**2 + chosen.widest[node])
+        if squared_distance_of_boxes(chosen.lower[node], chosen.upper[node], box_lower, box_upper) <= squared_distance:
             if node < leaves:
                 node *= 2
                 continue
             for j in range(*leaf_range(n, leaves, node)):
                 x, y, z = chosen.points[0, j], chosen.points[1, j], chosen.points[2, j]
                 near[count] = j  # always written and then counted or not: a branch would be mispredicted often
-                count += 1 if squared_distance_to_box(lowest, highest, x, y, z) <= reach else 0
+                count += 1 if squared_distance_to_box(lowest, highest, x, y, z) <= squared_distance else 0
         node = after(node, 1)
     return count
 
