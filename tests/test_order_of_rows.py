@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import gppcs
@@ -72,12 +72,18 @@ def test_denoised_points_are_the_same(name):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@given(st.integers(2, 300), st.sampled_from(["solid", "lattice", "lattice in a plane"]), st.integers(0, 99), st.data())
+@given(
+    st.integers(2, 300),
+    st.sampled_from(["solid", "lattice", "lattice in a plane"]),
+    st.integers(0, 99),
+    st.floats(0.001, 1.0),
+)
+@example(42, "lattice", 41, 0.26)  # an area that differs in the last digit decides between equals
 @settings(max_examples=20)
-def test_small_clouds_with_ties_keep_the_same_points(method, n, shape, seed, data):
+def test_small_clouds_with_ties_keep_the_same_points(method, n, shape, seed, fraction):
     points = np.unique(KINDS[shape](np.random.default_rng(seed), n), axis=0)
-    cloud = gppcs.PointCloud(points)
-    assert_same_in_another_order(cloud, seed, n_points=data.draw(st.integers(1, len(points))), method=method)
+    n_points = int(np.ceil(fraction * len(points)))
+    assert_same_in_another_order(gppcs.PointCloud(points), seed, n_points=n_points, method=method)
 
 
 @pytest.mark.parametrize("name", ["bracket", "avenue"])

@@ -58,5 +58,5 @@ def surface_area(tree: KdTree) -> float:
     k = min(AREA_NEIGHBOURS, n - 1)
     if k == 0:
         return 0.0
-    squared = squared_radii(tree) if n <= AREA_POINTS else nearest_distances(tree, k, AREA_POINTS) ** 2
+    squared = squared_radii(tree.in_own_order()) if n <= AREA_POINTS else nearest_distances(tree, k, AREA_POINTS) ** 2
     return float(np.pi / k * n * np.minimum(squared, quantile(squared, AREA_QUANTILE)).mean())
