@@ -332,6 +332,14 @@ HELD_OUT = (  # these took no part in that
     *LIDAR,
 )
 
+THIN = (  # throughout; the last three took no part in anything
+    Sample("horn", None, 2_000, 40_000),
+    Sample("handlebar", None, 2_000, 40_000),
+    Sample("vents", None, 2_000, 40_000),
+    Sample("cable", None, 2_000, 40_000),
+    Sample("crate", None, 2_000, 40_000),
+    Sample("sink", None, 2_000, 40_000),
+)
 
 SMALLER = (  # without clouds that take long or resemble others
     *(each for each in FOUND_ON if not each.file.startswith(("dragon", "armadillo_50k", "armadillo_173k", "sfm_bird"))),
