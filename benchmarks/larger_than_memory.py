@@ -179,7 +179,7 @@ def cluster(count: int, folder: Path) -> Iterator[tuple[str, list[resource.struc
 
 def with_workers(tiles: Tiles, ratio: float, folder: Path, count: int) -> list[str]:
     """Return the row of a run with so many workers, from folder to folder."""
-    target, work = folder / f"thinned-{count}", folder / f"work-{count}"
+    target, work = folder / f"thinned-{tiles.count}-{count}", folder / f"work-{tiles.count}-{count}"
     work.mkdir()
     with cluster(count, work) as (address, used):
         watch = Disk(target, work)
@@ -216,15 +216,17 @@ class Disk(Thread):
 
 
 def main() -> None:
-    """Print the tables and write them; a number of tiles of the second one may be given instead of 1,000."""
+    """Print the tables and write them."""
     subprocess.run([Path(sys.executable).with_name("gppcs"), "warmup"], check=True)
     with tempfile.TemporaryDirectory(dir=os.environ.get("GPPCS_SCRATCH")) as name:
         folder = Path(name)
         rows = beside_memory(folder)
         tiles = Tiles.write(folder / "40", 8, 5_000_000)
         rows.append(row_of(tiles, 0.01, "2GB", [simplified(tiles, 0.01, folder / "small.laz", "--memory", "2GB")]))
-        tiles = Tiles.write(folder / "many", int((sys.argv[1:] or ["1000"])[0]), 100_000)
+        tiles = Tiles.write(folder / "few", 40, 100_000)
         worker_rows = [with_workers(tiles, 0.05, folder, count) for count in (1, 2)]
+        tiles = Tiles.write(folder / "many", 1_000, 100_000)
+        worker_rows.append(with_workers(tiles, 0.05, folder, 2))
     same = "points", "kept", "limit of memory", "peak MB", "seconds", "CPU seconds", "CPU seconds for a million points"
     header = (*same, "time beside that in memory")
     worker_header = (
