@@ -28,7 +28,6 @@ from conditions import (
     LIDAR,
     SURFACE,
     SURFACE_P95,
-    THIN,
     VARIATION,
     Column,
     Condition,
@@ -38,7 +37,6 @@ from conditions import (
 
 STARTS = range(3)  # turns of the cloud
 GP = "gp"
-THIN_PARTS = "tubes and ribbed cases"
 RIVALS = {
     "random": gppcs.Random(),
     "fps": gppcs.FarthestPoint(),
@@ -67,9 +65,7 @@ INTRODUCTION = (
     f"independent test. The {len(HELD_OUT)} clouds of the second table, three scenes of LiDAR among them, "
     "took no part in that; since then, the scans among them have helped to tell noise from detail. "
     "The six samples horse, moth, case, plate, gears and plant were made later. Six clouds with thin parts (turbine, "
-    "desk, fan, moth, case and plate) helped to decide how much normals count there; the others decided nothing. The "
-    f"{len(THIN)} samples of the third table are tubes and ribbed cases: their two sheets are near each other. "
-    "Horn, handlebar and vents helped to tell sheets from noise; cable, crate and sink decided nothing. Each "
+    "desk, fan, moth, case and plate) helped to decide how much normals count there; the others decided nothing. Each "
     "figure of gp is divided by that of the best rival on the same cloud, so below 1 gp is ahead. Where gp is behind, "
     "the cell is bold and says so."
 )
@@ -235,20 +231,19 @@ def lidar(all_made: Mapping[Condition, Made]) -> report.Section:
 
 def main() -> None:
     """Print the tables, and write them if they are of all conditions."""
-    every = (*FOUND_ON, *HELD_OUT, *THIN)
+    every = (*FOUND_ON, *HELD_OUT)
     chosen, runs = conditions.asked(every, __doc__)
     made = dict(zip(chosen, runs.over(chosen, runs_of), strict=True))
     groups = {
-        title: {condition: made[condition] for condition in of_group if condition in made}
-        for title, of_group in (("the rules were found on these clouds", FOUND_ON), ("held-out clouds", HELD_OUT))
+        f"{title} clouds": {condition: made[condition] for condition in of_group if condition in made}
+        for title, of_group in (("the rules were found on these", FOUND_ON), ("held-out", HELD_OUT))
     }
-    thin = {condition: made[condition] for condition in THIN if condition in made}
     scenes = {condition: made[condition] for condition in LIDAR if condition in made}
     conditions.keep(
         "quality",
         "The method gp beside all rivals",
         [
-            *(summary(f"Summary: {title}", group) for title, group in {**groups, THIN_PARTS: thin}.items() if group),
+            *(summary(f"Summary: {title}", group) for title, group in groups.items() if group),
             *([lidar(scenes)] if scenes else []),
             rival_by_rival(groups),
             *(

@@ -72,6 +72,7 @@ class Script:
 
 SCRIPTS = (
     Script("quality.py", "quality", ("pymeshlab", "gppcs_learned"), ("--jobs", "2")),
+    Script("thin.py", "thin", ("pymeshlab", "gppcs_learned"), ("--jobs", "2")),
     Script("scenes.py", "scenes", options=("--jobs", "2")),
     Script("speed.py", "speed", ("matplotlib",)),
     Script("small_clouds.py", "small_clouds"),
