@@ -184,7 +184,9 @@ BESIDE_BEST_RIVAL = {
 }
 BESIDE_EACH_RIVAL = {0: "rival", 2: "H mean", 6: "mean error"}
 SCENES_COLUMNS = {0: "measure", 1: "all", 5: "held out", 7: "largest", 8: "conditions"}
-SPEED_COLUMNS = {0: "cloud", 1: "points", 2: "kept", 3: "`gp`", 5: "`fps`", 6: "`hc`", 7: "`wlop`"}
+SPEED_COLUMNS = {
+    0: "cloud", 1: "points", 2: "kept", 3: "`gp`", 4: "`gp-spectral`", 6: "`fps`", 7: "`hc`", 8: "`wlop`"
+}  # fmt: skip
 GALLERY = "# Sample scans of 200,000 points, of which 5 % are kept; lengths in 1e-4 diagonals"
 EACH_RIVAL = "## Geometric means, gp divided by each rival"
 
