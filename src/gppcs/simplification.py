@@ -42,7 +42,8 @@ def _taking_old_settings(function: Function) -> Function:
         old = {name: options.pop(name) for name in ("seed", "denoise") if name in options}
         for name, value in old.items():
             if value is not None and value is not False:
-                instead = f"use method=gppcs.{'LocalGP' if name == 'denoise' else 'Random'}({name}={value})"
+                example = f"gppcs.{'LocalGP' if name == 'denoise' else 'Random'}({name}={value})"
+                instead = f"set it where the method is made, as in method={example}"
                 warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=3)
                 options["method"] = method_of(options.get("method", DEFAULT), {name: value})
         return function(*arguments, **options)
@@ -191,6 +192,7 @@ def simplify(
         return simplify_files(files, options, make_plan(files, options), timer)
 
 
+@_taking_old_settings
 def simplify_batch(
     clouds: ArrayLike | Sequence[CloudLike], *, timer: Timer | None = None, **options: Any
 ) -> BatchResult:
