@@ -23,7 +23,7 @@ from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.io.joining import joined
 from gppcs.io.reading import Function, source_of, taking_old_names
-from gppcs.io.streams import check_distinct
+from gppcs.io.streams import check_distinct, without_query
 from gppcs.methods import DEFAULT, Method, Selection
 from gppcs.result import BatchResult, Result
 from gppcs.steps import check_addable, result_of, simplify_cloud
@@ -293,7 +293,7 @@ def simplify_tiles(
     if source is None:
         raise ParameterError(f"expected names of files, found {shown(paths)}")
     with source as files:
-        targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
+        targets = [Target(Path(output, without_query(path).name), None, chosen.order, lossy) for path in files.paths]
         check_distinct([target.path for target in targets], files.paths)
         written, _, _ = simplify_each(
             files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force
