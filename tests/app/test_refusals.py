@@ -20,6 +20,7 @@ simplfy | simplify
 simplify | Missing argument
 simplify scan.ply | --output
 info missing.ply | missing.ply: No such file
+info '' | name of a file
 methods fpss | 'fps'
 sample brackt -o a.ply | 'bracket'
 sample fan -o - | standard output
