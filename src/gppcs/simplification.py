@@ -20,7 +20,7 @@ from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud, array_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.engine.timer import Timer, timer_of
-from gppcs.errors import InputError, ParameterError, shown
+from gppcs.errors import InputError, ParameterError, file_path, shown
 from gppcs.io.joining import joined
 from gppcs.io.reading import Function, source_of, taking_old_names
 from gppcs.io.streams import check_distinct, without_query
@@ -293,7 +293,8 @@ def simplify_tiles(
     if source is None:
         raise ParameterError(f"expected names of files, found {shown(paths)}")
     with source as files:
-        targets = [Target(Path(output, without_query(path).name), None, chosen.order, lossy) for path in files.paths]
+        names = [without_query(path).name for path in files.paths]
+        targets = [Target(file_path(output) / name, None, chosen.order, lossy) for name in names]
         check_distinct([target.path for target in targets], files.paths)
         written, _, _ = simplify_each(
             files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force

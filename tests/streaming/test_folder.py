@@ -128,6 +128,8 @@ def test_an_output_that_is_no_folder_is_refused(tmp_path, paths):
         with pytest.raises(OutputError, match="expected a folder"):
             gppcs.simplify_tiles(paths, tmp_path / output, n_points=100, method="random")
     assert (tmp_path / "out").read_text() == "mine"
+    with pytest.raises(gppcs.ParameterError, match="name of a file or a path, found None"):
+        gppcs.simplify_tiles(paths, None, n_points=100, method="random")
 
 
 @pytest.mark.usefixtures("small_tiles")
