@@ -140,7 +140,7 @@ qgis:  ## Make the plugin of QGIS, dist/gppcs_provider.zip
 
 # The wheel of this platform holds compiled kernels, so a first run need not wait for them. In one thread and without
 # random hashes, Numba numbers its functions in the same order each time.
-dist: $(VENV)/.installed  ## Build the source distribution and the wheel of this platform into dist/, and check them
+dist: $(VENV)/.demo  ## Build the source distribution and the wheel of this platform into dist/, and check them
 	$(PIP) --editable '.[dist]'
 	rm -rf dist src/gppcs/compiled
 	export $$($(BIN)/python -c 'from gppcs.engine.numba_internals import *; print(f"NUMBA_CPU_NAME={SHIPPED_FOR} NUMBA_CPU_FEATURES={FEATURES}")') \

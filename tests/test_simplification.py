@@ -160,10 +160,12 @@ def test_old_names_of_arguments_work_with_a_warning_that_tells_the_new_ones(tmp_
     assert result.points[:, 2].min() > 6
     with pytest.warns(DeprecationWarning, match="which gppcs.read takes"):
         assert len(gppcs.read(tmp_path / "a.ply", inside=[0, 0, 9, 9])) < len(cloud)
-    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.Random\(seed=3\)"):
+    with pytest.warns(DeprecationWarning, match=r"method=gppcs.Random\(seed=3\)"):
         assert gppcs.simplify(cloud, n_points=9, method="random", seed=3).method == gppcs.Random(seed=3)
-    with pytest.warns(DeprecationWarning, match=r"use method=gppcs.LocalGP\(denoise=True\)"):
+    with pytest.warns(DeprecationWarning, match=r"method=gppcs.LocalGP\(denoise=True\)"):
         assert gppcs.simplify(cloud, n_points=9, denoise=True).method == gppcs.LocalGP(denoise=True)
+    with pytest.warns(DeprecationWarning, match=r"method=gppcs.Random"):
+        gppcs.simplify_batch([cloud, cloud], n_points=9, method="random", seed=3)
     refused = pytest.raises(gppcs.ParameterError, match="'fps' has no parameter 'seed'")
     with pytest.warns(DeprecationWarning, match="Random"), refused:
         gppcs.simplify(cloud, n_points=9, method="fps", seed=3)

@@ -93,8 +93,8 @@ def file_path(path: Any) -> Path:
         source = Path(path)
     except TypeError as error:
         raise ParameterError(f"expected the name of a file or a path, found {shown(path)}") from error
-    if "\0" in str(source):
-        raise ParameterError(f"expected the name of a file without zero characters, found {str(path)!r}")
+    if "\0" in str(source) or path == "":
+        raise ParameterError(f"expected the name of a file, without zero characters, found {str(path)!r}")
     return source.absolute() if str(source) == "-" and isinstance(path, str) and path != "-" else source
 
 

@@ -20,10 +20,10 @@ from gppcs.amounts.order import in_order
 from gppcs.clouds.cloud import CloudLike, PointCloud, array_of
 from gppcs.engine.threads import number_of_threads
 from gppcs.engine.timer import Timer, timer_of
-from gppcs.errors import InputError, ParameterError, shown
+from gppcs.errors import InputError, ParameterError, file_path, shown
 from gppcs.io.joining import joined
 from gppcs.io.reading import Function, source_of, taking_old_names
-from gppcs.io.streams import check_distinct
+from gppcs.io.streams import check_distinct, without_query
 from gppcs.methods import DEFAULT, Method, Selection
 from gppcs.result import BatchResult, Result
 from gppcs.steps import check_addable, result_of, simplify_cloud
@@ -42,7 +42,8 @@ def _taking_old_settings(function: Function) -> Function:
         old = {name: options.pop(name) for name in ("seed", "denoise") if name in options}
         for name, value in old.items():
             if value is not None and value is not False:
-                instead = f"use method=gppcs.{'LocalGP' if name == 'denoise' else 'Random'}({name}={value})"
+                example = f"gppcs.{'LocalGP' if name == 'denoise' else 'Random'}({name}={value})"
+                instead = f"set it where the method is made, as in method={example}"
                 warnings.warn(f"`{name}` is deprecated here: {instead}", DeprecationWarning, stacklevel=3)
                 options["method"] = method_of(options.get("method", DEFAULT), {name: value})
         return function(*arguments, **options)
@@ -191,6 +192,7 @@ def simplify(
         return simplify_files(files, options, make_plan(files, options), timer)
 
 
+@_taking_old_settings
 def simplify_batch(
     clouds: ArrayLike | Sequence[CloudLike], *, timer: Timer | None = None, **options: Any
 ) -> BatchResult:
@@ -291,7 +293,8 @@ def simplify_tiles(
     if source is None:
         raise ParameterError(f"expected names of files, found {shown(paths)}")
     with source as files:
-        targets = [Target(Path(output, path.name), None, chosen.order, lossy) for path in files.paths]
+        names = [without_query(path).name for path in files.paths]
+        targets = [Target(file_path(output) / name, None, chosen.order, lossy) for name in names]
         check_distinct([target.path for target in targets], files.paths)
         written, _, _ = simplify_each(
             files, targets, chosen, make_plan(files, chosen, to_files=True), timer_of(timer), force

@@ -94,6 +94,8 @@ def test_weights_may_be_a_formula():
     x, y, _ = BALL.points.T
     by_array = gppcs.simplify(BALL, n_points=200, weight=1 / (1 + x * x + y * y))
     assert (gppcs.simplify(BALL, n_points=200, weight="1 / (1 + x*x + y*y)").indices == by_array.indices).all()
+    by_array = gppcs.simplify(BALL[UPPER], n_points=200, weight=BALL.points[UPPER, 2])
+    assert (gppcs.simplify(BALL[UPPER], n_points=200, weight="z").indices == by_array.indices).all()
 
 
 def test_only_the_ratio_of_weights_counts_and_points_without_weight_are_left_out():

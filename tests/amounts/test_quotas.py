@@ -29,6 +29,8 @@ def test_each_quota_gets_its_number_and_the_others_share_the_rest(cloud, method)
     result = gppcs.simplify(cloud, n_points=400, quota=quota, method=method)
     assert classes_of(result) == {6: 150, 2: 80, 1: 170}
     assert len(np.unique(result.indices)) == 400
+    all_of_one = gppcs.simplify(cloud, n_points=40, quota={"classification == 6": "100%"}, method=method)
+    assert classes_of(all_of_one) == {6: 40}
 
 
 @settings(max_examples=30, deadline=None)

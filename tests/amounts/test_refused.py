@@ -63,8 +63,7 @@ INPUTS = [
     ({"weight": np.full(4000, np.inf)}, "found inf and 3,999 more"),
     ({"weight": np.zeros(4000)}, "at least one weight above 0, found only 0"),
     ({"weight": np.arange(4000) < 3}, "at least 5 points of a weight above 0, found 3"),
-    ({"weight": "n" * 9999}, "no attribute 'n{79}\\.\\.\\. to weigh"),
-    ({"weight": "nzz"}, "no attribute 'nzz' .*; did you mean 'nz'?"),
+    ({"weight": "nzz"}, "no attribute 'nzz'; did you mean 'nz'?"),
 ]
 
 

@@ -20,6 +20,7 @@ simplfy | simplify
 simplify | Missing argument
 simplify scan.ply | --output
 info missing.ply | missing.ply: No such file
+info '' | name of a file
 methods fpss | 'fps'
 sample brackt -o a.ply | 'bracket'
 sample fan -o - | standard output
@@ -44,6 +45,7 @@ POINTS --order gps_time | 'gps_time'
 POINTS --workers 2 | --threads
 simplify - -o out.ply --points 5 --workers tcp://localhost:1 | standard input
 POINTS --keep 'z > 5' | --quota, or read no others with --only
+POINTS --quota 'z > 5: 1' --quota 'z > 5: 2' | 'z > 5' twice
 POINTS --threads x | '--threads': Input should be a valid integer
 POINTS --weight red --memory 1MB | memory
 POINTS --denoise --mark kept | mark

@@ -32,6 +32,14 @@ def test_convert_is_a_filter(printed, piped):
     assert printed("convert", "-", "-", "--from", "xyz", "--to", "csv") == "x,y,z,label\n0.5,1.0,2.0,7\n"
 
 
+def test_simplify_is_a_filter(printed, scan, piped):
+    words = ["--to", "csv", "--points", 20, "--method", "random", "-q"]
+    piped("scan.ply")
+    out = printed("simplify", "-", "-o", "-", *words)
+    printed("simplify", "scan.ply", "-o", "few.csv", *words)
+    assert out == Path("few.csv").read_text()
+
+
 def test_a_sample_goes_to_standard_output(printed, folder):
     words = ["sample", "fan", "--points", 30]
     out = printed(*words, "-o", "-", "--to", "csv", "--json")

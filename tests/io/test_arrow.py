@@ -121,6 +121,8 @@ def test_tables_of_pandas_and_pyarrow_are_read(folder, suffix):
     assert cloud.attributes["note"].tolist() == ["", "é", "three"]
     assert np.array_equal(cloud.attributes["weight"], [0.5, np.nan, 1], equal_nan=True)
     assert cloud.attributes["is_ground"].dtype == bool
+    views = loaded(path).append_column("view", pa.array(["", "é", "three"], pa.string_view()))  # as Polars writes them
+    assert read(stored(folder / f"views{suffix}", views)).attributes["view"].tolist() == ["", "é", "three"]
     write(folder / f"some{suffix}", cloud.take(np.array([2, 0])), force=True)
     some = loaded(folder / f"some{suffix}").to_pandas()
     assert some["note"].tolist() == ["three", ""]

@@ -91,7 +91,7 @@ def test_columns_that_are_whole_in_some_parts_only_are_fractions_in_all(tmp_path
     [
         (np.zeros(1), None, "same attributes in all files of a cloud, found k as .* and nothing"),
         (np.array([2**53 + 1]), np.array([0.5]), "values of k that int64, uint64 or float64 holds exactly"),
-        (np.zeros((1, 2)), np.zeros(1), r"found k as \('numbers', \(2,\)\) and \('numbers', \(\)\)"),
+        (np.zeros((1, 2)), np.zeros(1), "found k as 2 numbers in the first and numbers in"),
         (np.zeros(1), np.array(["x"]), "found k as .*numbers.* and .*text"),
     ],
 )

@@ -18,7 +18,7 @@ from formats import losses
 from gppcs.io import copc_writing
 
 VIEWER = Path(__file__).parents[2] / "viewer"
-N, FULL, LARGEST = 20_000, 500, 800
+N, FULL, LARGEST = 20_000, 500, 750
 KINDS = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 RAISED = {0: 6, 1: 6, 2: 7, 3: 7, 4: 6, 5: 7, 9: 6, 10: 8}
 NEWER = {"overlap", "scanner_channel", "scan_angle", "gps_time"}  # dimensions that old point formats may not have
@@ -29,7 +29,7 @@ WKT = 'PROJCS["here",GEOGCS["there"],UNIT["metre",1],AUTHORITY["EPSG","32633"]]'
 
 @pytest.fixture(autouse=True)
 def small_nodes(monkeypatch):
-    for name, value in (("FULL", FULL), ("LARGEST", LARGEST), ("BLOCK", 7_000)):
+    for name, value in (("MOST", FULL), ("BLOCK", 7_000)):
         monkeypatch.setattr(copc_writing, name, value)
 
 

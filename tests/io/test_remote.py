@@ -29,7 +29,7 @@ class Server(ThreadingHTTPServer):
 
     def __init__(self, folder):
         super().__init__(("127.0.0.1", 0), Handler)
-        self.folder, self.n_sent, self.sends_parts, self.breaks_off = folder, 0, True, False
+        self.folder, self.n_sent, self.sends_parts, self.tells_size, self.breaks_off = folder, 0, True, True, False
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def address(self, name):
@@ -53,7 +53,8 @@ class Handler(BaseHTTPRequestHandler):
             self.send_header("Content-Range", f"bytes {first}-{last}/{size}")
         else:
             self.send_response(200)
-        self.send_header("Content-Length", str(len(content)))
+        if self.server.tells_size:
+            self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         if self.command == "GET":
             content = content[: len(content) // 2] if self.server.breaks_off else content
@@ -62,7 +63,7 @@ class Handler(BaseHTTPRequestHandler):
                 self.wfile.write(content)
             except ConnectionError:  # the client wants no more
                 self.close_connection = True
-            self.close_connection = self.close_connection or self.server.breaks_off
+        self.close_connection = self.close_connection or self.server.breaks_off or not self.server.tells_size
 
     do_HEAD = do_GET  # noqa: N815
 
@@ -80,23 +81,28 @@ def server(tmp_path):
 
 @pytest.fixture(scope="module")
 def copc(tmp_path_factory):
-    """The content of a COPC file of flat ground, in nodes of a thousand points."""
+    """The content of a COPC file of flat ground, in nodes as small as in files of some million points."""
     path = tmp_path_factory.mktemp("copc") / "a.copc.laz"
     points = np.random.default_rng(0).random((700_000, 3)) * [1, 1, 1e-3]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(copc_writing, "FULL", 1000)
-        patch.setattr(copc_writing, "LARGEST", 1000)
+        patch.setattr(copc_writing, "FEWEST", 1)
         gppcs.write(path, gppcs.PointCloud(np.round(points, 6)))
     return path.read_bytes()
 
 
-def test_of_a_copc_file_only_the_nodes_are_fetched_that_a_query_needs(tmp_path, server, copc):
+def test_of_a_copc_file_only_the_nodes_are_fetched_that_a_query_needs(tmp_path, server, copc, monkeypatch):
     (tmp_path / "a.copc.laz").write_bytes(copc)
     for query in ({"inside": BOX}, {"resolution": 0.02}):
         server.n_sent = 0
         expected = gppcs.open(tmp_path / "a.copc.laz", **query).read()
         assert gppcs.open(server.address("a.copc.laz"), **query).read() == expected
         assert server.n_sent <= 0.05 * len(copc)
+    for memory, inside, share in ((None, BOX, 0.05), ("1GB", None, 1.02)):  # what is read several times is fetched once
+        server.n_sent = 0
+        part = gppcs.open(server.address("a.copc.laz"), inside=inside)
+        gppcs.simplify(part, n_points=50, method="random", memory=memory)
+        assert server.n_sent <= share * len(copc)
+        monkeypatch.setattr(gppcs.Random, "memory", lambda *_: 10**12)
     assert gppcs.read(server.address("a.copc.laz?key=1")) == gppcs.read(tmp_path / "a.copc.laz")
 
 
@@ -108,9 +114,10 @@ def test_other_files_are_read_whole(tmp_path, server, name):
     assert gppcs.open(server.address(name), inside=BOX).read() == gppcs.open(tmp_path / name, inside=BOX).read()
 
 
-def test_a_server_without_parts_sends_all_with_a_note(tmp_path, server, copc):
+@pytest.mark.parametrize("tells_size", [True, False])
+def test_a_server_without_parts_sends_all_with_a_note(tmp_path, server, copc, tells_size):
     (tmp_path / "a.copc.laz").write_bytes(copc)
-    server.sends_parts = False
+    server.sends_parts, server.tells_size = False, tells_size
     with pytest.warns(UserWarning, match="sends no parts of files"):
         cloud = gppcs.open(server.address("a.copc.laz"), inside=BOX).read()
     assert cloud == gppcs.open(tmp_path / "a.copc.laz", inside=BOX).read()

@@ -141,9 +141,9 @@ def _weights(cloud: PointCloud, weight: Any) -> Floats:
     """Return the weight of each point, (N,)."""
     if not isinstance(weight, str):
         return weights_of(weight, len(cloud))
-    if weight not in cloud.attributes and not weight.isidentifier():
-        return Expression.from_text(weight).numbers(cloud)
-    return numbers_in(cloud, weight, "to weigh its points by")
+    if weight in cloud.attributes:
+        return numbers_in(cloud, weight, "to weigh its points by")
+    return Expression.from_text(weight).numbers(cloud)
 
 
 def weights_of(weight: ArrayLike, n: int) -> Floats:

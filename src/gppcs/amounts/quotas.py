@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.expressions import Expression
-from gppcs.clouds.quantities import size_of
+from gppcs.clouds.quantities import PERCENT, ratio_of, size_of
 from gppcs.engine.arrays import Flags, Ints
 from gppcs.errors import InputError, ParameterError, shown
 from gppcs.methods import Selection
@@ -22,7 +22,7 @@ Labels = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Quota:
-    """How many kept points meet a condition: a number (int), or a fraction of all kept points (float below 1)."""
+    """How many kept points meet a condition: a number (int), or a fraction of all kept points (float)."""
 
     condition: Expression
     size: float | int
@@ -43,9 +43,11 @@ def quotas_of(quota: Any) -> tuple[Quota, ...]:
 
 
 def _size(value: Any) -> float | int:
-    """Return the size of a quota: also 0, for no points."""
+    """Return the size of a quota: also 0, for no points, and 100%, for all."""
     if isinstance(value, str) and value.strip() in ("0", "0%"):
         return 0
+    if isinstance(value, str) and value.strip().endswith(PERCENT):
+        return ratio_of("quota", value)
     is_zero = not isinstance(value, str | bool) and np.ndim(value) == 0 and value == 0
     return 0 if is_zero else size_of("quota", value)
 

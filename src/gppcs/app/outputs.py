@@ -137,12 +137,12 @@ def outputs_of(
         return [Output(io.CloudFiles(sources, **reading), [file_path(output)])]
     by_name: dict[str, Path] = {}
     for source in sources:
-        if (other := by_name.setdefault(source.name, source)) is not source:
+        if (other := by_name.setdefault(io.without_query(source).name, source)) is not source:
             raise OutputError(
                 f"{output}: expected inputs with different names, found {other} and {source}; rename one, or choose "
                 "a folder for each"
             )
-    targets = [Path(output, source.name) for source in sources]
+    targets = [Path(output, name) for name in by_name]
     if len(sources) > 1 and not separately:
         return [Output(io.CloudFiles(sources, **reading), targets, makes_folders=True, by_input=True)]
     return [

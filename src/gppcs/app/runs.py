@@ -44,7 +44,7 @@ def run_job(options: Options, output: Output, timer: Timer) -> tuple[dict[str, A
         output.check_storable(options)
         work = _to_files_by_input if output.by_input else _to_files_of_levels
         counts, points_in, points_out, diagnostics = work(options, output, plan, timer)
-    note_unused(output.input_title, files)
+        note_unused(output.input_title, files)  # before they are closed, as standard input is read once
     note_units(output.input_title, files.preview, options.unit)
     for note in _notes(points_out, points_in, diagnostics, options):
         print_error(f"note: {output.input_title}: {note}")

@@ -20,7 +20,7 @@ from gppcs.clouds.columns import CLASS_NAMES, CLASSIFICATION, EXACT
 from gppcs.errors import InputError, ParameterError, nearest_name, shown
 
 AXES = ("x", "y", "z")
-GRAMMAR = "conditions such as 'classification == 6', 'z > 2.5 and not intensity < 10' or 'classification in [2, 6]'"
+GRAMMAR = "conditions such as 'classification == 6' and 'z > 2.5 and not nz < 0.5', or formulas such as '1/(x*x + y*y)'"
 _QUOTED = r"(?P<quoted>'[^']*'|\"[^\"]*\")"
 # Words of Python's statements may be names of attributes: `_MARK` in place of their first letter makes them names.
 _MARK = "ʬ"

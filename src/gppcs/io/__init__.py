@@ -11,6 +11,7 @@ from gppcs.io.streams import check_writable as check_writable
 from gppcs.io.streams import inner_name as inner_name
 from gppcs.io.streams import is_standard as is_standard
 from gppcs.io.streams import whole_output as whole_output
+from gppcs.io.streams import without_query as without_query
 from gppcs.io.vpc import files_of as files_of
 from gppcs.io.writing import check_storable as check_storable
 from gppcs.io.writing import store as store

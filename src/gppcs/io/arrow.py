@@ -168,7 +168,7 @@ def _values(name: str, column: Any) -> Column:
         return _values(name, column.flatten()).reshape(len(column), kind.list_size)
     if types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind):
         return np.asarray(column.to_numpy(zero_copy_only=False), kind.to_pandas_dtype())  # null becomes NaN
-    if types.is_string(kind) or types.is_large_string(kind):
+    if types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind):
         return _texts(name, column.to_pylist())
     raise FileFormatError(
         f"expected columns of numbers, truth values or texts, or lists of fixed size, found {kind} in {name!r}; "

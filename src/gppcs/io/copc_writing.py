@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 ORDERS = ("order", "even")
 BLOCK = 1 << 20  # Points that are sorted at once.
-FULL = 1 << 16  # Points of a node with others below it. With fewer, these would hold less than some 10,000.
-LARGEST = 100_000  # Points of a node that takes in those of small nodes below it. Viewers load complete nodes.
+# Points of a node with others below it: a thousandth, so that few bytes hold a small part of the file, within limits.
+# Viewers load complete nodes, and small ones are compressed less.
+FEWEST, MOST = 1 << 12, 1 << 16
 DEEPEST = 20  # Octree level whose cells three numbers of 20 bits name.
 _SPREAD = np.array([sum((i >> bit & 1) << 3 * bit for bit in range(10)) for i in range(1024)])  # two zeros between bits
 
@@ -64,7 +65,7 @@ def write_octree(file: BinaryIO, header: laspy.LasHeader, records: NDArray[Any],
     with las.reported_writing():
         writer.write_initial_header_and_vlrs(header, "surrogateescape")
         times = _count(header, records)
-        octree = Octree(header)
+        octree = Octree(header, len(records))
         pieces = octree.sort(records, is_even)
         keys = sorted(pieces)
         for begin in range(0, len(keys), 16):  # nodes that are compressed at once
@@ -122,8 +123,9 @@ class Octree:
     node above.
     """
 
-    def __init__(self, header: laspy.LasHeader) -> None:
+    def __init__(self, header: laspy.LasHeader, n_points: int) -> None:
         self._header = header
+        self._full = min(max(FEWEST, n_points >> 10), MOST)
         self.lower = np.array(header.mins)
         self.side = float(np.max(header.maxs - self.lower)) or 1.0
         self.counts: Counter[int] = Counter()  # points of each node
@@ -146,7 +148,7 @@ class Octree:
                 pieces[node].append((begin + start, begin + int(end)))
         parents = {1}
         for key in sorted(pieces, reverse=True):  # each node behind those below it
-            if key in parents or self.counts[key >> 3] + self.counts[key] > LARGEST:
+            if key in parents or self.counts[key >> 3] + self.counts[key] > 3 * self._full // 2:
                 parents.add(key >> 3)
             else:
                 self.counts[key >> 3] += self.counts.pop(key)
@@ -168,7 +170,7 @@ class Octree:
     def _keys_of(self, codes: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the node of each point, by codes of its cell, and count it there. Shapes: (n,), (n,)."""
         keys, remaining = np.zeros(len(codes), np.int64), np.arange(len(codes))
-        full = np.array([*sorted(key for key, count in self.counts.items() if count >= FULL), 2**62])
+        full = np.array([*sorted(key for key, count in self.counts.items() if count >= self._full), 2**62])
         for depth in range(DEEPEST + 1):
             nodes = 1 << 3 * depth | codes[remaining] >> 3 * (DEEPEST - depth)
             is_open = full[np.searchsorted(full, nodes)] != nodes
@@ -178,7 +180,7 @@ class Octree:
             unique, starts, counts = np.unique(nodes, return_index=True, return_counts=True)
             rooms = counts
             if depth < DEEPEST:
-                rooms = np.minimum(counts, [FULL - self.counts[key] for key in unique.tolist()])
+                rooms = np.minimum(counts, [self._full - self.counts[key] for key in unique.tolist()])
             fits = np.arange(len(nodes)) - np.repeat(starts, counts) < np.repeat(rooms, counts)
             keys[candidates[fits]] = nodes[fits]
             self.counts.update(dict(zip(unique.tolist(), rooms.tolist(), strict=True)))

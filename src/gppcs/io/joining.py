@@ -45,7 +45,8 @@ class JointColumns:
             if first.get(name) != kinds.get(name):
                 raise FileFormatError(
                     f"expected the same attributes in all files of a cloud, found {name} as "
-                    f"{first.get(name, 'nothing')} and {kinds.get(name, 'nothing')}; simplify each by itself"
+                    f"{first.get(name, 'nothing')} in the first and {kinds.get(name, 'nothing')} in another; "
+                    "simplify each by itself"
                 )
         self._coordinates.add(cloud.coordinate_dtype)
         for name, values in cloud.attributes.items():
@@ -98,10 +99,10 @@ def _concatenated(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _kinds(cloud: PointCloud) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return what all parts must have in common of each attribute: in words what it is, and its shape."""
-    conventions = cloud.header.conventions if cloud.header else {}
-    return {
-        name: (conventions.get(name, "numbers" if values.dtype.kind in "biuf" else "text"), values.shape[1:])
-        for name, values in cloud.attributes.items()
-    }
+def _kinds(cloud: PointCloud) -> dict[str, str]:
+    """Return what all parts must have in common of each attribute, in words."""
+    conventions, kinds = cloud.header.conventions if cloud.header else {}, {}
+    for name, values in cloud.attributes.items():
+        kind = conventions.get(name, "numbers" if values.dtype.kind in "biuf" else "text")
+        kinds[name] = " ".join([*map(str, values.shape[1:]), kind])
+    return kinds

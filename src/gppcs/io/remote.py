@@ -28,7 +28,7 @@ def address_of(path: Path) -> str | None:
 
 
 def open_remote(address: str) -> Any:
-    """Open a file of a server; its `name` is a number if it is a copy."""
+    """Open a file of a server; its `name` is a number, as that of a temporary file."""
     core = require("fsspec.core", "files of servers need fsspec", "fsspec aiohttp", extra="remote")
     options: dict[str, Any] = {}
     with _answering(address), ExitStack() as stack:
@@ -39,7 +39,7 @@ def open_remote(address: str) -> Any:
         file = stack.enter_context(system.open(path, "rb", cache_type="none"))
         if is_copc(file.read(1024), 0):
             try:
-                file.seek(1024)
+                file.seek(1)
                 file.read(1)
             except ValueError:
                 warnings.warn(f"{address}: the server sends no parts of files: all of it is read", stacklevel=2)
@@ -78,11 +78,14 @@ def _answering(address: str) -> Iterator[None]:
 
 
 class _Ranges(RawIOBase):
-    """A file of a server, in which one can seek."""
+    """A file of a server, in which one can seek. What was fetched is kept in a temporary file."""
 
-    def __init__(self, file: Any, name: str) -> None:
-        self._file, self.name, self._position = file, name, 0
-        self._start, self._block, self._run = 0, b"", 0  # what was fetched last, and how often what follows it was
+    def __init__(self, file: Any, address: str) -> None:
+        self._file, self._address, self._position = file, address, 0
+        self._copy = tempfile.TemporaryFile()  # noqa: SIM115  # as large as the file, with holes
+        self.name = self._copy.fileno()
+        self._here: list[tuple[int, int]] = []  # where parts of it begin and end, ascending and apart
+        self._end = self._run = 0  # of the part that was fetched last, and how often what follows it was
 
     def readable(self) -> bool:
         return True
@@ -96,16 +99,31 @@ class _Ranges(RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         first, last = self._position, min(self._position + len(buffer), self._file.size)
-        if first < last and not self._start <= first <= last <= self._start + len(self._block):
-            follows = self._start <= first <= self._start + len(self._block)
-            self._run = self._run + 1 if follows else 0
-            with _answering(self.name):
-                self._file.seek(first)
-                self._start, self._block = first, self._file.read(max(last - first, _FETCHED << min(self._run // 2, 9)))
-        part = self._block[first - self._start : last - self._start] if first < last else b""
+        missing = max([first, *(end for begin, end in self._here if begin <= first < end)])
+        if missing < last:
+            with _answering(self._address):
+                self._fetch(missing, last)
+        self._copy.seek(first)
+        part = self._copy.read(max(0, last - first))
         buffer[: len(part)] = part
         self._position += len(part)
         return len(part)
+
+    def _fetch(self, first: int, last: int) -> None:
+        """Fetch the bytes from one place to another, and some behind them."""
+        self._run = self._run + 1 if first == self._end else 0
+        self._file.seek(first)
+        block = self._file.read(max(last - first, _FETCHED << min(self._run // 2, 9)))
+        if len(block) < last - first:
+            raise FileFormatError(f"expected {last - first:,} bytes, found {len(block):,}; get the file again")
+        self._copy.seek(first)
+        self._copy.write(block)
+        self._end = first + len(block)
+        parts, self._here = sorted([*self._here, (first, self._end)]), []
+        for begin, end in parts:
+            if self._here and begin <= self._here[-1][1]:
+                begin, end = self._here[-1][0], max(end, self._here.pop()[1])
+            self._here.append((begin, end))
 
     def peek(self, size: int) -> bytes:
         """Return the next bytes, and stay before them."""
@@ -115,4 +133,5 @@ class _Ranges(RawIOBase):
 
     def close(self) -> None:
         self._file.close()
+        self._copy.close()
         super().close()

@@ -27,9 +27,14 @@ def is_standard(path: str | os.PathLike[str]) -> bool:
     return os.fspath(path) == "-"
 
 
+def without_query(path: Path) -> Path:
+    """Return the path of a file without the query of an address, such as a key."""
+    return Path(path.as_posix().partition("?")[0]) if address_of(path) else path
+
+
 def inner_name(path: Path) -> Path:
     """Return the name of a file without the suffix of its compression, and without the query of an address."""
-    path = Path(path.as_posix().partition("?")[0]) if address_of(path) else path
+    path = without_query(path)
     return path.with_suffix("") if path.suffix.lower() == ".gz" else path
 
 

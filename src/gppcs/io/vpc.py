@@ -52,7 +52,8 @@ def _local_name(name: str) -> str | None:
     if url:
         from urllib.request import url2pathname  # it loads ssl, which takes longer than all else here
 
-        if url[1].lower() != "file" or (url["host"] or "").lower() not in ("", "localhost") or not url["path"]:
+        is_local = url[1].lower() == "file" and (url["host"] or "").lower() in ("", "localhost")
+        if not is_local or url["path"][:2] in ("", "//"):
             return None
         name = url2pathname(url["path"])
     return None if name[:2].replace("\\", "/") == "//" else name  # which Windows would fetch from a host

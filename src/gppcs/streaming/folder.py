@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
@@ -75,6 +75,7 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
     It stays if the run is stopped again, but not if the input or the options are to blame.
     """
     work = targets[0].path.parent / WORK
+    is_new = not work.parent.exists()
     with _written(work.parent):
         work.parent.mkdir(parents=True, exist_ok=True)
     with _without_others(work.parent):
@@ -83,6 +84,9 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
             yield work
         except (InputError, ParameterError, FileFormatError):
             shutil.rmtree(work, ignore_errors=True)
+            with suppress(OSError):  # something else is in it
+                if is_new:
+                    work.parent.rmdir()
             raise
         shutil.rmtree(work)
 

@@ -148,8 +148,12 @@ def _completed(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def _pairs(texts: list[str] | None, pattern: str, expected: str) -> dict[str, str]:
     """Return names and values, of which each text holds one of both."""
-    pairs = [(text, re.fullmatch(pattern, text, re.DOTALL)) for text in texts or ()]
-    for text, match in pairs:
+    pairs = dict[str, str]()
+    for text in texts or ():
+        match = re.fullmatch(pattern, text, re.DOTALL)
         if not match:
             raise ParameterError(f"expected {expected}, found {shown(text)}")
-    return {match[1]: match[2] for _, match in pairs if match}
+        if match[1] in pairs:
+            raise ParameterError(f"expected {expected}, each once, found {shown(match[1])} twice")
+        pairs[match[1]] = match[2]
+    return pairs
