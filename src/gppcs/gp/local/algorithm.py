@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
-from gppcs.gp.local.candidates import RANDOM_BITS, Measured, Stage, cells_for, nested_candidates, sample, survey
+from gppcs.gp.local.candidates import RANDOM_BITS, Measured, Ranks, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
 from gppcs.gp.local.density import (
     VARIATION_ROUNDING,
@@ -62,6 +62,8 @@ class Problem(NamedTuple):
     # (N,), points that only show where the surface is. Fixed ones that are not may be exchanged for points near them.
     settled: Flags | None = None
     scale: Scale | None = None  # Of the cloud of which the points are a part
+    # (N,), by which samples are drawn, if the points were moved: their last digits depend on the processor.
+    hashes: Ranks | None = None
 
     def candidate_density(self, criterion: Criterion) -> float:
         """Return how many candidate cells a square has whose side is the target spacing."""
@@ -88,6 +90,7 @@ class Problem(NamedTuple):
         """Return the problem for some of the points, (n,), at other positions, (n, 3)."""
         return self._replace(
             points=points,
+            hashes=short_hashes(self.points.take(indices, axis=0), RANDOM_BITS),
             weights=_taken(self.weights, indices),
             attributes=_taken(self.attributes, indices),
             settled=_taken(self.settled, indices),
@@ -116,8 +119,8 @@ def _choose_candidates(problem: Problem, criterion: Criterion, timer: Timer) -> 
 
 def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates, list[Stage], Measured]:
     """Measure a cloud, and return the candidates of the last stage, as they are observed, and all stages."""
-    points, n_points, fixed, weights, attributes, _, scale = problem
-    measured = survey(points, n_points, density, timer, attributes, scale)
+    points, n_points, fixed, weights, attributes, _, scale, hashes = problem
+    measured = survey(points, n_points, density, timer, attributes, scale, hashes)
     area, noise, ranks, detail, tree, *_ = measured
     assert tree is not None
     with timer("candidates"):

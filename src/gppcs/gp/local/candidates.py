@@ -67,10 +67,11 @@ def survey(
     timer: Timer,
     attributes: NDArray[np.float32] | None = None,
     scale: Scale | None = None,
+    hashes: Ranks | None = None,
 ) -> Measured:
-    """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k)."""
+    """Measure a cloud, (N, 3), or a sample of it, unless a scale tells. Shapes: attributes (N, k), hashes (N,)."""
     with timer("sample"):
-        ranks = short_hashes(points, RANDOM_BITS)
+        ranks = short_hashes(points, RANDOM_BITS) if hashes is None else hashes.copy()
         indices = sample(ranks, n_points)
         sampled = points if len(indices) == len(points) else points.take(indices, axis=0)
     with timer("tree"):
