@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.gp.local.sheets import normals_of_sheets, toward_other_sheet
+from gppcs.gp.local.sheets import sheets_of, toward_other_sheet
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
@@ -17,26 +17,41 @@ N, SPACING, FINE = 20_000, 0.05, 5.0  # target spacing of a plate of two unit sq
 
 
 @pytest.mark.parametrize("thickness", [0.5, 0.8])
-def test_normals_point_to_the_other_sheet(thickness):
-    points, outward, _ = plate(N, thickness * FINE)
-    normals = normals_of_sheets(KdTree.build(points), points, SPACING)
-    assert normals is not None
-    thin = normals.any(axis=1)
+def test_ways_lead_to_the_other_sheet(thickness):
+    points, outward, area = plate(N, thickness * FINE)
+    sheets = sheets_of(KdTree.build(points), points, SPACING)
+    assert sheets is not None
+    thin = sheets.any(axis=1)
     assert thin.mean() > 0.8
-    cosines = -(normals * outward)[thin].sum(axis=1)
-    assert np.mean(cosines > 0.95) > 0.97  # others are at the rim
+    ways = sheets[thin, :3] / (thickness * FINE * np.sqrt(area / N))
+    inward = -(ways * outward[thin]).sum(axis=1)
+    lengths = np.linalg.norm(ways, axis=1)
+    assert np.mean(inward > 0.95 * lengths) > 0.97  # others are at the rim
+    assert np.mean(abs(lengths - 1.0) < 0.05) > 0.8
+
+
+@pytest.mark.parametrize("is_tube", [True, False])
+def test_densities_of_two_sheets_go_as_the_roots_of_their_curvatures(is_tube):
+    """Those of a tube, and of a plate of the same thickness, which are equal."""
+    rng = np.random.default_rng(0)
+    inner, outer = (1.2, 1.8) if is_tube else (1.0, 1.0)
+    inside, turn, z = rng.random(N) < inner / (inner + outer), 2.0 * np.pi * rng.random(N), 20.0 * rng.random(N)
+    radius = np.where(inside, inner, outer)
+    tube, plate = (radius * np.cos(turn), radius * np.sin(turn), z), (0.6 * inside, 1.5 * turn, z)
+    kept = np.isin(np.arange(N), gppcs.simplify(np.stack(tube if is_tube else plate, 1), n_points=700).indices)
+    assert kept[inside].mean() / kept[~inside].mean() == pytest.approx(np.sqrt(outer / inner), abs=0.1)
 
 
 def test_thick_and_round_shapes_have_no_thin_parts(sphere):
     for points in (plate(N, 1.5 * FINE)[0], sphere[:N]):
-        assert normals_of_sheets(KdTree.build(points), points, SPACING) is None
+        assert sheets_of(KdTree.build(points), points, SPACING) is None
 
 
 def test_a_point_without_neighbours_has_no_sheet():
     points = np.random.default_rng(0).random((11, 3))
     for cloud in (points, points[:1], np.repeat(points[:1], 40, axis=0)):
         tree = KdTree.build(cloud)
-        assert normals_of_sheets(tree, cloud, 1.0) is None
+        assert sheets_of(tree, cloud, 1.0) is None
         assert not toward_other_sheet(tree, tree, 1.0).any()
 
 

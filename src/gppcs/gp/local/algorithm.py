@@ -34,7 +34,7 @@ from gppcs.gp.local.settings import (
     NUGGET,
     WEIGHT_POWER,
 )
-from gppcs.gp.local.sheets import normals_of_sheets
+from gppcs.gp.local.sheets import shares_of, sheets_of
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -132,7 +132,7 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
     if not noise.thick:
         with timer("features"):
             is_thin = None if scale is None else scale.stages[0].alone < 1.0
-            sheets = normals_of_sheets(tree, positions, stages[-1].spacing, is_thin)
+            sheets = sheets_of(tree, positions, stages[-1].spacing, is_thin)
     measured = measured._replace(area=stages[-1].area)
     with timer("noise"):
         quadrics = None
@@ -247,7 +247,7 @@ class Candidates(NamedTuple):
     variances: Floats  # (n,): of each observation, in the squared unit of the points; 0 without noise
     weights: Floats | None  # (n,)
     detail: Detail | None
-    sheets: Floats | None = None  # (n, 3), as `normals_of_sheets` returns them
+    sheets: Floats | None = None  # (n, 4), as `sheets_of` returns them
 
     def take(self, positions: Ints) -> Candidates:
         """Return some of them."""
@@ -292,8 +292,10 @@ def field_of(
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2
     detail, weights = candidates.detail, candidates.weights
-    alone = 1.0 if candidates.sheets is None else 1.0 - float(np.mean(candidates.sheets.any(axis=1)))
-    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale, alone)
+    sheets, spacing = candidates.sheets, stage.spacing
+    alone = 1.0 if sheets is None else 1.0 - float(np.mean(sheets.any(axis=1)))
+    shares = 1.0 if sheets is None else shares_of(tree, sheets, spacing)
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, spacing, scale, alone, shares)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -305,7 +307,8 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
     features = features_in_radius(on_surface, 1.0) if thinned else features_of_nearest(on_surface, 16)
     if candidates.sheets is not None:
         thin = candidates.sheets.any(axis=1)
-        features.normals[thin] = candidates.sheets[thin]
+        ways = candidates.sheets[thin, :3]
+        features.normals[thin] = ways / np.linalg.norm(ways, axis=1, keepdims=True)
     return features
 
 
@@ -319,18 +322,19 @@ def local_field(
     spacing: float = 1.0,
     scale: Scale | None = None,
     alone: float = 1.0,
+    shares: Floats | float = 1.0,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
     Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
     after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
-    of the prior's, weights (n,).
+    of the prior's, weights (n,), shares (n,), factors of the roughness.
     """
     variation = features.surface_variation
     whole = None if scale is None else scale.at(spacing)
     roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
-    density = density_of(roughness, criterion.density_power * roundness)
+    density = density_of(shares * roughness, criterion.density_power * roundness)
     mean_density = whole.density if whole else float(np.mean(density))
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:

@@ -1,4 +1,4 @@
-"""Thin parts: where another sheet of the surface is nearer than the target spacing, and what normals one sheet has.
+"""Thin parts: where another sheet of the surface is nearer than the target spacing, and what features one sheet has.
 
 The ball of the features (Eq. (2)) holds both sheets there. Its flattest direction may then be any, since two disks at
 a distance of about their radius are as thick as they are wide.
@@ -11,7 +11,14 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.gp.local.settings import PLANE_POINTS, SHEET_GAP, SHEET_SPACINGS, SHEET_VARIATION, THIN_FRACTION
+from gppcs.gp.local.settings import (
+    MIN_ROUGHNESS,
+    PLANE_POINTS,
+    SHEET_GAP,
+    SHEET_SPACINGS,
+    SHEET_VARIATION,
+    THIN_FRACTION,
+)
 from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, points_near
 from gppcs.spatial.leaves import MANY_LEAVES, pack, radius_of_nearest, search_buffer
 from gppcs.surface.moments import MOMENTS, flattest_of, moments_in_ball, with_step
@@ -21,8 +28,8 @@ FEW = 64  # Runs of points that follow each other in a tree, by which a cloud ha
 POINTS_FOR_EACH = 625  # Of a small cloud, for each point of a run: four at least, if so many are there.
 
 
-def normals_of_sheets(tree: KdTree, points: Floats, radius: float, is_thin: bool | None = None) -> Floats | None:
-    """Return normals of the sheets of points, (n, 3), 0 where none other is within a radius; None without thin parts.
+def sheets_of(tree: KdTree, points: Floats, radius: float, is_thin: bool | None = None) -> Floats | None:
+    """Return what `toward_other_sheet` returns for points, (n, 3); None without thin parts.
 
     The tree is over the points of the surface, which may be told to have thin parts or none.
     """
@@ -30,6 +37,21 @@ def normals_of_sheets(tree: KdTree, points: Floats, radius: float, is_thin: bool
         some = toward_other_sheet(tree, _runs_of(tree), radius, SHEET_VARIATION)
         is_thin = some.any(axis=1).mean() >= THIN_FRACTION
     return toward_other_sheet(tree, KdTree.build(points), radius) if is_thin else None
+
+
+def shares_of(tree: KdTree, sheets: Floats, spacing: float) -> Floats:
+    """Return the share of each point's sheet in the density of both, (n,), 1 for half of it or where there is only one.
+
+    It goes as the root of the roughness: the inside of a tube gets more of the points that both get. The points are
+    those of a tree, in its order, in units of a spacing. Shapes: sheets (n, 4), as `toward_other_sheet` returns them.
+    """
+    thin, ways = np.flatnonzero(sheets.any(axis=1)), sheets[:, :3]
+    roughness = np.clip(sheets[:, 3], MIN_ROUGHNESS, math.sqrt(SHEET_VARIATION))  # what is rougher lies at a rim
+    opposite = tree.in_own_order().nearest_of(tree.points.T[thin] + ways[thin] / spacing, 1)[0][:, 0]
+    thin, opposite = np.stack([thin, opposite])[:, (ways[thin] * ways[opposite]).sum(axis=1) < 0.0]
+    shares = np.ones(len(sheets))
+    shares[thin] = 2.0 / (1.0 + np.sqrt(roughness[opposite] / roughness[thin]))
+    return shares
 
 
 def _runs_of(tree: KdTree) -> KdTree:
@@ -41,23 +63,24 @@ def _runs_of(tree: KdTree) -> KdTree:
 
 
 def toward_other_sheet(tree: KdTree, queries: KdTree, radius: float, max_variation: float = math.inf) -> Floats:
-    """Return normals of the sheets of the points of a tree, (n, 3), in its input's order, toward one within a radius.
+    """Return the ways from the sheets of points to another within a radius, and the roughness of the sheets, (n, 4).
 
-    They are 0 where there is none, or where the surface variation of the point's own sheet is larger.
+    The ways are along the normals of the sheets. All is 0 where there is none, or where the surface variation of the
+    point's own sheet is larger. The points are those of a tree; the result is in its input's order.
     """
-    normals = np.zeros((len(queries.order), 3))
+    sheets = np.zeros((len(queries.order), 4))
     on_ranges(
-        _fill_leaves, queries.leaves, *tree.arrays, queries.order, *queries.arrays, radius, max_variation, normals,
+        _fill_leaves, queries.leaves, *tree.arrays, queries.order, *queries.arrays, radius, max_variation, sheets,
         minimum=8,
     )  # fmt: skip
-    return normals
+    return sheets
 
 
 @kernel
 def _fill_leaves(
-    begin, end, points, lower, upper, order, queries, queries_lower, queries_upper, radius, max_variation, normals
+    begin, end, points, lower, upper, order, queries, queries_lower, queries_upper, radius, max_variation, sheets
 ):
-    """Fill normals, (n, 3), at the queries, (3, n), of a range of leaves, by points, (3, N); boxes are (nodes, 3)."""
+    """Fill sheets, (n, 4), at the queries, (3, n), of a range of leaves, by points, (3, N); boxes are (nodes, 3)."""
     n, leaves, squared_radius = queries.shape[1], first_leaf(queries_lower), radius * radius
     near, buffer = np.empty(first_leaf(lower), dtype=np.int64), search_buffer(MANY_LEAVES)
     scratch = np.empty(buffer.packed.shape[1], dtype=np.float64)
@@ -84,11 +107,13 @@ def _fill_leaves(
             if height != 0.0:
                 _moments_of_sheet(buffer.packed, full, (x, y, z), normal, 0.5 * height, squared_radius, moments)
                 upward = normal[0], normal[1], normal[2]
-                if flattest_of(moments[:, 0], normal) > max_variation:
+                variation = flattest_of(moments[:, 0], normal)
+                if variation > max_variation:
                     continue
                 turn = height * (normal[0] * upward[0] + normal[1] * upward[1] + normal[2] * upward[2])
                 for axis in range(3):  # assigning the array would compile a second of code
-                    normals[order[i], axis] = normal[axis] if turn > 0.0 else -normal[axis]
+                    sheets[order[i], axis] = np.copysign(height, turn) * normal[axis]
+                sheets[order[i], 3] = np.sqrt(variation)
 
 
 @kernel(allocates=False)
