@@ -34,7 +34,7 @@ from gppcs.gp.local.settings import (
     NUGGET,
     WEIGHT_POWER,
 )
-from gppcs.gp.local.sheets import shares_of, sheets_of
+from gppcs.gp.local.sheets import sheet_factors_of, sheets_of
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -294,8 +294,8 @@ def field_of(
     detail, weights = candidates.detail, candidates.weights
     sheets, spacing = candidates.sheets, stage.spacing
     alone = 1.0 if sheets is None else 1.0 - float(np.mean(sheets.any(axis=1)))
-    shares = 1.0 if sheets is None else shares_of(tree, sheets, spacing)
-    return tree, *local_field(tree, features, variances, criterion, detail, weights, spacing, scale, alone, shares)
+    factors = 1.0 if sheets is None else sheet_factors_of(tree, sheets, spacing)
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, spacing, scale, alone, factors)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -322,19 +322,19 @@ def local_field(
     spacing: float = 1.0,
     scale: Scale | None = None,
     alone: float = 1.0,
-    shares: Floats | float = 1.0,
+    sheet_factors: Floats | float = 1.0,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
     Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
     after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
-    of the prior's, weights (n,), shares (n,), factors of the roughness.
+    of the prior's, weights (n,), sheet_factors (n,), of the roughness (Eq. (3b)).
     """
     variation = features.surface_variation
     whole = None if scale is None else scale.at(spacing)
     roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
-    density = density_of(shares * roughness, criterion.density_power * roundness)
+    density = density_of(sheet_factors * roughness, criterion.density_power * roundness)
     mean_density = whole.density if whole else float(np.mean(density))
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:

@@ -39,19 +39,19 @@ def sheets_of(tree: KdTree, points: Floats, radius: float, is_thin: bool | None 
     return toward_other_sheet(tree, KdTree.build(points), radius) if is_thin else None
 
 
-def shares_of(tree: KdTree, sheets: Floats, spacing: float) -> Floats:
-    """Return the share of each point's sheet in the density of both, (n,), 1 for half of it or where there is only one.
+def sheet_factors_of(tree: KdTree, sheets: Floats, spacing: float) -> Floats:
+    """Return the factors of the roughness of a tree's points by their own sheet and the opposite one, (n,) (Eq. (3b)).
 
-    It goes as the root of the roughness: the inside of a tube gets more of the points that both get. The points are
-    those of a tree, in its order, in units of a spacing. Shapes: sheets (n, 4), as `toward_other_sheet` returns them.
+    The rougher one, such as the inside of a tube, gets more of the points of both. All is in the order of the tree and
+    in units of a spacing, but sheets, (n, 4), as `toward_other_sheet` returns them.
     """
     thin, ways = np.flatnonzero(sheets.any(axis=1)), sheets[:, :3]
     roughness = np.clip(sheets[:, 3], MIN_ROUGHNESS, math.sqrt(SHEET_VARIATION))  # what is rougher lies at a rim
     opposite = tree.in_own_order().nearest_of(tree.points.T[thin] + ways[thin] / spacing, 1)[0][:, 0]
     thin, opposite = np.stack([thin, opposite])[:, (ways[thin] * ways[opposite]).sum(axis=1) < 0.0]
-    shares = np.ones(len(sheets))
-    shares[thin] = 2.0 / (1.0 + np.sqrt(roughness[opposite] / roughness[thin]))
-    return shares
+    factors = np.ones(len(sheets))
+    factors[thin] = 2.0 / (1.0 + np.sqrt(roughness[opposite] / roughness[thin]))
+    return factors
 
 
 def _runs_of(tree: KdTree) -> KdTree:
