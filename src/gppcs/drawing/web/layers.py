@@ -62,7 +62,7 @@ class CloudSurface(NamedTuple):
 
     cloud: PointCloud  # these points
     indices: Ints  # (N,), in the file
-    variation: Floats  # (N,), NaN where fewer than four points lie near, which always seem flat
+    variation: Floats  # (N,), NaN if there are fewer than four points, which always seem flat
     normals: Floats  # (N, 3), of either sign
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
     same: Ints  # (N,), which of these each point is
