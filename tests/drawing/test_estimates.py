@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.drawing.estimates import disc_radii, estimates, thin_on_lines
 
 POINTS = gppcs.sample("sphere", 2000).points
 
@@ -48,21 +48,33 @@ def test_a_plane_has_no_relief_of_rounding_errors(turn):
     assert (estimates(plane @ turn)[0] == 0).all()
 
 
-@pytest.mark.parametrize("gap", [0.4, 1.6])
-def test_wires_are_drawn_thin_and_planes_closed(gap):
-    """Two wires near each other would be a band if their discs were as large as the gaps between points around them."""
+def wires_over_plane(gap):
+    """Return the points of two wires near each other and of a plane below, and which are of the wires."""
     rng = np.random.default_rng(0)
     plane = rng.random((4000, 3)) * [8, 8, 0]
     along = np.linspace(0, 8, 34)
     wires = np.vstack([np.column_stack([along, np.full(34, y), np.full(34, 6.0)]) for y in (4 - gap / 2, 4 + gap / 2)])
-    points = np.vstack([plane, wires])
+    return np.vstack([plane, wires]), np.arange(4068) >= 4000
+
+
+@pytest.mark.parametrize("gap", [0.4, 1.6])
+def test_wires_are_drawn_thin_and_planes_closed(gap):
+    """Two wires near each other would be a band if their discs were as large as the gaps between points around them."""
+    points, is_wire = wires_over_plane(gap)
     tree = estimates(points)[2]
     scale = np.ptp(points, axis=0).max() / np.ptp(tree.points, axis=1).max()
     radii = scale * disc_radii(tree)
-    height = points[:, 2]
-    is_wire = height > height.mean()
-    assert np.median(radii[is_wire]) < along[1]
+    assert np.median(radii[is_wire]) < 8 / 33
     assert np.median(radii[~is_wire]) == pytest.approx(np.sqrt(6 / (np.pi * 4000 / 64)), rel=0.1)
+
+
+def test_wires_of_simplified_clouds_are_those_of_the_original():
+    points, is_wire = wires_over_plane(0.4)
+    kept = slice(0, None, 7)
+    tree = estimates(points)[2]
+    radii = thin_on_lines(np.ones(len(points[kept])), tree, tree.points.T[tree.positions()][kept])
+    assert np.median(radii[is_wire[kept]]) < 0.5
+    assert np.mean(radii[~is_wire[kept]] == 1) > 0.95
 
 
 def test_stray_points_are_drawn_no_larger_than_others():

@@ -11,7 +11,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
-from gppcs.drawing.estimates import disc_radii, estimates, tree_over
+from gppcs.drawing.estimates import disc_radii, estimates, thin_on_lines, tree_over
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
@@ -139,7 +139,9 @@ class View:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         pixels, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
-        radii = np.clip(0.33 * self.camera.scale * Original(cloud).spacing, 2.4, max_radius)[front]
+        dense = self.original
+        spacing = thin_on_lines(Original(cloud).spacing, dense.tree, dense.frame.near(cloud.points))
+        radii = np.clip(0.33 * self.camera.scale * spacing, 2.4, max_radius)[front]
         nearest, _ = _splat(pixels[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
         opacity = 0.35

@@ -82,6 +82,11 @@ def disc_radii(tree: KdTree) -> Floats:
     return radii[tree.positions()]
 
 
+def thin_on_lines(radii: Floats, dense: KdTree, points: Floats) -> Floats:
+    """Return radii (N,) that are small where a tree over the dense cloud has wires and poles: at points (N, 3)."""
+    return np.where(are_on_lines(dense, points), np.minimum(radii, WIRE * np.median(radii)), radii)
+
+
 def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
     """Return which of some points (N, 3) have their neighbours in a tree along a line, as those of wires and poles."""
     spreads = ((*_around(tree, points, count)[:2], ratio) for count, ratio in ON_LINE)
