@@ -15,7 +15,7 @@ from gppcs.surface.surface_variation import Features, features_in_radius, featur
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
-ON_LINE = ((32, 0.42), (8, 0.08))
+ON_LINE = ((32, 0.36), (8, 0.08))
 MAX_MEASURED = 50_000  # points that pages measure of more
 FEWEST = 8  # points of a neighbourhood: the nearest ones, if fewer lie in the ball
 UNTURNED = math.cos(math.radians(12.0))  # median cosine of normals of 25 and 100 points, at least, without noise
