@@ -23,7 +23,7 @@ from gppcs.drawing.web.layers import Named
 FOLDER = Path(__file__).parents[1] / "docs" / "gallery"
 POINTS, RATIO = 200_000, 0.05
 METHODS = ("gp", "fps", "voxel")
-SIZE, COLOURS = (1000, 1000), 128  # of a picture at most, in pixels; colours of its palette, which make the file small
+SIZE = (1000, 1000)  # of a picture at most, in pixels
 
 
 class Sample(NamedTuple):
@@ -59,7 +59,9 @@ def row(title: str, sample: Sample) -> tuple[str, ...]:
     small = Image.open(picture).convert("RGB")
     small.thumbnail(SIZE, Image.Resampling.LANCZOS)
     FOLDER.mkdir(exist_ok=True)
-    small.quantize(COLOURS, dither=Image.Dither.NONE).save(FOLDER / f"{title.replace(' ', '-')}.png", optimize=True)
+    # A palette, which makes the file small, of colours that are all near those of the picture, also rare ones.
+    palette = small.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    palette.save(FOLDER / f"{title.replace(' ', '-')}.png", optimize=True)
     figures = [entry.report.figures(relative=True) for entry in entries]
     errors = [f"{1e4 * each[name]:.3g}" for name in ("surface_mean", "covering_radius") for each in figures]
     return title, f"{len(result.indices):,}", *errors

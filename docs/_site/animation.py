@@ -6,8 +6,10 @@ from pathlib import Path
 from PIL import Image
 
 import gppcs
-from gppcs.app.pages import draw_pair
+from gppcs.app.pages import draw_beside
 from gppcs.drawing.camera import GUESSED
+from gppcs.drawing.colours import RGB
+from gppcs.drawing.surfaces import surface_through
 from gppcs.drawing.web.layers import Named
 
 PICTURE = Path(__file__).parents[1] / "animation.gif"
@@ -22,8 +24,14 @@ if __name__ == "__main__":
     pictures = []
     for count in KEPT:
         file = io.BytesIO()
-        kept = Named("points kept", ranked.take(range(count)))
-        draw_pair(file, Named("scan", scan), kept, f"{count / SCAN:.2%} of the points", GUESSED, None)
+        kept = ranked.take(range(count))
+        surface = surface_through(kept, scan)
+        assert surface
+        results = [
+            (Named("points kept", kept), f"{count / SCAN:.2%} of the points"),
+            (Named("surface", kept, surface.mesh, is_mesh=True), "the surface through them"),
+        ]
+        draw_beside(file, Named("scan", scan), results, GUESSED, RGB, close_ups=0)
         picture = Image.open(file).convert("RGB")
         height = round(WIDTH * picture.height / picture.width)
         pictures.append(picture.resize((WIDTH, height), Image.Resampling.LANCZOS).quantize(COLOURS))

@@ -50,7 +50,7 @@ def test_what_the_picture_does_not_show_is_told(gppcs_command, folder, scan):
     points = np.vstack([scan.points, [[np.nan, 0.0, 0.0], [1e9, 0.0, 0.0]]])
     gppcs.write("more.npy", gppcs.PointCloud(points))
     code, out, err = gppcs_command("render", "more.npy", "-o", "a.png", "--size", "100x100")
-    assert (code, out) == (0, "a.png: 100 x 100 pixels, coloured by surface variation (grey: unknown)\n")
+    assert (code, out) == (0, "a.png: 100 x 100 pixels, coloured by surface variation\n")
     assert [line.split(":")[:3] for line in err.splitlines() if " note:" in line] == 2 * [
         ["gppcs", " note", " more.npy"]
     ]

@@ -38,7 +38,8 @@ export function fillFigures(described: Description): void {
   if (measured(described.clouds).length === 0) return;
   byId("verdicts").append(...measured(described.clouds).map((cloud) => verdictOn(cloud, described.unit)));
   fillTable(described);
-  byId("figures").hidden = byId("plots").hidden = false;
+  byId("figures").hidden = false;
+  byId("plots").hidden = measured(described.clouds).every(({ prefixes }) => prefixes.length < 2);
   const results = measured(described.clouds).length;
   byId("page").classList.toggle("beside", results <= BESIDE);
   byId("figurestext").textContent =
@@ -78,6 +79,7 @@ function fillTable({ clouds, figures, unit }: Description): void {
     name.append(element("b", figure.title, { title: figure.definition }), element("span", figure.definition));
     row.append(name);
     const known = results.map((cloud) => last(cloud).figures[figure.name]).filter((v) => typeof v === "number");
+    if (known.length === 0) continue;
     const best = figure.better === "more" ? Math.max(...known) : Math.min(...known);
     for (const cloud of results) {
       const cell = element("td", worded(figure, last(cloud), unit));

@@ -110,5 +110,5 @@ function whyGrey({ colouring, numbers, layers }: State, { layer }: CloudView): s
   if (!held) return ["not unpacked yet"];
   if (!holdUnknown.has(values)) holdUnknown.set(values, held.includes(UNKNOWN));
   if (!holdUnknown.get(values)) return [];
-  return [colouring === "variation" ? "unknown, as fewer than four points lie near" : "unknown, no number in the file"];
+  return [colouring === "variation" ? "unknown of fewer than four points" : "unknown, no number in the file"];
 }

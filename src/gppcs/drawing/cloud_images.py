@@ -11,7 +11,7 @@ import numpy as np
 from gppcs.clouds.cloud import PointCloud
 from gppcs.drawing.camera import Camera, averaged
 from gppcs.drawing.colours import RGB, VARIATION, Colourable, Legend, kinds_of
-from gppcs.drawing.estimates import disc_radii, estimates, tree_over
+from gppcs.drawing.estimates import disc_radii, estimates, thin_on_lines, tree_over
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.spatial.kdtree import KdTree
@@ -122,6 +122,8 @@ class View:
         self.shown = inside[front]
         self.normals = self._facing(original.cloud, self.shown)
         self.nearest, self.depth = _splat(pixels, depth, radii, self.normals, camera.shape)
+        if is_closed:
+            _fill_pinholes(self.nearest, self.depth)
         covered = self.nearest >= 0
         # How far behind the surface points are seen: at least half of noisy ones lie behind those in front.
         self.depth[covered] += 1.0 + (4.0 if original.is_noisy else 0.8) * radii[self.nearest[covered]]
@@ -139,7 +141,9 @@ class View:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         pixels, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
-        radii = np.clip(0.33 * self.camera.scale * Original(cloud).spacing, 2.4, max_radius)[front]
+        dense = self.original
+        spacing = thin_on_lines(Original(cloud).spacing, dense.tree, dense.frame.near(cloud.points))
+        radii = np.clip(0.33 * self.camera.scale * spacing, 2.4, max_radius)[front]
         nearest, _ = _splat(pixels[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)
         opacity = 0.35
@@ -170,6 +174,16 @@ def _splat(
         slopes = normals[:, :2] * (1.0, -1.0) / np.maximum(normals[:, 2:], 0.1)  # do not tilt further
     _draw_discs(pixels, depth, np.round(2.0 * radii).astype(np.int64), slopes, nearest, depths)
     return nearest, depths
+
+
+def _fill_pinholes(nearest: Ints, depths: Floats) -> None:
+    """Let empty pixels with at least three covered ones beside them show one of these, a few times over."""
+    for _ in range(4):
+        covered = np.pad(nearest >= 0, 1)
+        beside = [covered[1:-1, :-2], covered[1:-1, 2:], covered[:-2, 1:-1], covered[2:, 1:-1]]
+        rows, columns = np.nonzero(~covered[1:-1, 1:-1] & (np.sum(beside, axis=0) >= 3))
+        left = np.where(beside[0][rows, columns], columns - 1, columns + 1)
+        nearest[rows, columns], depths[rows, columns] = nearest[rows, left], depths[rows, left]
 
 
 @kernel(allocates=False)

@@ -1,5 +1,7 @@
 """Surface variation and normals of any cloud, and how large its points are drawn, as pictures and pages show them."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,13 +10,15 @@ from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
 from gppcs.spatial.spacing import neighbourhood_radius
-from gppcs.surface.surface_variation import features_in_radius
+from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
 
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
-ON_LINE = ((32, 0.42), (8, 0.08))
+ON_LINE = ((32, 0.36), (8, 0.08))
 MAX_MEASURED = 50_000  # points that pages measure of more
+FEWEST = 8  # points of a neighbourhood: the nearest ones, if fewer lie in the ball
+UNTURNED = math.cos(math.radians(12.0))  # median cosine of normals of 25 and 100 points, at least, without noise
 WIRE = 0.3  # radius of points of wires and poles, in that of most points: larger discs would be beads
 
 
@@ -28,15 +32,31 @@ def tree_over(points: Floats) -> tuple[KdTree, Ints]:
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree, Ints]:
     """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and `tree_over` them.
 
-    The variation is NaN where fewer than four points are near; the points of the tree are `normalised`.
+    The variation is NaN if there are fewer than four points; the points of the tree are `normalised`.
     """
     local, _ = normalised(points)
     tree, same = tree_over(local)
-    features = features_in_radius(tree, neighbourhood_radius(tree))
+    features = _across_noise(tree)
+    sparse = np.flatnonzero(features.neighbours[tree.order] < FEWEST)
+    if len(sparse):
+        nearest, at = features_of_nearest(tree, FEWEST, KdTree.over(tree.points[:, sparse])), tree.order[sparse]
+        features.surface_variation[at], features.normals[at] = nearest.surface_variation, nearest.normals
     # Rounding on a plane would look like relief, and fewer than four points always seem flat.
-    measured = np.where(features.surface_variation <= 1e-12, 0.0, features.surface_variation)
-    variation = np.where(features.neighbours >= 4, measured, np.nan)
-    return variation[same], features.normals[same], tree, same
+    variation = np.where(features.surface_variation <= 1e-12, 0.0, features.surface_variation)
+    return np.where(len(tree.order) < 4, np.nan, variation)[same], features.normals[same], tree, same
+
+
+def _across_noise(tree: KdTree) -> Features:
+    """Measure balls of about 25 points; of 100 or 400 where so many turn most normals, as they even out noise."""
+    features = features_in_radius(tree, neighbourhood_radius(tree))
+    sampled = tree.one_of_each(-(-len(tree.order) // 4096))
+    queries = KdTree.over(tree.points[:, sampled])
+    for count in (100, 400):
+        wider = features_of_nearest(tree, count, queries).normals
+        if np.median(np.abs(np.einsum("nx,nx->n", features.normals[tree.order[sampled]], wider))) > UNTURNED:
+            break
+        features = features_in_radius(tree, neighbourhood_radius(tree, count))
+    return features
 
 
 def disc_radii(tree: KdTree) -> Floats:
@@ -60,6 +80,11 @@ def disc_radii(tree: KdTree) -> Floats:
     if measured is not in_order:
         radii = radii[measured.nearest_of(tree.points.T, 1)[0][:, 0]]
     return radii[tree.positions()]
+
+
+def thin_on_lines(radii: Floats, dense: KdTree, points: Floats) -> Floats:
+    """Return radii (N,) that are small where a tree over the dense cloud has wires and poles: at points (N, 3)."""
+    return np.where(are_on_lines(dense, points), np.minimum(radii, WIRE * np.median(radii)), radii)
 
 
 def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:

@@ -18,6 +18,8 @@ def attribute_errors(original: PointCloud, simplified: PointCloud, names: list[s
     First from the values interpolated in the nearest triangle of the local surface, then from the nearest kept point.
     Both clouds have finite coordinates.
     """
+    if not names:
+        return {}
     ranges = [AttributeRange.from_cloud(original, name) for name in names]
     points, frame = normalised(simplified.points, original.units)
     first = first_occurrences(points)

@@ -209,25 +209,26 @@ def _around(group, lower, upper, moments, squared_radius, near, shared):
     return count
 
 
-def features_of_nearest(tree: KdTree, k: int) -> Features:
-    """Measure each point's neighbourhood of its k nearest points, itself included."""
-    n = len(tree.order)
-    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
+def features_of_nearest(tree: KdTree, k: int, queries: KdTree | None = None) -> Features:
+    """Measure the neighbourhood of the k nearest points of each point, itself included, or of each query."""
+    queries = queries or tree
+    m = len(queries.order)
+    features = Features(np.empty(m), np.empty((m, 3)), np.empty(m, dtype=np.int32))
     outputs = features.surface_variation, features.normals, features.neighbours
-    on_leaves(_features_of_nearest, tree, tree, tree.order, min(k, n), *outputs)
+    on_leaves(_features_of_nearest, tree, queries, queries.order, min(k, len(tree.order)), *outputs)
     return features
 
 
 @kernel
 def _features_of_nearest(first, last, runs, tree, queries, order, k, variation, normals, neighbours):
-    """Fill the features, (N,) and (N, 3), from the k nearest points of each, in a range of runs."""
-    points, lower, upper = tree
+    """Fill the features, (N,) and (N, 3), from the k nearest points of each query, in a range of runs."""
+    (points, lower, upper), (of_queries, _, _) = tree, queries
     search, moments, mean = search_for(k, tree), np.ones((MOMENTS, AT_ONCE), dtype=np.float64), 0.0
     for leaf in range(*leaves_of_runs(first, last, runs, queries)):
         begin, end, count, squared_radius = look_around_leaf(tree, queries, leaf, runs, mean, search)
         total = 0.0
         for i in range(begin, end):
-            x, y, z = points[0, i], points[1, i], points[2, i]
+            x, y, z = of_queries[0, i], of_queries[1, i], of_queries[2, i]
             squared = radius_of_nearest(search.buffer.packed, count, x, y, z, k, squared_radius, search.squared)
             if squared >= 0.0:
                 moments_in_ball(search.buffer.packed, count, x, y, z, squared, moments, i - begin)

@@ -96,7 +96,9 @@ def test_surface_variation_of_a_result_is_that_of_the_original(report, scan, res
     rows = rows_in(report, first, "originals")
     assert (scan.points[rows] == results[0].points).all()
     np.testing.assert_allclose(kept, variation[rows], atol=2 * half + 1e-5)
-    np.testing.assert_allclose(variation, gppcs.estimate_features(scan).surface_variation, atol=1e-5)
+    features = gppcs.estimate_features(scan)
+    near = features.neighbours >= 8
+    np.testing.assert_allclose(variation[near], features.surface_variation[near], atol=1e-5)
 
 
 def test_distances_and_figures_are_those_of_evaluate(report, scan, results):

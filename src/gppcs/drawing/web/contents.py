@@ -18,7 +18,7 @@ from gppcs.clouds.mesh import Mesh
 from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
-from gppcs.drawing.estimates import MAX_MEASURED
+from gppcs.drawing.estimates import MAX_MEASURED, thin_on_lines
 from gppcs.drawing.surfaces import Surface, surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
@@ -154,12 +154,15 @@ def _with_surface(named: Named, surface: Surface | None) -> Named:
 
 
 def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSurface, NDArray[np.uint32]]:
-    """Return a result with the variation and normals of the original, and where its points are there, or 2^32 - 1."""
+    """Return a result with what the original tells of its points, and where these are in its file, or 2^32 - 1."""
     _, frame = normalised(original.cloud.points)
-    nearest, squared = original.tree.nearest_of(frame.near(result.cloud.points), 1)
+    points = frame.near(result.cloud.points)
+    nearest, squared = original.tree.nearest_of(points, 1)
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
     indices = np.where(squared[:, 0] == 0.0, original.indices[distinct], 2**32 - 1).astype(np.uint32)
-    return result._replace(variation=original.variation[distinct], normals=original.normals[distinct]), indices
+    spacings = thin_on_lines(result.spacings, original.tree, points)
+    variation, normals = original.variation[distinct], original.normals[distinct]
+    return result._replace(variation=variation, normals=normals, spacings=spacings), indices
 
 
 def _distances(original: CloudSurface, result: Named) -> Floats:

@@ -62,10 +62,11 @@ class CloudSurface(NamedTuple):
 
     cloud: PointCloud  # these points
     indices: Ints  # (N,), in the file
-    variation: Floats  # (N,), NaN where fewer than four points lie near, which always seem flat
+    variation: Floats  # (N,), NaN if there are fewer than four points, which always seem flat
     normals: Floats  # (N, 3), of either sign
     tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
     same: Ints  # (N,), which of these each point is
+    spacings: Floats  # (N,), mean distance to the next points around; less on lines
 
     @classmethod
     def from_cloud(cls, named: Named) -> CloudSurface:
@@ -79,12 +80,9 @@ class CloudSurface(NamedTuple):
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        return cls(finite, indices, variation, normals if carried is None else carried, tree, same)
-
-    def spacings(self) -> Floats:
-        """Return the mean distance (N,) of each point to the next ones around it; less on lines."""
-        _, frame = normalised(self.cloud.points)
-        return frame.lengths(disc_radii(self.tree) / 1.4)[self.same]  # the sixth neighbour is 1.4 mean spacings away
+        _, frame = normalised(finite.points)
+        spacings = frame.lengths(disc_radii(tree) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
+        return cls(finite, indices, variation, normals if carried is None else carried, tree, same, spacings)
 
 
 def spread(spacings: Floats, minimum: float) -> tuple[float, NDArray[np.uint8]]:
@@ -105,7 +103,7 @@ class Layer:
             self.shown = np.sort(simplify(surface.cloud.points, n_points=MOST_SHOWN).indices)
         self.cloud = surface.cloud if len(self.shown) == finite else surface.cloud.take(self.shown)
         placed = quantised(self.cloud.points)
-        spacings = surface.spacings()[self.shown] * (finite / len(self.shown)) ** 0.5
+        spacings = surface.spacings[self.shown] * (finite / len(self.shown)) ** 0.5
         usual, spreads = spread(spacings, float(placed.step.max()) * 100)
         held = {
             "positions": blocks.add(placed.numbers),

@@ -68,7 +68,7 @@ class Levels:
         with self._lock:  # to read and to estimate takes all cores
             integers, cloud = self._nodes.read([number])
             surface = CloudSurface.from_cloud(Named(self._name, cloud))
-            usual, spreads = spread(surface.spacings(), float(self._nodes.las.scales.max()) * 100)
+            usual, spreads = spread(surface.spacings, float(self._nodes.las.scales.max()) * 100)
         attributes, lower = Colourable.from_cloud(self._varying(cloud), self._full), integers.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
         parts = [
