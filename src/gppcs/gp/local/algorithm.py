@@ -289,10 +289,9 @@ def field_of(
         is_in_stage[stage.indices] = True
         order = np.flatnonzero(is_in_stage[candidates.indices])[order]
     candidates = candidates.take(order)
-    features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    variances = candidates.variances / stage.spacing**2
-    detail, weights = candidates.detail, candidates.weights
-    sheets, spacing = candidates.sheets, stage.spacing
+    spacing, detail, weights, sheets = stage.spacing, candidates.detail, candidates.weights, candidates.sheets
+    features = features_of(tree, candidates, spacing, stage.thinned)
+    variances = candidates.variances / spacing**2
     alone = 1.0 if sheets is None else 1.0 - float(np.mean(sheets.any(axis=1)))
     factors = 1.0 if sheets is None else sheet_factors_of(tree, sheets, spacing)
     return tree, *local_field(tree, features, variances, criterion, detail, weights, spacing, scale, alone, factors)
