@@ -73,10 +73,8 @@ def _answering(address: str) -> Iterator[None]:
         raise MissingExtraError(f"{address} needs another package: {error}") from error
     except Exception as error:
         if isinstance(error, OSError) and error.errno in NO_SPACE:
-            folder = tempfile.gettempdir()
-            raise OSError(
-                f"{address}: expected space for a copy in {folder}, but {error.strerror}; free some"
-            ) from error
+            expected = f"expected space for a copy in {tempfile.gettempdir()}"
+            raise OSError(f"{address}: {expected}, but {error.strerror}; free some") from error
         reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise OSError(f"{address}: fsspec reports: {reason}; look at address, connection and credentials") from error
 
