@@ -332,7 +332,7 @@ HELD_OUT = (  # these took no part in that
     *LIDAR,
 )
 
-THIN = (  # throughout; the last three took no part in anything
+THIN = (  # in all parts; the last three took no part in any decision
     Sample("horn", None, 2_000, 40_000),
     Sample("handlebar", None, 2_000, 40_000),
     Sample("vents", None, 2_000, 40_000),

@@ -11,8 +11,8 @@ from conditions import THIN
 
 INTRODUCTION = (
     "Horn, handlebar and vents helped to tell sheets from noise, and to decide which of two sheets gets more points; "
-    "cable, crate and sink decided nothing. Each figure of "
-    "gp is divided by that of the best rival on the same cloud. Where gp is behind, the cell is bold and says so."
+    "cable, crate and sink decided nothing. Each figure of gp is divided by that of the best rival on the same cloud. "
+    "Where gp is behind, the cell is bold and says so."
 )
 
 

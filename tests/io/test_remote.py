@@ -97,11 +97,11 @@ def test_of_a_copc_file_only_the_nodes_are_fetched_that_a_query_needs(tmp_path, 
         expected = gppcs.open(tmp_path / "a.copc.laz", **query).read()
         assert gppcs.open(server.address("a.copc.laz"), **query).read() == expected
         assert server.n_sent <= 0.05 * len(copc)
-    for memory, inside, share in ((None, BOX, 0.05), ("1GB", None, 1.02)):  # what is read several times is fetched once
+    for memory, inside, most in ((None, BOX, 0.05), ("1GB", None, 1.02)):  # what is read several times is fetched once
         server.n_sent = 0
         part = gppcs.open(server.address("a.copc.laz"), inside=inside)
         gppcs.simplify(part, n_points=50, method="random", memory=memory)
-        assert server.n_sent <= share * len(copc)
+        assert server.n_sent <= most * len(copc)
         monkeypatch.setattr(gppcs.Random, "memory", lambda *_: 10**12)
     assert gppcs.read(server.address("a.copc.laz?key=1")) == gppcs.read(tmp_path / "a.copc.laz")
 

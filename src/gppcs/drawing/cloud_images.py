@@ -141,8 +141,8 @@ class View:
         """Return the picture of another cloud, by its colours (M, 3): points in front of a faint grey original."""
         pixels, depth = self.camera.pixels(cloud.points)
         front = np.flatnonzero(depth <= self.depth[self.camera.clipped(pixels)])
-        dense = self.original
-        spacing = thin_on_lines(Original(cloud).spacing, dense.tree, dense.frame.near(cloud.points))
+        tree, frame = self.original.tree, self.original.frame
+        spacing = thin_on_lines(Original(cloud).spacing, tree, frame.near(cloud.points))
         radii = np.clip(0.33 * self.camera.scale * spacing, 2.4, max_radius)[front]
         nearest, _ = _splat(pixels[front], depth[front], radii, None, self.camera.shape)
         grey = np.full((len(self.shown), 3), 0.8)

@@ -50,13 +50,13 @@ def _across_noise(tree: KdTree) -> Features:
     """Measure balls of about 25 points; of 100 or 400 where so many turn most normals, as they even out noise."""
     features = features_in_radius(tree, neighbourhood_radius(tree))
     sampled = tree.one_of_each(-(-len(tree.order) // 4096))
-    queries = KdTree.over(tree.points[:, sampled])
+    queries, normals, enough = KdTree.over(tree.points[:, sampled]), features.normals[tree.order[sampled]], 25
     for count in (100, 400):
         wider = features_of_nearest(tree, count, queries).normals
-        if np.median(np.abs(np.einsum("nx,nx->n", features.normals[tree.order[sampled]], wider))) > UNTURNED:
+        if np.median(np.abs(np.einsum("nx,nx->n", normals, wider))) > UNTURNED:
             break
-        features = features_in_radius(tree, neighbourhood_radius(tree, count))
-    return features
+        normals, enough = wider, count
+    return features if enough == 25 else features_in_radius(tree, neighbourhood_radius(tree, enough))
 
 
 def disc_radii(tree: KdTree) -> Floats:

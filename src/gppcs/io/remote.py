@@ -1,12 +1,15 @@
 """Opens files of servers by fsspec: of COPC files, only the ranges are fetched that are read; others are copied."""
 
 import errno
+import os
 import shutil
 import tempfile
 import warnings
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from io import RawIOBase
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +47,9 @@ def open_remote(address: str) -> Any:
             except ValueError:
                 warnings.warn(f"{address}: the server sends no parts of files: all of it is read", stacklevel=2)
             else:
+                ranges = _Ranges(file, address)
                 stack.pop_all()
-                return _Ranges(file, address)
+                return ranges
         copy = stack.enter_context(tempfile.TemporaryFile())
         with system.open(path, "rb", **({"block_size": 0} if is_web else {})) as stream:
             shutil.copyfileobj(stream, copy, 1 << 20)
@@ -69,10 +73,8 @@ def _answering(address: str) -> Iterator[None]:
         raise MissingExtraError(f"{address} needs another package: {error}") from error
     except Exception as error:
         if isinstance(error, OSError) and error.errno in NO_SPACE:
-            folder = tempfile.gettempdir()
-            raise OSError(
-                f"{address}: expected space for a copy in {folder}, but {error.strerror}; free some"
-            ) from error
+            expected = f"expected space for a copy in {tempfile.gettempdir()}"
+            raise OSError(f"{address}: {expected}, but {error.strerror}; free some") from error
         reason = " ".join(f"{type(error).__name__} {error}".split())[:200]
         raise OSError(f"{address}: fsspec reports: {reason}; look at address, connection and credentials") from error
 
@@ -82,9 +84,9 @@ class _Ranges(RawIOBase):
 
     def __init__(self, file: Any, address: str) -> None:
         self._file, self._address, self._position = file, address, 0
-        self._copy = tempfile.TemporaryFile()  # noqa: SIM115  # as large as the file, with holes
+        self._copy = tempfile.TemporaryFile()  # noqa: SIM115
         self.name = self._copy.fileno()
-        self._here: list[tuple[int, int]] = []  # where parts of it begin and end, ascending and apart
+        self._parts: list[tuple[int, int, int]] = []  # where each begins and ends, ascending, and begins in the copy
         self._end = self._run = 0  # of the part that was fetched last, and how often what follows it was
 
     def readable(self) -> bool:
@@ -99,31 +101,32 @@ class _Ranges(RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         first, last = self._position, min(self._position + len(buffer), self._file.size)
-        missing = max([first, *(end for begin, end in self._here if begin <= first < end)])
-        if missing < last:
-            with _answering(self._address):
-                self._fetch(missing, last)
-        self._copy.seek(first)
-        part = self._copy.read(max(0, last - first))
-        buffer[: len(part)] = part
-        self._position += len(part)
-        return len(part)
+        with _answering(self._address):
+            while self._position < last:
+                begin, end, place = self._part_at(self._position, last)
+                self._copy.seek(place + self._position - begin)
+                part = self._copy.read(min(end, last) - self._position)
+                start, self._position = self._position - first, self._position + len(part)
+                buffer[start : start + len(part)] = part
+        return self._position - first
 
-    def _fetch(self, first: int, last: int) -> None:
-        """Fetch the bytes from one place to another, and some behind them."""
+    def _part_at(self, first: int, last: int) -> tuple[int, int, int]:
+        """Return the part with the byte at a place. If there is none, fetch the bytes up to another, and some more."""
+        after = bisect_right(self._parts, first, key=itemgetter(0))
+        if after and first < self._parts[after - 1][1]:
+            return self._parts[after - 1]
         self._run = self._run + 1 if first == self._end else 0
         self._file.seek(first)
         block = self._file.read(max(last - first, _FETCHED << min(self._run // 2, 9)))
         if len(block) < last - first:
             raise FileFormatError(f"expected {last - first:,} bytes, found {len(block):,}; get the file again")
-        self._copy.seek(first)
+        fetched = first, first + len(block), self._copy.seek(0, os.SEEK_END)
         self._copy.write(block)
-        self._end = first + len(block)
-        parts, self._here = sorted([*self._here, (first, self._end)]), []
-        for begin, end in parts:
-            if self._here and begin <= self._here[-1][1]:
-                begin, end = self._here[-1][0], max(end, self._here.pop()[1])
-            self._here.append((begin, end))
+        self._end = stop = fetched[1]
+        met = slice(after, bisect_left(self._parts, stop, key=itemgetter(0)))  # of which all is fetched but the end
+        ends = [(stop, end, place + stop - begin) for begin, end, place in self._parts[met] if end > stop]
+        self._parts[met] = [fetched, *ends]
+        return fetched
 
     def peek(self, size: int) -> bytes:
         """Return the next bytes, and stay before them."""

@@ -84,8 +84,8 @@ def run_in_folder(files: CloudFiles, options: Options, targets: Sequence[Target]
             yield work
         except (InputError, ParameterError, FileFormatError):
             shutil.rmtree(work, ignore_errors=True)
-            with suppress(OSError):  # something else is in it
-                if is_new:
+            if is_new:
+                with suppress(OSError):  # something else is in it
                     work.parent.rmdir()
             raise
         shutil.rmtree(work)

@@ -210,10 +210,10 @@ def _around(group, lower, upper, moments, squared_radius, near, shared):
 
 
 def features_of_nearest(tree: KdTree, k: int, queries: KdTree | None = None) -> Features:
-    """Measure the neighbourhood of the k nearest points of each point, itself included, or of each query."""
+    """Measure the k nearest points of each point, itself included, or of each of n queries, in their input's order."""
     queries = queries or tree
-    m = len(queries.order)
-    features = Features(np.empty(m), np.empty((m, 3)), np.empty(m, dtype=np.int32))
+    n = len(queries.order)
+    features = Features(np.empty(n), np.empty((n, 3)), np.empty(n, dtype=np.int32))
     outputs = features.surface_variation, features.normals, features.neighbours
     on_leaves(_features_of_nearest, tree, queries, queries.order, min(k, len(tree.order)), *outputs)
     return features
@@ -221,7 +221,7 @@ def features_of_nearest(tree: KdTree, k: int, queries: KdTree | None = None) -> 
 
 @kernel
 def _features_of_nearest(first, last, runs, tree, queries, order, k, variation, normals, neighbours):
-    """Fill the features, (N,) and (N, 3), from the k nearest points of each query, in a range of runs."""
+    """Fill the features, (n,) and (n, 3), from the k nearest points of each of n queries, in a range of runs."""
     (points, lower, upper), (of_queries, _, _) = tree, queries
     search, moments, mean = search_for(k, tree), np.ones((MOMENTS, AT_ONCE), dtype=np.float64), 0.0
     for leaf in range(*leaves_of_runs(first, last, runs, queries)):

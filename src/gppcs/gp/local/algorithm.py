@@ -291,11 +291,8 @@ def field_of(
     candidates = candidates.take(order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2
-    detail, weights = candidates.detail, candidates.weights
-    sheets, spacing = candidates.sheets, stage.spacing
-    alone = 1.0 if sheets is None else 1.0 - float(np.mean(sheets.any(axis=1)))
-    factors = 1.0 if sheets is None else sheet_factors_of(tree, sheets, spacing)
-    return tree, *local_field(tree, features, variances, criterion, detail, weights, spacing, scale, alone, factors)
+    detail, weights, sheets = candidates.detail, candidates.weights, candidates.sheets
+    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale, sheets)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -321,20 +318,23 @@ def local_field(
     weights: Floats | None = None,
     spacing: float = 1.0,
     scale: Scale | None = None,
-    alone: float = 1.0,
-    sheet_factors: Floats | float = 1.0,
+    sheets: Floats | None = None,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
     Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
     after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
-    of the prior's, weights (n,), sheet_factors (n,), of the roughness (Eq. (3b)).
+    of the prior's, weights (n,), sheets (n, 4), as `sheets_of` returns them.
     """
     variation = features.surface_variation
     whole = None if scale is None else scale.at(spacing)
     roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
-    density = density_of(sheet_factors * roughness, criterion.density_power * roundness)
+    alone = 1.0
+    if sheets is not None:
+        alone -= float(np.mean(sheets.any(axis=1)))
+        roughness *= sheet_factors_of(tree, sheets, spacing)  # Eq. (3b)
+    density = density_of(roughness, criterion.density_power * roundness)
     mean_density = whole.density if whole else float(np.mean(density))
     spacings = graded(tree, np.sqrt(mean_density / density), GRADATION)
     if weights is not None:
