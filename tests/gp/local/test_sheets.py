@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import gppcs
-from gppcs.gp.local.sheets import sheets_of, toward_other_sheet
+from gppcs.gp.local.settings import EDGE_ROUGHNESS
+from gppcs.gp.local.sheets import normal_factor_of, sheets_of, toward_other_sheet
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
 from gppcs.surface.noise import Noise
@@ -40,6 +41,18 @@ def test_densities_of_two_sheets_go_as_the_roots_of_their_curvatures(is_tube):
     tube, plate = (radius * np.cos(turn), radius * np.sin(turn), z), (0.6 * inside, 1.5 * turn, z)
     kept = np.isin(np.arange(N), gppcs.simplify(np.stack(tube if is_tube else plate, 1), n_points=700).indices)
     assert kept[inside].mean() / kept[~inside].mean() == pytest.approx(np.sqrt(outer / inner), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "is_round", "is_last", "factor"),
+    [(0.0, False, True, 1.0), (0.5, True, True, 0.5), (0.5, False, False, 0.5), (0.1, False, True, 0.9 * 0.6)],
+)
+def test_normals_count_less_with_flat_walls_in_the_last_stage(fraction, is_round, is_last, factor):
+    """The roughness of flat faces is 0, that of their edges `EDGE_ROUGHNESS`."""
+    sheets, thin = np.zeros((200, 4)), round(200 * fraction)
+    sheets[:thin, 2] = SPACING
+    sheets[: thin if is_round else thin // 2, 3] = EDGE_ROUGHNESS
+    assert normal_factor_of(sheets, is_last) == pytest.approx(factor)
 
 
 def test_thick_and_round_shapes_have_no_thin_parts(sphere):

@@ -34,7 +34,7 @@ from gppcs.gp.local.settings import (
     NUGGET,
     WEIGHT_POWER,
 )
-from gppcs.gp.local.sheets import sheet_factors_of, sheets_of
+from gppcs.gp.local.sheets import normal_factor_of, sheet_factors_of, sheets_of
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
 from gppcs.surface.surface_variation import Features, features_in_radius, features_of_nearest
@@ -131,7 +131,7 @@ def _survey(problem: Problem, density: float, timer: Timer) -> tuple[Candidates,
     positions, sheets = points.take(indices, axis=0), None
     if not noise.thick:
         with timer("features"):
-            is_thin = None if scale is None else scale.stages[0].alone < 1.0
+            is_thin = None if scale is None else scale.stages[0].normal_factor < 1.0
             sheets = sheets_of(tree, positions, stages[-1].spacing, is_thin)
     measured = measured._replace(area=stages[-1].area)
     with timer("noise"):
@@ -283,8 +283,8 @@ def field_of(
     Shapes: points (N, 3), of which the candidates are some.
     """
     tree = KdTree.build(points.take(stage.indices, axis=0) / stage.spacing) if stage.tree is None else stage.tree
-    order = tree.order
-    if len(stage.indices) < len(candidates.indices):
+    order, is_last = tree.order, len(stage.indices) == len(candidates.indices)
+    if not is_last:
         is_in_stage = np.zeros(len(points), dtype=np.bool_)
         is_in_stage[stage.indices] = True
         order = np.flatnonzero(is_in_stage[candidates.indices])[order]
@@ -292,7 +292,9 @@ def field_of(
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
     variances = candidates.variances / stage.spacing**2
     detail, weights, sheets = candidates.detail, candidates.weights, candidates.sheets
-    return tree, *local_field(tree, features, variances, criterion, detail, weights, stage.spacing, scale, sheets)
+    return tree, *local_field(
+        tree, features, variances, criterion, detail, weights, stage.spacing, scale, sheets, is_last
+    )
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -319,6 +321,7 @@ def local_field(
     spacing: float = 1.0,
     scale: Scale | None = None,
     sheets: Floats | None = None,
+    is_last: bool = True,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
@@ -330,9 +333,9 @@ def local_field(
     whole = None if scale is None else scale.at(spacing)
     roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
     roughness = np.sqrt(variation if detail is None else variation + detail.variation)
-    alone = 1.0
+    normal_factor = 1.0
     if sheets is not None:
-        alone -= float(np.mean(sheets.any(axis=1)))
+        normal_factor = normal_factor_of(sheets, is_last)  # Eq. (3c)
         roughness *= sheet_factors_of(tree, sheets, spacing)  # Eq. (3b)
     density = density_of(roughness, criterion.density_power * roundness)
     mean_density = whole.density if whole else float(np.mean(density))
@@ -343,7 +346,7 @@ def local_field(
     spacings *= factor
     mean, squared = mean_and_variance(variation)
     mean, deviation = (whole.mean, whole.deviation) if whole else (mean, math.sqrt(squared))
-    alone = whole.alone if whole else alone
+    normal_factor = whole.normal_factor if whole else normal_factor
     y = np.zeros(len(variances))
     if criterion.error_weight > 0.0 and deviation > VARIATION_ROUNDING:  # otherwise nothing depends on it
         y = (variation - mean) / deviation
@@ -355,6 +358,6 @@ def local_field(
         noise=NUGGET + variances,
         detail=np.empty((0, len(variances))) if detail is None else detail.distances,
         lengthscale=criterion.lengthscale,
-        normal_weight=criterion.normal_weight * roundness * alone,
+        normal_weight=criterion.normal_weight * roundness * normal_factor,
     )
-    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor, alone)
+    return field, FieldScale(spacing, mean, deviation, roundness, mean_density, factor, normal_factor)

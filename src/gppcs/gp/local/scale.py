@@ -18,7 +18,7 @@ class FieldScale(NamedTuple):
     roundness: float  # From 1 for a cloud that is equally rough everywhere to 0 for flat faces and edges only
     density: float  # Mean of the desired density
     factor: float  # What makes the mean of 1 / spacing^2 equal to 1
-    alone: float  # Fraction of the candidates that have no other sheet near them
+    normal_factor: float  # Of the weight of the normals, Eq. (3c): below 1 in a cloud with thin parts
 
 
 class Scale(NamedTuple):

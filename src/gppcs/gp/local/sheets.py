@@ -11,8 +11,10 @@ import numpy as np
 from gppcs.engine.arrays import Floats
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
+from gppcs.gp.local.density import roundness_of
 from gppcs.gp.local.settings import (
     MIN_ROUGHNESS,
+    MUCH_THIN,
     PLANE_POINTS,
     SHEET_GAP,
     SHEET_SPACINGS,
@@ -52,6 +54,20 @@ def sheet_factors_of(tree: KdTree, sheets: Floats, spacing: float) -> Floats:
     factors = np.ones(len(sheets))
     factors[thin] = 2.0 / (1.0 + np.sqrt(roughness[opposite] / roughness[thin]))
     return factors
+
+
+def normal_factor_of(sheets: Floats, is_last: bool) -> float:
+    """Return the factor of the weight of the normals, by the sheets of a stage's candidates, (n, 4) (Eq. (3c)).
+
+    The kept points cannot follow the rims of thin parts. Those of the last stage cannot follow the edges between thin
+    walls either, where flat walls are much of the cloud: there, the roundness is that of their own sheets.
+    """
+    thin = sheets.any(axis=1)
+    fraction = float(np.mean(thin))
+    factor = 1.0 - fraction
+    if is_last and fraction > 0.0:
+        factor *= 1.0 - min(1.0, fraction / MUCH_THIN) * (1.0 - roundness_of(sheets[thin, 3]))
+    return factor
 
 
 def _runs_of(tree: KdTree) -> KdTree:
