@@ -8,7 +8,7 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.filling import boundary_loops, fill, fillings, with_fillings
+from gppcs.meshing.filling import boundary_loops, fill, fillings, gap_fillings, with_fillings
 from gppcs.meshing.halfedges import (
     HalfEdges,
     add_to_patch,
@@ -24,24 +24,44 @@ from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_p
 from gppcs.spatial.triangles import dot, minus, row
 
 
+# Of the distance of a point's neighbour of rank `RANK`, and of the noise: size of holes that say nothing. A hole of five
+# spacings of the points is real.
+PINHOLE, PINHOLE_NOISE = 3.6, 4.0
+
+
 def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: int = 4, relaxations: int = 12) -> int:
-    """Mend cuts of a draft, or cut them out, and add vertices for removed ones; return the number of open holes.
+    """Close pinholes, mend cuts of a draft, or cut them out, and add vertices for removed ones; return the open holes.
 
     New vertices go where the points are farthest from the triangles to which they are assigned, which follow.
     """
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
     for last in (*[False] * (tries - 1), True):
         corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
+        is_stale = close_pinholes(draft)
         if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        is_stale = cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
+        is_stale |= cuts > 0 or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
         assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
         _add(draft, assigned, missing)
     return holes
+
+
+def close_pinholes(draft: Draft) -> bool:
+    """Close holes narrower than the points tell, be it that the filling cuts; return whether there are any."""
+    radii, width = draft.dense.cover.radii[draft.dense_index], PINHOLE_NOISE * draft.dense.noise
+    loops = [
+        loop
+        for loop in boundary_loops(draft.mesh)
+        if np.linalg.norm(np.ptp(draft.vertices[loop], axis=0)) <= PINHOLE * np.median(radii[loop]) + width
+    ]
+    new, _ = gap_fillings(draft.mesh, draft.vertices, draft.normals, loops)
+    if len(new):
+        draft.mesh = draft.mesh.changed(new=new)
+    return len(new) > 0
 
 
 def _mended(draft: Draft, relaxations: int) -> Ints:
