@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gppcs.clouds.topology import topology_of
-from gppcs.meshing.assembly import are_taken, bridged, covered_fillings
+from gppcs.meshing.assembly import are_taken, bridged, gap_fillings
 from gppcs.meshing.filling import holes_filled
 from gppcs.meshing.halfedges import HalfEdges, without_bow_ties
 from meshing.test_coverage import cover_of
@@ -32,7 +32,7 @@ def test_a_gap_that_points_cover_is_filled(seed):
     points, normals, faces = sheet(400, seed)
     inner = np.argmin(np.linalg.norm(points[:, :2] - 0.5, axis=1))
     mesh, (cover, _) = HalfEdges.from_faces(faces[(faces != inner).all(axis=1)], 400), cover_of(points, normals)
-    filled = mesh.changed(new=covered_fillings(mesh, points, normals, cover.radii, cover, 12))
+    filled = mesh.changed(new=gap_fillings(mesh, points, normals, cover.radii, cover, 12))
     assert faults(filled) == []
     assert topology_of(filled.faces()) == topology_of(faces)
     assert len(filled.faces()) == len(faces) - 2  # of a vertex less
@@ -41,7 +41,7 @@ def test_a_gap_that_points_cover_is_filled(seed):
 def test_only_covered_gaps_are_filled_unless_the_holes_shall_be():
     points, normals, faces = sheet(2000, hole=0.3)
     mesh, (cover, _) = HalfEdges.from_faces(faces, len(points)), cover_of(points, normals)
-    assert len(covered_fillings(mesh, points, normals, cover.radii, cover, 1000)) == 0
+    assert len(gap_fillings(mesh, points, normals, cover.radii, cover, 1000)) == 0
     closed = holes_filled(mesh, points, normals, 0.9)
     assert topology_of(closed.faces()).boundary_loops == 1
     assert faults(closed) == []

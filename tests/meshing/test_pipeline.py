@@ -11,7 +11,7 @@ from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
 from scans import sample
-from shapes import faults, on_sphere, plate, torus
+from shapes import faults, noisy, on_sphere, plate, torus
 
 
 @pytest.fixture(scope="module")
@@ -422,3 +422,11 @@ def test_points_that_are_all_vertices_are_joined_so_that_the_surface_bends_least
     alone, joined = gppcs.mesh(kept.cloud, n_points=2000, moved=False), gppcs.mesh(scan, keep=kept.indices)
     errors = [distances_to(result.mesh, scan.points).mean() for result in (alone, joined)]
     assert errors[0] < most * errors[1]
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_noise_of_a_fourth_of_a_wall_opens_no_holes(seed):
+    points, _, area = plate(20_000, 3.0, seed)
+    diagnostics = gppcs.mesh(noisy(points, 0.75 * np.sqrt(area / len(points))), n_points=2_000).diagnostics
+    assert diagnostics.boundary_loops == 0
+    assert diagnostics.area_ratio == pytest.approx(1.0, abs=0.05)

@@ -5,7 +5,7 @@ import numpy as np
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.meshing.coverage import Cover, are_covered
-from gppcs.meshing.filling import boundary_loops, fillings, gap_fillings, holes_filled
+from gppcs.meshing.filling import boundary_loops, fillings, holes_filled
 from gppcs.meshing.halfedges import MAX_VALENCE, EdgeTable, HalfEdges, add_edge, find_edge, pieces_of, without_bow_ties
 from gppcs.meshing.handles import without_small_handles
 
@@ -33,15 +33,15 @@ def assembled(
     faces = faces[are_taken(faces, n)]
     faces = faces[np.argsort(faces[:, 0], kind="stable")]  # near ones side by side
     mesh = without_bow_ties(HalfEdges.from_faces(faces, n))
-    n_faces, more = len(mesh.corners()), np.concatenate([covered_fillings(mesh, *surface, 8), triangles[order[~agreed]]])
+    n_faces, more = len(mesh.corners()), np.concatenate([gap_fillings(mesh, *surface, 8), triangles[order[~agreed]]])
     taken = are_taken(np.concatenate([mesh.faces(), more]), n)
     mesh = without_bow_ties(mesh.changed(taken[:n_faces], more[taken[n_faces:]]))
     if bridges:
         mesh = bridged(mesh, triangles, *surface)
-    mesh = mesh.changed(new=covered_fillings(mesh, *surface, LARGEST_GAP))
+    mesh = mesh.changed(new=gap_fillings(mesh, *surface, LARGEST_GAP))
     cut = without_small_handles(mesh, *surface)
     if cut is not mesh:
-        mesh = cut.changed(new=covered_fillings(cut, *surface, LARGEST_GAP))
+        mesh = cut.changed(new=gap_fillings(cut, *surface, LARGEST_GAP))
     corners = points[mesh.faces()]
     if not len(corners):
         return mesh
@@ -49,13 +49,17 @@ def assembled(
     return holes_filled(mesh, points, normals, 4.0 * edge, 6)  # pinholes, which random samples have
 
 
-def covered_fillings(
+def gap_fillings(
     mesh: HalfEdges, points: Floats, normals: Floats, cover_radii: Floats, cover: Cover, max_corners: int
 ) -> Ints:
-    """Return triangles that fill covered gaps of few corners in a mesh."""
+    """Return triangles that fill covered gaps of few corners in a mesh; the back of a small piece is no gap."""
     loops = [loop for loop in boundary_loops(mesh) if 3 <= len(loop) <= max_corners]
-    new, gap = gap_fillings(mesh, points, normals, loops)
-    return new[~np.isin(gap, gap[~are_covered(cover, new, points, cover_radii)])]
+    new, gap = fillings(mesh, points, normals, loops)
+    a, b, c = (points[corner] for corner in new.T)
+    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[new].sum(axis=1))
+    backward = np.bincount(gap, facing, minlength=len(loops)) < 0.0
+    spoilt = np.isin(gap, gap[~are_covered(cover, new, points, cover_radii)])
+    return new[~(spoilt | backward[gap])]
 
 
 def bridged(

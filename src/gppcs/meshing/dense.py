@@ -26,6 +26,7 @@ JOINED_OF_NOISY = 3  # of a noisy cloud: more follow the noise
 PER_VERTEX = 32  # dense points for each vertex: more hardly help
 MIXED = 0.012  # fraction of normals that narrower fits turn by 60 degrees: at most 0.0021 on smooth and sharp bodies
 LIKELY = 2.3  # kurtosis below which fits see two sheets where a cloud has noisy ones: noise alone has 3
+WIDER = 1.15  # fraction of fits that see two sheets, over that of narrower ones, from which on wider ones are taken
 CURVED = 3.0  # noise of each sheet in wider fits, over that in narrower ones, from which on it is curvature
 NARROW_RADIUS = 0.85  # of fits to one of two noisy sheets, in distances of these
 NEAR_SPACINGS = 3.0  # distance of sheets, in those of points, below which more points help
@@ -233,7 +234,7 @@ def _noise(tree: KdTree) -> _Layer:
     for k in (WIDE, 2 * WIDE, 4 * WIDE):
         seen = two_sheets(tree, k) if is_noisy and 2 * k < len(tree.order) else None
         noise, fraction = (sheets.noise, sheets.fraction) if sheets else (narrow.sigma, 0.0)
-        if seen and seen.fraction > fraction and seen.noise < CURVED * noise:
+        if seen and seen.fraction > WIDER * fraction and seen.noise < CURVED * noise:
             sheets, fitted = seen, k
     if sheets and sheets.apart > spacing:
         squared = (sheets.apart / sheets.radius) ** 2  # a ball of this radius around a point has as much of both sheets

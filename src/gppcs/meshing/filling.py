@@ -35,15 +35,6 @@ def fillings(
     return new[:count], number[:count]
 
 
-def gap_fillings(mesh: HalfEdges, vertices: Floats, normals: Floats, loops: list[Ints]) -> tuple[Ints, Ints]:
-    """Return triangles as `fillings` does, but for loops around the backs of small pieces, which are no gaps."""
-    new, gap = fillings(mesh, vertices, normals, loops)
-    a, b, c = (vertices[corner] for corner in new.T)
-    facing = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[new].sum(axis=1))
-    fits = ~(np.bincount(gap, facing, minlength=len(loops)) < 0.0)[gap]
-    return new[fits], gap[fits]
-
-
 def with_fillings(mesh: HalfEdges, vertices: Floats, new: Ints, number: Ints) -> tuple[HalfEdges, Ints]:
     """Add fillings of loops without common vertices, but none that cuts; return also the numbers of filled loops."""
     if not len(new):

@@ -8,13 +8,14 @@ from gppcs.meshing.assignment import Assignment
 from gppcs.meshing.collapse import ends
 from gppcs.meshing.cuts import TriangleTree, cutting, follow, is_cut
 from gppcs.meshing.draft import Draft
-from gppcs.meshing.filling import boundary_loops, fill, fillings, gap_fillings, with_fillings
+from gppcs.meshing.filling import boundary_loops, fill, fillings, with_fillings
 from gppcs.meshing.halfedges import (
     HalfEdges,
     add_to_patch,
     around,
     following,
     neighbours,
+    pieces_of,
     position_of,
     replace_triangles,
     room_for_ring,
@@ -23,9 +24,8 @@ from gppcs.meshing.halfedges import (
 from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
 from gppcs.spatial.triangles import dot, minus, row
 
-
-# Of the distance of a point's neighbour of rank `RANK`, and of the noise: size of holes that say nothing. A hole of five
-# spacings of the points is real.
+# Largest holes that are closed, in distances of a point's neighbour of rank `RANK` (five spacings of the points), and,
+# added to these, in standard deviations of the noise.
 PINHOLE, PINHOLE_NOISE = 3.6, 4.0
 
 
@@ -52,13 +52,18 @@ def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: in
 
 def close_pinholes(draft: Draft) -> bool:
     """Close holes narrower than the points tell, be it that the filling cuts; return whether there are any."""
-    radii, width = draft.dense.cover.radii[draft.dense_index], PINHOLE_NOISE * draft.dense.noise
+    faces, piece = draft.mesh.faces(), np.empty(len(draft.vertices), dtype=np.int64)
+    piece[faces] = pieces_of(faces, len(piece))[:, None]
+    sizes = np.bincount(piece[faces[:, 0]])
+    radii, noise = draft.dense.cover.radii[draft.dense_index], draft.dense.noise
     loops = [
         loop
         for loop in boundary_loops(draft.mesh)
-        if np.linalg.norm(np.ptp(draft.vertices[loop], axis=0)) <= PINHOLE * np.median(radii[loop]) + width
+        if sizes[piece[loop[0]]] > 3 * len(loop)  # otherwise it may be the border of a small piece
+        and np.linalg.norm(np.ptp(draft.vertices[loop], axis=0))
+        <= PINHOLE * np.median(radii[loop]) + PINHOLE_NOISE * noise
     ]
-    new, _ = gap_fillings(draft.mesh, draft.vertices, draft.normals, loops)
+    new, _ = fillings(draft.mesh, draft.vertices, draft.normals, loops)
     if len(new):
         draft.mesh = draft.mesh.changed(new=new)
     return len(new) > 0
