@@ -13,27 +13,13 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, Measured, Ranks, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import (
-    VARIATION_ROUNDING,
-    density_of,
-    graded,
-    mean_and_variance,
-    refinement,
-    roundness_of,
-)
+from gppcs.gp.local.density import VARIATION_ROUNDING, density_of, graded, mean_and_variance, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
 from gppcs.gp.local.scale import FieldScale, Scale
-from gppcs.gp.local.settings import (
-    DENSITY_POWER,
-    GRADATION,
-    NOISY_CELL_POINTS,
-    NORMAL_WEIGHT,
-    NUGGET,
-    WEIGHT_POWER,
-)
+from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NOISY_CELL_POINTS, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
 from gppcs.gp.local.sheets import normal_factor_of, sheet_factors_of, sheets_of
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
