@@ -107,6 +107,14 @@ def square(n, left=1, seed=0):
     return np.concatenate([points, more])
 
 
+def cube(n):
+    """Random points of the surface of a unit cube, (n, 3)."""
+    rng = np.random.default_rng(0)
+    points = rng.random((n, 3))
+    points[np.arange(n), rng.integers(0, 3, n)] = rng.integers(0, 2, n)
+    return points
+
+
 def odd_clouds():
     """Clouds that are hard on trees and fits, by name; the last are of several leaves of a tree."""
     rng = np.random.default_rng(0)

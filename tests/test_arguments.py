@@ -118,14 +118,12 @@ def test_arguments_of_wrong_types_give_our_errors(name, argument, tmp_path, monk
     function(**usual)
     refused = []
     for value in WRONG:
-        if argument == "pipelines" and value is None:
-            continue  # all of them, which takes long
         try:
             function(**{**usual, argument: value})
         except OURS as error:
             refused.append(str(error))
         except OSError:  # the name of a file that is not there
-            assert argument in ("path", "cloud", "original", "simplified", "at", "polygon", "inside", "scratch")
+            assert argument in ("path", "cloud", "original", "simplified")
         except Exception as error:
             raise AssertionError(f"{name}({argument}={value!r}) raised {error!r}") from error
     assert len(refused) > len(WRONG) / 2

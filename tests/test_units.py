@@ -14,6 +14,7 @@ from gppcs.app import program
 from gppcs.app.printing import note_units
 from gppcs.drawing.single import draw_single
 from gppcs.drawing.web.contents import Named, report_page
+from las_file import las_of
 from shapes import metres_of_degrees
 
 FOOT = 1200 / 3937
@@ -42,13 +43,10 @@ def two(request, tmp_path):
     rng = np.random.default_rng(0)
     x, y = np.hstack([rng.random((2, 12_000)) * 100, [[50, 50], [0, 100]]])  # the middle is at 47 degrees
     z = 2 * np.sin(x / 15) + np.where((abs(x % 50 - 25) < 8) & (abs(y % 50 - 25) < 8), 6, 0)
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = [scale, scale, 1e-6], [7, 47, 0]
-    header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", text.encode() + b"\0"))
-    header.global_encoding.wkt = True
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = (np.stack([x - 50, y - 50, z], axis=1) / metres + [7, 47, 0]).T
-    las.gps_time = rng.permutation(len(x))
+    points = np.stack([x - 50, y - 50, z], axis=1) / metres + [7, 47, 0]
+    las = las_of(points, scales=[scale, scale, 1e-6], offsets=[7, 47, 0], gps_time=rng.permutation(len(x)))
+    las.header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", text.encode() + b"\0"))
+    las.header.global_encoding.wkt = True
     las.write(tmp_path / "two.las")
     cloud = gppcs.read(tmp_path / "two.las")
     np.testing.assert_allclose(factors_of(cloud), metres, rtol=1e-9)

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 
 import gppcs
-from formats import glb
+from formats import glb, load
 from gppcs.errors import FileFormatError
-from gppcs.io import CloudFiles, read
+from gppcs.io import read
 
 TRIANGLES = np.array([[[0, 0, 1], [1, 0, 0], [0, 2, 0]], [[1, 0, 0], [0, 2, 0], [-0.0, 0, 1]], [[5, 5, 5]] * 3])
 CORNERS = [[0, 0, 1], [1, 0, 0], [0, 2, 0], [5, 5, 5]]
@@ -124,9 +124,9 @@ def test_the_vertices_of_obj_files_are_those_of_the_file_whatever_their_faces_sa
 
 def test_obj_files_with_colours_at_some_vertices_are_read_without_them(file_of):
     path = file_of(".obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 1 0\nf 1 2 3\n")
-    with CloudFiles([path]) as files:
-        assert files.read() == gppcs.PointCloud([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
-        assert files.skipped() == ["colours, which only some vertices have (2 of 3)"]
+    cloud, _, unread = load(path)
+    assert cloud == gppcs.PointCloud([[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    assert unread == ["colours, which only some vertices have (2 of 3)"]
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl_ascii", ".obj", ".off"])
@@ -159,10 +159,9 @@ def test_polygons_of_any_size_become_fans(file_of):
 def test_what_a_gltf_file_has_beside_vertices_and_faces_is_named(file_of):
     ball = trimesh.creation.icosphere(1)
     ball.visual = trimesh.visual.TextureVisuals(uv=ball.vertices[:, :2])
-    path = file_of(".glb", ball.export(file_type="glb", include_normals=True))
-    with CloudFiles([path]) as files:
-        assert (len(files.read()), files.n_faces) == (len(ball.vertices), len(ball.faces))
-        assert files.skipped() == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]
+    cloud, n_faces, unread = load(file_of(".glb", ball.export(file_type="glb", include_normals=True)))
+    assert (len(cloud), n_faces) == (len(ball.vertices), len(ball.faces))
+    assert unread == ["attribute NORMAL", "attribute TEXCOORD_0", "textures (1)"]
 
 
 def triangle(**accessor):
@@ -198,9 +197,8 @@ def test_alpha_of_gltf_is_read_and_points_and_lines_are_named(file_of):
     ball = trimesh.creation.icosphere(1)
     ball.visual.vertex_colors = np.random.default_rng(0).integers(0, 256, (len(ball.vertices), 4))
     scene = trimesh.Scene([ball, trimesh.PointCloud(ball.vertices)])
-    with CloudFiles([file_of(".glb", scene.export(file_type="glb"))]) as files:
-        cloud = files.read()
-        assert files.skipped() == ["points, lines or fans (1)"]
+    cloud, _, unread = load(file_of(".glb", scene.export(file_type="glb")))
+    assert unread == ["points, lines or fans (1)"]
     colours = [cloud.attributes[name] for name in ("red", "green", "blue", "alpha")]
     assert np.array_equal(np.transpose(colours), ball.visual.vertex_colors)
     with pytest.raises(FileFormatError, match="found points, lines or fans alone"):

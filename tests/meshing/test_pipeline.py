@@ -11,7 +11,7 @@ from gppcs.spatial.triangles import nearest_triangles
 from gppcs.surface.local_surface import LocalSurface
 from meshes import faulty_triangles
 from scans import sample
-from shapes import faults, noisy, on_sphere, plate, torus
+from shapes import cube, faults, noisy, on_sphere, plate, torus
 
 
 @pytest.fixture(scope="module")
@@ -163,9 +163,7 @@ def test_points_are_within_a_tolerance_of_the_mesh_but_for_those_it_names(name, 
 @pytest.mark.parametrize(("n", "tolerance"), [(3_000, "0.5%"), pytest.param(12_000, "0.1%", marks=pytest.mark.slow)])
 def test_a_cube_within_a_tolerance_has_the_vertices_of_its_corners(n, tolerance):
     """From the middle of an edge between a corner and a vertex on a flat side, the fit does not find the corner."""
-    rng = np.random.default_rng(0)
-    points = rng.uniform(size=(n, 3))
-    points[np.arange(n), rng.integers(3, size=n)] = rng.integers(2, size=n)
+    points = cube(n)
     result = gppcs.mesh(points, tolerance=tolerance)
     assert is_sound(result.mesh)
     assert (len(result.mesh.vertices), len(result.mesh.faces)) == (8, 12)
@@ -290,7 +288,7 @@ def noisy_plate(size, thickness):
     """Points of a plate with noise of a fourth of its wall, in all directions; its wall and its area."""
     points, _, area = plate(size, thickness)
     wall = thickness * np.sqrt(area / size)
-    return points + wall / 4 * np.random.default_rng(1).standard_normal(points.shape), wall, area
+    return noisy(points, wall / 4), wall, area
 
 
 @pytest.mark.parametrize(
@@ -341,7 +339,7 @@ def test_too_few_vertices_for_the_handles_are_an_error():
 def noisy_ball(level, n=10_000):
     """A ball whose points have noise, in diagonals of the box around it."""
     points = gppcs.sample("sphere", n_points=n).points
-    return points + level * np.linalg.norm(np.ptp(points, axis=0)) * np.random.default_rng(0).standard_normal((n, 3))
+    return noisy(points, level * np.linalg.norm(np.ptp(points, axis=0)), seed=0)
 
 
 @pytest.mark.parametrize(

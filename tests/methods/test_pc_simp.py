@@ -3,13 +3,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 
-from gppcs.methods.pc_simp.graph_filter import (
-    NeighbourGraph,
-    Programme,
-    eigenvalue_bound,
-    high_pass_strength,
-    solve,
-)
+from gppcs.methods.pc_simp.graph_filter import NeighbourGraph, Programme, eigenvalue_bound, high_pass_strength, solve
 from gppcs.spatial.kdtree import KdTree
 
 

@@ -15,6 +15,7 @@ from gppcs.amounts.accuracy import distances_to
 from gppcs.engine.threads import number_of_threads
 from gppcs.streaming.graph import engine
 from scans import sample
+from shapes import on_sphere, square
 
 MEMORY = "1GB"
 
@@ -75,7 +76,7 @@ def test_points_are_chosen_nearly_as_well_as_in_memory(tmp_path, monkeypatch):
 
 def test_no_seam_shows(tmp_path):
     """On a plane, the largest gap is about that of all points at once."""
-    points = np.column_stack([np.random.default_rng(0).random((40_000, 2)), np.zeros(40_000)])
+    points = square(40_000)
     path = written(tmp_path, gppcs.PointCloud(points))
     for method, gap in (("fps", 0.019), ("gp", 0.028)):
         kept = gppcs.simplify(path, n_points=3_000, method=method, memory=MEMORY).cloud.points
@@ -136,7 +137,7 @@ def test_all_points_to_keep_are_kept_where_tiles_hold_nothing_else(tmp_path, met
 
 def test_no_points_are_added_where_all_stay(tmp_path):
     """Half of a plane is kept: the other half gets all others, and has no larger gaps for it."""
-    points = np.column_stack([np.random.default_rng(0).random((24_000, 2)), np.zeros(24_000)])
+    points = square(24_000)
     wanted = points[:, 0] < 0.5
     cloud = gppcs.PointCloud(points, {"wanted": wanted.astype(np.uint8)})
     options = {"n_points": int(wanted.sum()) + 800, "keep": "wanted == 1", "method": "fps"}
@@ -167,9 +168,7 @@ def test_errors_and_gaps_are_within_what_is_allowed(tmp_path, monkeypatch):
 
 
 def test_points_go_to_the_surface_and_get_its_normals(tmp_path):
-    directions = np.random.default_rng(0).standard_normal((20_000, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    noisy = directions * (1.0 + 0.02 * np.random.default_rng(1).standard_normal((20_000, 1)))
+    noisy = on_sphere(20_000) * (1.0 + 0.02 * np.random.default_rng(1).standard_normal((20_000, 1)))
     path = written(tmp_path, gppcs.PointCloud(noisy))
     result = gppcs.simplify(path, n_points=400, method=gppcs.LocalGP(denoise=True), normals=True, memory=MEMORY)
     radii = np.linalg.norm(result.points, axis=1)

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 import gppcs
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
-from shapes import noisy, on_sphere
+from shapes import noisy, on_sphere, square
 
 
 def test_the_step_is_the_mean_of_the_posterior():
@@ -59,7 +59,7 @@ def test_equations_that_are_not_solved_to_the_end_are_noted(monkeypatch):
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
 def test_many_kept_points_hardly_move_where_noise_alone_explains_the_observations(share):
-    places = np.column_stack([np.random.default_rng(0).random((5000, 2)), np.zeros(5000)])
+    places = square(5000)
     smoothed = noisy(places, 0.01) * [1.0, 1.0, 0.0]
     kept = smoothed[: round(share * 5000)]
     assert np.abs(inducing.inducing_points(kept, noisy(places, 0.01), smoothed)[0] - kept).mean() < 0.0005

@@ -3,15 +3,7 @@ import pytest
 
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.spacing import surface_area
-from gppcs.surface.noise import (
-    CLEAN,
-    FEWEST,
-    NEIGHBOURS,
-    Noise,
-    feet_of,
-    layer_of,
-    two_sheets,
-)
+from gppcs.surface.noise import CLEAN, FEWEST, NEIGHBOURS, Noise, feet_of, layer_of, two_sheets
 from scans import sample
 from shapes import plate
 

@@ -125,11 +125,6 @@ class Details:
         ranges = ((AttributeRange.from_cloud(cloud, name), weight) for name, weight in detail.items())
         return cls(tuple((item, weight) for item, weight in ranges if item.span or len(item.classes) > 1))
 
-    @property
-    def width(self) -> int:
-        """Number k of the columns of `values`."""
-        return sum(len(item.classes) or (3 if item.name == COLOURS else 1) for item, _ in self.weighted)
-
     def values(self, cloud: PointCloud) -> NDArray[np.float32] | None:
         """Return the attributes of a cloud in their ranges times their weights, (N, k); None if all are constant."""
         columns = [np.float32(weight) * item.values(cloud) for item, weight in self.weighted]

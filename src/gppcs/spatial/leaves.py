@@ -12,15 +12,7 @@ import numpy as np
 from gppcs.engine.arrays import Floats, Ints
 from gppcs.engine.kernels import kernel
 from gppcs.engine.threads import on_ranges
-from gppcs.spatial.kdtree import (
-    LEAF_SIZE,
-    KdTree,
-    first_leaf,
-    leaf_range,
-    leaves_near,
-    nearest_in_tree,
-    points_near,
-)
+from gppcs.spatial.kdtree import LEAF_SIZE, KdTree, first_leaf, leaf_range, leaves_near, nearest_in_tree, points_near
 
 STRIDE = 16  # arrays are padded to multiples of this length: two of the widest vector registers
 FAR_COORDINATE = 1e150  # padding that lies outside every radius; its square does not overflow

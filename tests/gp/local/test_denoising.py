@@ -12,32 +12,20 @@ from gppcs.spatial.kdtree import KdTree
 from gppcs.surface import inducing
 from gppcs.surface.local_surface import LocalSurface
 from scans import sample
-from shapes import noisy, on_sphere
+from shapes import cube, noisy, on_sphere, square
 
 NOISE = 0.01
 DENOISE = gppcs.LocalGP(denoise=True)
 
 
-def plane(n):
-    return np.column_stack([np.random.default_rng(0).random((n, 2)), np.zeros(n)])
-
-
-def cube(n):
-    """Points on the unit cube around the origin."""
-    rng = np.random.default_rng(0)
-    points = rng.random((n, 3)) - 0.5
-    points[np.arange(n), rng.integers(0, 3, n)] = rng.choice([-0.5, 0.5], n)
-    return points
-
-
 def off_cube(points):
-    """Distances from the surface of the cube."""
-    beyond = np.abs(points) - 0.5
+    """Distances from the surface of the unit cube."""
+    beyond = np.abs(points - 0.5) - 0.5
     return np.abs(np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0))
 
 
 SHAPES = {
-    "plane": (plane, lambda points: np.abs(points[:, 2]), 5.0),
+    "plane": (square, lambda points: np.abs(points[:, 2]), 5.0),
     "sphere": (on_sphere, lambda points: np.abs(np.linalg.norm(points, axis=1) - 1.0), 2.5),
     "cube": (cube, off_cube, 3.0),
 }
@@ -57,7 +45,7 @@ def test_outliers_do_not_widen_the_neighbourhood():
 
 
 def test_without_noise_points_stay():
-    for points in (plane(5_000), on_sphere(5_000)):
+    for points in (square(5_000), on_sphere(5_000)):
         result = gppcs.simplify(points, n_points=300, method=DENOISE)
         assert np.abs(result.cloud.points - points[result.indices]).max() < 1e-9
 
@@ -79,7 +67,7 @@ def test_attributes_go_along_and_normals_are_those_of_the_surface():
 def test_fixed_points_are_chosen_first_and_denoised(monkeypatch, size, n_points):
     """Of a sample in which they are few, and of nearly all points."""
     monkeypatch.setattr("gppcs.gp.local.candidates.SAMPLE_SIZE", 5_000)
-    scan = noisy(plane(size), NOISE)
+    scan = noisy(square(size), NOISE)
     ranking = choose_denoised(Problem(scan, n_points, fixed=60), gppcs.LocalGP().criterion, Timer())
     np.testing.assert_array_equal(ranking.indices[:60], np.arange(60))
     assert len(np.unique(ranking.indices)) == n_points
@@ -99,16 +87,16 @@ def test_fixed_points_are_chosen_first_and_denoised(monkeypatch, size, n_points)
 )
 def test_what_cannot_be_denoised_is_refused(options, told):
     with pytest.raises(ParameterError, match=told):
-        gppcs.simplify(plane(100), **{"n_points": 10, "method": DENOISE, **options})
+        gppcs.simplify(square(100), **{"n_points": 10, "method": DENOISE, **options})
 
 
 def test_all_points_cannot_be_denoised():
     with pytest.raises(InputError, match="expected fewer points to keep"):
-        gppcs.simplify(plane(100), ratio=1, method=DENOISE)
+        gppcs.simplify(square(100), ratio=1, method=DENOISE)
 
 
 def test_weights_and_detail_count_among_denoised_points():
-    scan = noisy(plane(10_000), NOISE)
+    scan = noisy(square(10_000), NOISE)
     weights = np.where(scan[:, 0] < 0.5, 3.0, 1.0)
     result = gppcs.simplify(scan, n_points=400, method=DENOISE, weight=weights)
     assert (scan[result.indices, 0] < 0.5).mean() == pytest.approx(0.75, abs=0.06)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gppcs
-from gppcs.gp.local.algorithm import Criterion, local_field
+from gppcs.gp.local.algorithm import Candidates, Criterion, local_field
 from gppcs.gp.local.density import graded
 from gppcs.gp.local.settings import NUGGET
 from gppcs.spatial.kdtree import KdTree
@@ -32,7 +32,8 @@ def field_by(variation, **changes):
     normals = rng.standard_normal((n, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     features = Features(variation, normals, np.full(n, 9, dtype=np.int32))
-    field, _ = local_field(tree, features, np.arange(float(n)), criterion(**changes))
+    candidates = Candidates(np.arange(n), None, np.arange(float(n)), None, None)
+    field, _ = local_field(tree, features, candidates, criterion(**changes))
     return tree, features, field
 
 

@@ -6,7 +6,7 @@ from gppcs.gp.local.candidates import RANDOM_BITS, sharpness_of, survey
 from gppcs.spatial.cells import greatest_in_cells
 from gppcs.spatial.kdtree import KdTree
 from gppcs.surface.surface_variation import features_in_radius
-from shapes import rotation, square
+from shapes import noisy, rotation, square
 
 
 def test_a_survey_measures_sharpness_or_noise(sphere):
@@ -15,8 +15,7 @@ def test_a_survey_measures_sharpness_or_noise(sphere):
     assert area == pytest.approx(4 * np.pi, rel=0.1)
     assert noise.is_negligible
     assert (ranks >> RANDOM_BITS > 0).all()
-    noisy = sphere + 0.01 * np.random.default_rng(9).standard_normal(sphere.shape)
-    _, noise, ranks, *_ = survey(noisy, 1_000, 8.0, Timer())
+    _, noise, ranks, *_ = survey(noisy(sphere, 0.01, seed=9), 1_000, 8.0, Timer())
     assert not noise.is_negligible
     assert noise.sigma == pytest.approx(0.01, rel=0.3)
     assert (ranks >> RANDOM_BITS == 0).all()

@@ -4,12 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from gppcs.gp.spectral.kernel import (
-    Hyperparameters,
-    kernel_features,
-    log_spectrum,
-    spectral_weights,
-)
+from gppcs.gp.spectral.kernel import Hyperparameters, kernel_features, log_spectrum, spectral_weights
 from gppcs.gp.spectral.laplacian import eigenpairs, local_triangles, surface_laplacian
 from shapes import on_sphere
 

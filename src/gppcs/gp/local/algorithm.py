@@ -13,27 +13,13 @@ from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.gp.local.candidates import RANDOM_BITS, Measured, Ranks, Stage, cells_for, nested_candidates, sample, survey
 from gppcs.gp.local.denoising import Denoised, denoised
-from gppcs.gp.local.density import (
-    VARIATION_ROUNDING,
-    density_of,
-    graded,
-    mean_and_variance,
-    refinement,
-    roundness_of,
-)
+from gppcs.gp.local.density import VARIATION_ROUNDING, density_of, graded, mean_and_variance, refinement, roundness_of
 from gppcs.gp.local.detail import Detail
 from gppcs.gp.local.greedy import extend
 from gppcs.gp.local.kernel import LocalField
 from gppcs.gp.local.placement import place
 from gppcs.gp.local.scale import FieldScale, Scale
-from gppcs.gp.local.settings import (
-    DENSITY_POWER,
-    GRADATION,
-    NOISY_CELL_POINTS,
-    NORMAL_WEIGHT,
-    NUGGET,
-    WEIGHT_POWER,
-)
+from gppcs.gp.local.settings import DENSITY_POWER, GRADATION, NOISY_CELL_POINTS, NORMAL_WEIGHT, NUGGET, WEIGHT_POWER
 from gppcs.gp.local.sheets import normal_factor_of, sheet_factors_of, sheets_of
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.samples import short_hashes
@@ -290,11 +276,7 @@ def field_of(
         order = np.flatnonzero(is_in_stage[candidates.indices])[order]
     candidates = candidates.take(order)
     features = features_of(tree, candidates, stage.spacing, stage.thinned)
-    variances = candidates.variances / stage.spacing**2
-    detail, weights, sheets = candidates.detail, candidates.weights, candidates.sheets
-    return tree, *local_field(
-        tree, features, variances, criterion, detail, weights, stage.spacing, scale, sheets, is_last
-    )
+    return tree, *local_field(tree, features, candidates, criterion, stage.spacing, scale, is_last)
 
 
 def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: bool) -> Features:
@@ -314,21 +296,18 @@ def features_of(tree: KdTree, candidates: Candidates, spacing: float, thinned: b
 def local_field(
     tree: KdTree,
     features: Features,
-    variances: Floats,
+    candidates: Candidates,
     criterion: Criterion,
-    detail: Detail | None = None,
-    weights: Floats | None = None,
     spacing: float = 1.0,
     scale: Scale | None = None,
-    sheets: Floats | None = None,
     is_last: bool = True,
 ) -> tuple[LocalField, FieldScale]:
     """Return the field over candidates, all in the order of their tree, in units of the target spacing (Eqs. (3)-(6)).
 
     Returns also what is measured of all candidates, or what the scale of a whole cloud says of them. The weights come
-    after the gradation, so that the density jumps where they do. Shapes: variances (n,), of the observations, in units
-    of the prior's, weights (n,), sheets (n, 4), as `sheets_of` returns them.
+    after the gradation, so that the density jumps where they do.
     """
+    _, _, variances, weights, detail, sheets = candidates
     variation = features.surface_variation
     whole = None if scale is None else scale.at(spacing)
     roundness = whole.roundness if whole else roundness_of(np.sqrt(variation))
@@ -355,7 +334,7 @@ def local_field(
         normals=np.ascontiguousarray(features.normals.T),
         spacings=spacings,
         y=y,
-        noise=NUGGET + variances,
+        noise=NUGGET + variances / spacing**2,
         detail=np.empty((0, len(variances))) if detail is None else detail.distances,
         lengthscale=criterion.lengthscale,
         normal_weight=criterion.normal_weight * roundness * normal_factor,

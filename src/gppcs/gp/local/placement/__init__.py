@@ -6,8 +6,6 @@ cell turns out to be farther from the surface of all new points than from that o
 attributes gained, the point goes back. The order of choice stays, so every prefix gains as well.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from gppcs.engine.arrays import Floats, Ints
@@ -36,8 +34,8 @@ def place(points: Floats, chosen: Ints, fixed: int, measured: Measured, passes: 
     else:
         tree = KdTree.build(points) if tree is None else tree
         indices = tree.order
-    surface = LocalSurface.from_points(points.take(chosen, axis=0))
-    order, surface = surface.tree.order, replace(surface, tree=surface.tree.in_own_order())
+    of_chosen = KdTree.build(points.take(chosen, axis=0))
+    order, surface = of_chosen.order, LocalSurface.over(of_chosen.in_own_order())
     vertices = Vertices.from_surface(surface, order < fixed)
     owners, squared = nearest_of_each(surface.tree, tree)
     cells = cells_of(owners, len(order))
