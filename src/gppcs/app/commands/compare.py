@@ -82,16 +82,9 @@ def compare(
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
     note_units(cloud, original)
+    size = {"ratio": ratio, "n_points": points}
     entries = gppcs.compare(
-        original,
-        chosen,
-        ratio=ratio,
-        n_points=points,
-        mesh=surface,
-        seed=seed,
-        detail=weights,
-        invalid=invalid,
-        timer=timer,
+        original, chosen, **size, mesh=surface, seed=seed, detail=weights, invalid=invalid, timer=timer
     )
     labels, records = [str(entry.method) for entry in entries], [*map(record_of, entries)]
     if not methods and (missing := METHODS.keys() - {record["method"] for record in records}):
