@@ -60,13 +60,13 @@ def _across_noise(tree: KdTree) -> Features:
     return features if enough == 25 else features_in_radius(tree, neighbourhood_radius(tree, enough))
 
 
-def disc_radii(tree: KdTree) -> Floats:
+def disc_radii(tree: KdTree, most: int = MAX_MEASURED) -> Floats:
     """Return the distance (N,) of each point of a tree to its sixth neighbour; less on lines and for stray points.
 
-    Of many points, every few are measured, and the others have the radius of the nearest of these.
+    Of more than `most` points, every few are measured, and the others have the radius of the nearest of these.
     """
     in_order = tree.in_own_order()
-    measured = in_order.thinned(-(-len(tree.order) // MAX_MEASURED))
+    measured = in_order.thinned(-(-len(tree.order) // most))
     points = np.ascontiguousarray(measured.points.T)
     neighbours, squared = in_order.nearest_of(points, min(AROUND + 1, len(tree.order)))
     total, across, thinnest = _deviations(tree, neighbours)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.colours import Colourable, kinds_of, scale_ends
-from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.drawing.estimates import MAX_MEASURED, disc_radii, estimates
 from gppcs.drawing.surfaces import NOISY
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.engine.arrays import Floats, Ints
@@ -70,8 +70,8 @@ class CloudSurface(NamedTuple):
     spacings: Floats  # (N,), mean distance to the next points around; less on lines
 
     @classmethod
-    def from_cloud(cls, named: Named) -> CloudSurface:
-        """Estimate the surface of a cloud; errors name the cloud."""
+    def from_cloud(cls, named: Named, most: int = MAX_MEASURED) -> CloudSurface:
+        """Estimate the surface of a cloud, and the spacing at so many points at most; errors name the cloud."""
         cloud, indices = named.cloud, np.flatnonzero(named.cloud.is_finite())
         try:
             if len(indices) == 0:
@@ -81,7 +81,7 @@ class CloudSurface(NamedTuple):
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        spacings = frame.lengths(disc_radii(tree) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
+        spacings = frame.lengths(disc_radii(tree, most) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
         return cls(finite, indices, variation, normals if carried is None else carried, tree, frame, same, spacings)
 
 
