@@ -16,7 +16,7 @@ from gppcs.surface.surface_variation import Features, features_in_radius, featur
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
-ON_LINE = ((32, 0.36), (8, 0.08))
+ON_LINE = ((32, 0.36), (8, 0.08))  # the most first
 MAX_MEASURED = 50_000  # points that pages measure of more
 FEWEST = 8  # points of a neighbourhood: the nearest ones, if fewer lie in the ball
 UNTURNED = math.cos(math.radians(12.0))  # median cosine of normals of 25 and 100 points, at least, without noise
@@ -91,8 +91,7 @@ def thin_on_lines(radii: Floats, dense: KdTree, points: Floats) -> Floats:
 
 def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
     """Return which of some points (N, 3) have their neighbours in a tree along a line, as those of wires and poles."""
-    most = 1 + max(count for count, _ in ON_LINE)
-    neighbours, _ = tree.in_own_order().nearest_of(points, min(most, len(tree.order)))
+    neighbours, _ = tree.in_own_order().nearest_of(points, min(1 + ON_LINE[0][0], len(tree.order)))
     spreads = ((_deviations(tree, neighbours[:, : 1 + count]), ratio) for count, ratio in ON_LINE)
     return np.logical_or.reduce([across < ratio * total for (total, across, _), ratio in spreads])
 

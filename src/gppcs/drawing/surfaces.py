@@ -68,5 +68,5 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Su
 
 
 def surface_of_few(cloud: PointCloud) -> Surface | None:
-    """Return the surface through the points of a sparse finite cloud; None if it is dense, or there is none."""
-    return surface_through(cloud) if len(cloud) <= MAX_SPARSE else None
+    """Return the surface through the points of a sparse cloud; None if it is dense, or there is none."""
+    return surface_through(cloud) if np.count_nonzero(cloud.is_finite()) <= MAX_SPARSE else None

@@ -29,8 +29,7 @@ def compare(
     ratio: options.Ratio = None,
     points: options.Points = None,
     methods: Annotated[
-        str | None,
-        option("Names of methods, in the order of the table. By default all.", METHOD, metavar="NAME,..."),
+        str | None, option("Names of methods, in the order of the table. By default all.", METHOD, metavar="NAME,...")
     ] = None,
     mesh: Annotated[Path | None, option("A mesh file of the true surface of IN, to measure from.", LOOK)] = None,
     seed: options.Seed = None,

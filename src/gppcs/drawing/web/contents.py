@@ -148,9 +148,8 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     lead = ", ".join(named.size_text for named in clouds)
     if not any(named.is_mesh for named in clouds):
         lead = f"{sum(len(named.cloud) for named in clouds):,} points"
-    mesh = clouds[0].mesh
-    if mesh is not None and clouds[0].is_mesh:
-        viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
+    if clouds[0].mesh and clouds[0].is_mesh:
+        viewpoint = Viewpoint(*viewpoint.guessed(spread_over(clouds[0].mesh)))
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
 
@@ -189,12 +188,11 @@ def _distances(original: CloudSurface, result: Named) -> Floats:
 def _figures_of_mesh(original: PointCloud, result: Named, distances: Floats) -> dict[str, object]:
     """Return the figures of a mesh that are told by the distances (N,) of the original points to it."""
     diagonal = math.hypot(*np.subtract(*bounds(original.points)))
-    counts = {"points_in": len(original), "points_out": len(result.cloud)}
+    shared = {"points_in": len(original), "points_out": len(result.cloud), "diagonal": diagonal}
     figures, relative = (
         {f"surface_{measure}": error for measure, error in errors_of(distances / unit).items()}
         for unit in (1.0, diagonal or 1.0)
     )
-    shared = counts | {"diagonal": diagonal}
     return {"points": len(result.cloud), "figures": shared | figures, "relative": shared | relative}
 
 
@@ -204,9 +202,8 @@ def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -
     counts = [count for part in (8, 4, 2) if (count := len(result) // part) >= 4]
     sampled = original.take(np.arange(0, len(original), -(-len(original) // MAX_MEASURED)))
     for count in [*counts, len(result)]:
-        is_part = count < len(result) and 4 * count <= len(sampled)
-        part = result.take(np.arange(count))
-        report, _, distances = judged(sampled if is_part else original, part, None, Timer(), detail)
+        among = sampled if count < len(result) and 4 * count <= len(sampled) else original
+        report, _, distances = judged(among, result.take(np.arange(count)), None, Timer(), detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
     return measured, distances
 
