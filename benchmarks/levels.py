@@ -41,7 +41,7 @@ FULL, FEW, FEW_TOGETHER = 100_000, 100, 1500  # points of a node, and of childre
 DEEPEST = 20  # octree level of the smallest cells
 STEPS = 12  # of the search for the scale
 PICTURE, DRAWN, LEVELS = Path(__file__).parents[1] / "docs" / "levels.png", ("autzen_airborne", "dragon"), (2, 3)
-PANEL, ABOVE = 400, 34  # pixels: width and height of a picture, and its caption
+PANEL, ABOVE, BESIDE = 400, 34, 34  # pixels: width and height of a picture, and its captions
 COLOURS = 128  # of its palette, which make the file small
 MAX_RADIUS = 5.2  # of a drawn point, in supersampled pixels
 
@@ -180,16 +180,21 @@ def drawn(shown: Shown) -> NDArray[np.float64]:
 
 
 def save(panels: list[NDArray[np.float64]]) -> None:
-    """Write the pictures of the clouds below each other, with the ways above."""
+    """Write the pictures of the clouds below each other, with the ways above and the levels beside."""
     from matplotlib.figure import Figure
 
     image = np.vstack(panels)
-    height, width = image.shape[0] + ABOVE, image.shape[1]
+    height, width = image.shape[0] + ABOVE, image.shape[1] + BESIDE
     figure = Figure(figsize=(width / 100, height / 100), dpi=100, facecolor="white")
-    figure.figimage(image, 0, 0, origin="upper")
+    figure.figimage(image, BESIDE, 0, origin="upper")
+    style = {"ha": "center", "size": 14, "weight": "bold", "color": "0.15"}
     for column, title in enumerate(("gp", "random", "grid")):
-        middle = (column + 0.5) / len(BOUNDS | {"gp": 1})
-        figure.text(middle, 1 - 24 / height, title, ha="center", size=14, weight="bold", color="0.15")
+        figure.text((BESIDE + (column + 0.5) * PANEL) / width, 1 - 24 / height, title, **style)
+    below = image.shape[0]
+    for row in (len(panel) / len(LEVELS) for panel in panels):
+        for level in LEVELS:
+            figure.text(24 / width, (below - row / 2) / height, f"level {level}", rotation=90, va="center", **style)
+            below -= row
     file = BytesIO()
     figure.savefig(file, format="png", dpi=100)
     Image.open(file).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURE, optimize=True)

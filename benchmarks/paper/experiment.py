@@ -151,7 +151,7 @@ def entry(condition: Condition, method: gppcs.Method) -> Entry:
     start = process_time()
     result = gppcs.simplify(condition.cloud, ratio=condition.ratio, method=method)
     seconds = process_time() - start
-    figures, failure = judged(condition.cloud, result.cloud, condition.mesh, timer_of(None))
+    figures, failure, _ = judged(condition.cloud, result.cloud, condition.mesh, timer_of(None))
     return Entry(result, figures, seconds, str(failure) if failure else None)
 
 

@@ -102,13 +102,11 @@ function fillTable({ clouds, figures, unit }: Description): void {
 }
 
 export function fillMade(made: [string, string][]): void {
-  const body = element("tbody");
   for (const [name, value] of made) {
-    const row = element("tr");
-    row.append(element("th", name, { scope: "row" }), element("td", value));
-    body.append(row);
+    const row = byId<HTMLTableElement>("made").insertRow(), cell = element("td");
+    for (const word of value.split(" ")) cell.append(element("span", word), " "); // lines end between words, not in --force
+    row.append(element("th", name, { scope: "row" }), cell);
   }
-  byId("made").append(body);
 }
 
 export function drawn(tag: string, attributes: Record<string, string | number>, text = ""): SVGElement {

@@ -40,7 +40,7 @@ class Viewpoint:
         """Return the axis and the direction; those that are None are guessed from points (N, 3)."""
         lower, upper = np.percentile(points, (1, 99), axis=0)
         extent = upper - lower
-        framed = _is_depth_image(points, extent)
+        framed = _is_depth_image(points, lower, upper)
         up = self.up or ("-y" if framed else _up(points, extent))
         if self.direction or framed:
             return up, self.direction or (20.0, 20.0)  # beside the camera
@@ -154,13 +154,13 @@ def _frame(flat: Floats) -> tuple[Floats, Floats]:
     return np.maximum(lower, inner_lower - margin), np.minimum(upper, inner_upper + margin)
 
 
-def _is_depth_image(points: Floats, extent: Floats) -> bool:
+def _is_depth_image(points: Floats, lower: Floats, upper: Floats) -> bool:
     """Return whether points, (N, 3), were probably seen by a depth camera at 0 with z ahead and y down, or by several.
 
     Those of one image fill its field of view. Those of several, in the frame of the first, lie all ahead of that.
     """
     x, y, z = points.T
-    if z.min() <= 0.0 or extent[2] < 0.5 * extent.max():
+    if z.min() <= 0.0 or upper[2] - lower[2] < 0.5 * (upper - lower).max():
         return False
     right, down = x / z, y / z
     size = np.ptp(right), np.ptp(down)
@@ -169,7 +169,6 @@ def _is_depth_image(points: Floats, extent: Floats) -> bool:
     cells, _, _ = np.histogram2d(right, down, 16)
     if np.mean(cells > 0) >= 0.9:
         return True
-    lower, upper = np.percentile(points, (1, 99), axis=0)
     return bool(lower[2] >= 0.25 * upper[2] and (lower[:2] < 0.0).all() and (upper[:2] > 0.0).all())
 
 

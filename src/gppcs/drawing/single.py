@@ -17,8 +17,6 @@ from gppcs.drawing.web.layers import Named, in_one_unit
 from gppcs.engine.arrays import Floats
 from gppcs.engine.extras import require_matplotlib
 from gppcs.errors import InputError, ParameterError, whole_number
-from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import Frame, bounds
 
 SMALLEST = 64  # pixels
@@ -101,9 +99,7 @@ def _image(seen: ColouredCloud | None, mesh: Mesh | None, camera: Camera, is_clo
         return mesh_images(mesh, [camera])[0]
     if mesh is None:
         return View(Original(seen), camera, is_closed).surface(seen.colours)
-    distinct = np.flatnonzero(first_occurrences(seen.points))
-    nearest, _ = KdTree.build(seen.points[distinct]).nearest_of(mesh.vertices, 1)
-    return mesh_images(mesh, [camera], seen.colours[distinct[nearest[:, 0]]])[0]
+    return mesh_images(mesh, [camera], seen.at(mesh.vertices).colours)[0]
 
 
 def _write(file: BinaryIO, image: Floats, size: tuple[int, int], below: int, legend: Legend) -> None:

@@ -8,7 +8,6 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.estimates import are_on_lines
 from gppcs.errors import GppcsError
-from gppcs.meshing.pipeline import mesh
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
 from gppcs.spatial.scaling import normalised
@@ -33,12 +32,14 @@ class Surface(NamedTuple):
 
 
 def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Surface | None:
-    """Return a mesh whose vertices are M finite points, joined as the finite original is if that is there.
+    """Return a mesh whose vertices are M points, joined as the original is if that is there.
 
     None if there are none, if most lie on no surface, or if the original is too large.
     """
-    dense = cloud if original is None else original
-    if not len(cloud) or len(dense) > MAX_DENSE:
+    from gppcs.meshing.pipeline import mesh  # only here, as it is slow to load
+
+    cloud, dense = (one[one.is_finite()] for one in (cloud, cloud if original is None else original))
+    if not len(cloud) or not 0 < len(dense) <= MAX_DENSE:
         return None
     local, frame = normalised(dense.points, dense.units)
     distinct = np.flatnonzero(first_occurrences(local))
@@ -67,5 +68,5 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Su
 
 
 def surface_of_few(cloud: PointCloud) -> Surface | None:
-    """Return the surface through the points of a sparse finite cloud; None if it is dense, or there is none."""
-    return surface_through(cloud) if len(cloud) <= MAX_SPARSE else None
+    """Return the surface through the points of a sparse cloud; None if it is dense, or there is none."""
+    return surface_through(cloud) if np.count_nonzero(cloud.is_finite()) <= MAX_SPARSE else None

@@ -118,7 +118,7 @@ def compare(
             cloud, ratio=ratio, n_points=n_points, method=method, detail=of_method, invalid=invalid, timer=run
         )
         seconds = perf_counter() - start - result.seconds.get(COMPILATION, 0.0)
-        report, failure = judged(original, result.cloud, mesh, timer, list(weights))
+        report, failure, _ = judged(original, result.cloud, mesh, timer, list(weights))
         entries.append(Entry(result, report, seconds, str(failure) if failure else None))
     return entries
 

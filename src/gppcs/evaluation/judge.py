@@ -22,7 +22,7 @@ from gppcs.evaluation.report import DetailErrors, MeshReport, Rebuilt, Report
 from gppcs.io.reading import as_cloud
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.scaling import Frame, bounds
+from gppcs.spatial.scaling import Frame, bounds, normalised
 from gppcs.spatial.spacing import areas_of_points, paper_radius, surface_area
 from gppcs.spatial.triangles import qualities
 from gppcs.surface.local_surface import PLANE_NEIGHBOURS, LocalSurface
@@ -78,11 +78,9 @@ def evaluate(
     >>> report.points_in, report.points_out
     (2000, 200)
     """
-    report, failure = judged(original, simplified, mesh, timer_of(timer), names_of_detail(detail))
+    report, failure, _ = judged(original, simplified, mesh, timer_of(timer), names_of_detail(detail))
     if failure:
         raise failure
-    if report.points_out > report.points_in:
-        warnings.warn("the second cloud has more points than the first; give the original first", stacklevel=2)
     return report
 
 
@@ -159,14 +157,14 @@ def _prepared(original: PointCloud) -> tuple[Floats, Frame]:
     """Return the distinct points of a cloud, (N, 3), in a frame, and this; or raise an error about them."""
     points = usable(original, "original cloud")
     _require_measurable(points, "original cloud")
-    frame = Frame.from_bounds(*bounds(points), original.units)
-    return frame.near(points[first_occurrences(points)]), frame
+    local, frame = normalised(points, original.units)
+    return local[first_occurrences(local)], frame
 
 
 def judged(
     original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer, detail: Sequence[str] = ()
-) -> tuple[Report, NoSurfaceError | None]:
-    """Return the report of `evaluate`, (N, 3) and (M, 3), and why no surface could be rebuilt, if none could."""
+) -> tuple[Report, NoSurfaceError | None, Floats]:
+    """Return the report of `evaluate`, why no surface could be rebuilt, and distances (N,) of the distinct points."""
     original, simplified = as_cloud(original), as_cloud(simplified)
     (before, frame), after = _prepared(original), usable(simplified, "simplified cloud")
     _require_measurable(after, "simplified cloud")
@@ -176,7 +174,10 @@ def judged(
     first = first_occurrences(after)
     counts, after = (len(original), len(simplified)), frame.near(after[first])
     with timer("distances"):
-        report = _without_mesh(before, after, frame, counts).in_unit(_unit_in(frame))
+        report, distances = _without_mesh(before, after, frame, counts)
+        report, distances = report.in_unit(_unit_in(frame)), frame.lengths(distances)
+    if report.points_out > report.points_in:
+        warnings.warn("the second cloud has more points than the first; give the original first", stacklevel=3)
     if detail:
         with timer("detail"):
             distinct = original.take(np.flatnonzero(first_occurrences(original.points)))
@@ -186,7 +187,7 @@ def judged(
             }
             report = dataclasses.replace(report, detail=figures)
     if mesh is None:
-        return report, None
+        return report, None, distances
     made, failures = dict[str, Any](), dict[str, NoSurfaceError]()
     with timer("normals"):
         _distances_to_original(mesh, before, after, frame)
@@ -202,7 +203,7 @@ def judged(
                 made[name] = _rebuilt(reconstruction.reconstruct(after, normals), mesh, frame, _diagonal(before))
             except NoSurfaceError as error:
                 failures[name] = error
-    return dataclasses.replace(report, **made), failures.get("rebuilt")
+    return dataclasses.replace(report, **made), failures.get("rebuilt"), distances
 
 
 def require_mesh(mesh: Any) -> Mesh:
@@ -260,9 +261,10 @@ def _carried_normals(cloud: PointCloud) -> Floats | None:
     return normals
 
 
-def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int, int]) -> Report:
-    """Return the figures that need no mesh, in the frame's unit, for clouds (N, 3) and (M, 3) without repeats."""
-    tree = KdTree.build(before).in_own_order()
+def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int, int]) -> tuple[Report, Floats]:
+    """Return the figures that need no mesh, and distances (N,), in the frame's unit, for clouds without repeats."""
+    built = KdTree.build(before)
+    tree = built.in_own_order()
     before = np.ascontiguousarray(tree.points.T)  # points after each other find the same kept ones
     _, to_original = tree.nearest_of(after, 1)
     _require_near(np.sqrt(to_original), "simplified cloud", after, before, frame)
@@ -275,7 +277,7 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
     distances, areas = np.sqrt(to_kept), areas_of_points(tree)
     measures: dict[str, Any] = {f"surface_{measure}": error for measure, error in errors_of(to_surface).items()}
     errors = to_surface * np.radians(_angles(normals, surface.normals_at(feet)))
-    return Report(
+    report = Report(
         points_in=counts[0],
         points_out=counts[1],
         diagonal=_diagonal(before),
@@ -293,6 +295,7 @@ def _without_mesh(before: Floats, after: Floats, frame: Frame, counts: tuple[int
         normal_deviation=float(_angles(normals, surface.normals[feet.nearest]).mean()),
         mean_surface_variation=_mean_surface_variation(surface.tree, spacing),
     )
+    return report, to_surface[built.positions()]
 
 
 def _diagonal(points: Floats) -> float:

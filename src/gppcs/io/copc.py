@@ -100,6 +100,7 @@ class CopcNodes:
     def __init__(self, file: BufferedReader) -> None:
         self._file = file
         self.las = read_header(file)
+        self._header = LasHeader.from_laspy(self.las)
         self.info, entries = index_of(file, self.las)
         order = np.argsort(entries["level"], kind="stable")
         counts = entries["count"].astype(np.int64)
@@ -110,7 +111,7 @@ class CopcNodes:
         empty = np.empty(0, self.las.point_format.dtype())
         records = np.concatenate([empty, *points_of(self._file, self.las, self.entries[list(numbers)])])
         multiples = np.stack([records[axis].astype(np.int64) for axis in "XYZ"], axis=1)
-        return multiples, las_files.cloud_of(records, self.las, LasHeader.from_laspy(self.las))
+        return multiples, las_files.cloud_of(records, self.las, self._header)
 
 
 @contextmanager

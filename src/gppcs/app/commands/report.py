@@ -56,7 +56,7 @@ def report(
     if meshes:
         require_pymeshlab()
     clouds = read_named(inputs, input_format, columns, timer)
-    finite = [named.cloud[named.cloud.is_finite()] for named in clouds]
+    finite = [named.cloud[named.cloud.is_finite()] for named in clouds if meshes]
     if meshes and all(map(len, finite)):  # the page refuses empty clouds
         with timer("meshes"):
             for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):

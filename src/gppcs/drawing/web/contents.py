@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
@@ -19,20 +20,21 @@ from gppcs.clouds.quantities import unit_of
 from gppcs.clouds.ranges import columns_of_detail
 from gppcs.drawing.camera import GUESSED, Viewpoint, spread_over
 from gppcs.drawing.estimates import MAX_MEASURED, thin_on_lines
-from gppcs.drawing.surfaces import Surface, surface_of_few, surface_through
+from gppcs.drawing.surfaces import surface_of_few, surface_through
 from gppcs.drawing.web.layers import CloudSurface, Layer, in_one_unit
 from gppcs.drawing.web.layers import Named as Named
 from gppcs.drawing.web.packing import Blocks
 from gppcs.engine.arrays import Floats
 from gppcs.engine.strict_json import strict_json
+from gppcs.engine.threads import beside
 from gppcs.engine.timer import Timer, timer_of
 from gppcs.errors import InputError
 from gppcs.evaluation.detail import attribute_errors
-from gppcs.evaluation.judge import evaluate
+from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to as distances_to_mesh
 from gppcs.evaluation.report import DetailErrors, Report
 from gppcs.spatial.cells import first_occurrences
-from gppcs.spatial.scaling import normalised
+from gppcs.spatial.scaling import bounds, normalised
 
 FIRST_FIGURES = (  # that the page shows before somebody asks for all
     "covering_radius", "covering_p999", "surface_mean", "surface_p95", "surface_max", "feature_error", "feature_recall",
@@ -94,38 +96,43 @@ def report_page(
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     unit = unit_of(original.cloud.header) or ""
     original, *results = in_one_unit([original, *results])
+    # A mesh takes about as long as all else together, and hardly uses a second core.
+    with_surfaces = [beside(partial(_with_surface, result, original)) for result in results]
     with timer("original"):
         surface = CloudSurface.from_cloud(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
     lengths = f"in {unit or 'the unit of the coordinates'}"
-    for number, result in enumerate(results, start=1):
-        with timer(f"views of {result.name}"):
+    for number, (result, with_surface) in enumerate(zip(results, with_surfaces, strict=True), start=1):
+        prefixes, notes, errors = [], list[str](), {}
+        with timer(f"figures of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
-            if result.mesh is None and (original.mesh is None or original.is_mesh):  # else all were rebuilt already
-                result = _with_surface(result, surface_through(kept.cloud, surface.cloud))
-            layer = Layer(blocks, result, "result", kept)
-            layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
-            distances = _distances(surface, result)
-        layers.append(layer)
-        first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances[first.shown], True)
-        try:
-            with timer(f"figures of {result.name}"):
+            try:
                 if result.is_mesh:
-                    layer.described["prefixes"] = [_figures_of_mesh(surface.cloud, result, distances)]
-                    layer.note("distances are those to its triangles.")
+                    distances = _distances(surface, result)
+                    prefixes = [_figures_of_mesh(surface.cloud, result, distances)]
+                    notes.append("distances are those to its triangles.")
                 else:
-                    layer.described["prefixes"] = _prefixes(surface.cloud, kept.cloud, detail)
-                for name, errors in attribute_errors(first.cloud, kept.cloud, list(detail)).items():
-                    title = f"error of {name} in {result.name}"
-                    first.add_values(f"error:{name}:{number}", title, "in shares of its range", errors[0], True)
-        except InputError as error:
-            layer.note(f"there are no figures: {error}.")
-    extent = np.subtract(surface.cloud.points.max(axis=0), surface.cloud.points.min(axis=0))
+                    prefixes, of_distinct = _prefixes(surface.cloud, kept.cloud, detail)
+                    distances = of_distinct[surface.same]
+                errors = attribute_errors(first.cloud, kept.cloud, list(detail))
+            except InputError as error:
+                distances = _distances(surface, result)
+                notes.append(f"there are no figures: {error}.")
+        first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances[first.shown], True)
+        for name, (interpolated, _) in errors.items():
+            title = f"error of {name} in {result.name}"
+            first.add_values(f"error:{name}:{number}", title, "in shares of its range", interpolated, True)
+        with timer(f"views of {result.name}"):
+            layer = Layer(blocks, with_surface(), "result", kept)
+            layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
+            layer.described["prefixes"] = prefixes
+            layer.notes += notes
+        layers.append(layer)
     sizes = " and ".join(r.size_text if r.is_mesh else f"{len(r.cloud):,}" for r in results)
     lead = f"{original.size_text} beside {sizes}"
     said = {"title": original.name, "lead": lead, "made": made, "unit": unit}
-    diagonal = math.hypot(*extent)  # which does not overflow
+    diagonal = math.hypot(*np.subtract(*bounds(surface.cloud.points)))  # which does not overflow
     return Page.from_layers(layers, blocks, viewpoint, detail, diagonal=diagonal, **said)
 
 
@@ -136,27 +143,27 @@ def view_page(clouds: Sequence[Named], made: Sequence[tuple[str, str]], viewpoin
     layers = []
     for named in clouds:
         surface = CloudSurface.from_cloud(named)
-        shown = named if named.mesh else _with_surface(named, surface_of_few(surface.cloud))
-        layers.append(Layer(blocks, shown, "cloud", surface))
+        layers.append(Layer(blocks, _with_surface(named), "cloud", surface))
     title = clouds[0].name if len(clouds) == 1 else f"{clouds[0].name} and {len(clouds) - 1} more"
     lead = ", ".join(named.size_text for named in clouds)
     if not any(named.is_mesh for named in clouds):
         lead = f"{sum(len(named.cloud) for named in clouds):,} points"
-    mesh = clouds[0].mesh
-    if mesh is not None and clouds[0].is_mesh:
-        viewpoint = Viewpoint(*viewpoint.guessed(spread_over(mesh)))
+    if clouds[0].mesh and clouds[0].is_mesh:
+        viewpoint = Viewpoint(*viewpoint.guessed(spread_over(clouds[0].mesh)))
     return Page.from_layers(layers, blocks, viewpoint, title=title, lead=lead, made=made, diagonal=0.0, unit=unit)
 
 
-def _with_surface(named: Named, surface: Surface | None) -> Named:
-    """Return a cloud with the surface through its points, if there is one."""
+def _with_surface(named: Named, original: Named | None = None) -> Named:
+    """Return a cloud with the surface through its points, if there is one; one that was rebuilt has its own."""
+    if named.mesh or (original and original.mesh and not original.is_mesh):
+        return named
+    surface = surface_through(named.cloud, original.cloud) if original else surface_of_few(named.cloud)
     return replace(named, mesh=surface.mesh, noise=surface.noise) if surface else named
 
 
 def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSurface, NDArray[np.uint32]]:
     """Return a result with what the original tells of its points, and where these are in its file, or 2^32 - 1."""
-    _, frame = normalised(original.cloud.points)
-    points = frame.near(result.cloud.points)
+    points = original.frame.near(result.cloud.points)
     nearest, squared = original.tree.nearest_of(points, 1)
     distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
     indices = np.where(squared[:, 0] == 0.0, original.indices[distinct], 2**32 - 1).astype(np.uint32)
@@ -180,26 +187,25 @@ def _distances(original: CloudSurface, result: Named) -> Floats:
 
 def _figures_of_mesh(original: PointCloud, result: Named, distances: Floats) -> dict[str, object]:
     """Return the figures of a mesh that are told by the distances (N,) of the original points to it."""
-    diagonal = math.hypot(*np.ptp(original.points, axis=0))
-    counts = {"points_in": len(original), "points_out": len(result.cloud)}
+    diagonal = math.hypot(*np.subtract(*bounds(original.points)))
+    shared = {"points_in": len(original), "points_out": len(result.cloud), "diagonal": diagonal}
     figures, relative = (
         {f"surface_{measure}": error for measure, error in errors_of(distances / unit).items()}
         for unit in (1.0, diagonal or 1.0)
     )
-    shared = counts | {"diagonal": diagonal}
     return {"points": len(result.cloud), "figures": shared | figures, "relative": shared | relative}
 
 
-def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> list[dict[str, object]]:
-    """Return the figures of a result, and after some numbers of its first points by a sample of the original."""
+def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> tuple[list[Any], Floats]:
+    """Return the figures of parts of a result by a sample of the original, of all of it, and the distances to that."""
     measured = []
-    counts = {len(result), *(count for part in (8, 4, 2) if (count := len(result) // part) >= 4)}
+    counts = [count for part in (8, 4, 2) if (count := len(result) // part) >= 4]
     sampled = original.take(np.arange(0, len(original), -(-len(original) // MAX_MEASURED)))
-    for count in sorted(counts):
-        is_part = count < len(result) and 4 * count <= len(sampled)
-        report = evaluate(sampled if is_part else original, result.take(np.arange(count)), detail=detail)
+    for count in [*counts, len(result)]:
+        among = sampled if count < len(result) and 4 * count <= len(sampled) else original
+        report, _, distances = judged(among, result.take(np.arange(count)), None, Timer(), detail)
         measured.append({"points": count, "figures": report.figures(), "relative": report.figures(relative=True)})
-    return measured
+    return measured, distances
 
 
 def _notes_of(layers: Sequence[Layer]) -> list[str]:
@@ -213,7 +219,7 @@ def _notes_of(layers: Sequence[Layer]) -> list[str]:
 
 def _lie_together(layers: Sequence[Layer]) -> bool:
     """Return whether clouds can be drawn in one frame."""
-    boxes = np.array([(layer.cloud.points.min(axis=0), layer.cloud.points.max(axis=0)) for layer in layers])
+    boxes = np.array([bounds(layer.cloud.points) for layer in layers])
     with np.errstate(over="ignore"):
         sizes = np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1)
         joint = np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0))

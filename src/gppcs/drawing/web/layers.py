@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gppcs.clouds.cloud import NORMALS, PointCloud
 from gppcs.clouds.mesh import Mesh
 from gppcs.drawing.colours import Colourable, kinds_of, scale_ends
-from gppcs.drawing.estimates import disc_radii, estimates
+from gppcs.drawing.estimates import MAX_MEASURED, disc_radii, estimates
 from gppcs.drawing.surfaces import NOISY
 from gppcs.drawing.web.packing import Blocks, Quantised, octahedral, packed_faces, quantised, quantised_values
 from gppcs.engine.arrays import Floats, Ints
@@ -20,7 +20,7 @@ from gppcs.errors import InputError
 from gppcs.simplification import simplify
 from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.scaling import normalised
+from gppcs.spatial.scaling import Frame, normalised
 
 MOST_SHOWN = 1_000_000  # points of a cloud on the page; larger clouds are thinned by the default method
 MOST_TRIANGLES = 1_000_000  # of a mesh on the page; larger ones are left out
@@ -64,25 +64,25 @@ class CloudSurface(NamedTuple):
     indices: Ints  # (N,), in the file
     variation: Floats  # (N,), NaN if there are fewer than four points, which always seem flat
     normals: Floats  # (N, 3), of either sign
-    tree: KdTree  # over the distinct points, shifted and scaled as `normalised` does
+    tree: KdTree  # over the distinct points
+    frame: Frame  # in which they are
     same: Ints  # (N,), which of these each point is
     spacings: Floats  # (N,), mean distance to the next points around; less on lines
 
     @classmethod
-    def from_cloud(cls, named: Named) -> CloudSurface:
-        """Estimate the surface of a cloud; errors name the cloud."""
+    def from_cloud(cls, named: Named, most: int = MAX_MEASURED) -> CloudSurface:
+        """Estimate the surface of a cloud, and the spacing at so many points at most; errors name the cloud."""
         cloud, indices = named.cloud, np.flatnonzero(named.cloud.is_finite())
         try:
             if len(indices) == 0:
                 raise InputError(f"expected points with finite coordinates to show, found none among {len(cloud)}")
             finite = cloud if len(indices) == len(cloud) else cloud.take(indices)
-            variation, normals, tree, same = estimates(finite.points)
+            variation, normals, tree, same, frame = estimates(finite.points)
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        _, frame = normalised(finite.points)
-        spacings = frame.lengths(disc_radii(tree) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
-        return cls(finite, indices, variation, normals if carried is None else carried, tree, same, spacings)
+        spacings = frame.lengths(disc_radii(tree, most) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
+        return cls(finite, indices, variation, normals if carried is None else carried, tree, frame, same, spacings)
 
 
 def spread(spacings: Floats, minimum: float) -> tuple[float, NDArray[np.uint8]]:

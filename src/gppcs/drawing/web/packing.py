@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gppcs.engine.arrays import Floats, Ints
+from gppcs.spatial.scaling import bounds
 
 UNKNOWN = 2**16 - 1  # stands for NaN and infinity among values
 
@@ -24,7 +25,8 @@ class Blocks:
         differences = np.diff(columns, axis=1, prepend=columns.dtype.type(0))  # modulo the range of the type
         little = np.ascontiguousarray(differences, dtype=differences.dtype.newbyteorder("<"))
         planes = little.view(np.uint8).reshape(*little.shape, -1).transpose(0, 2, 1)
-        self.texts.append(base64.b64encode(zlib.compress(planes.tobytes(), 6)).decode("ascii"))
+        packer = zlib.compressobj(strategy=zlib.Z_RLE)  # three times as fast: differences hardly repeat, but in runs
+        self.texts.append(base64.b64encode(packer.compress(planes.tobytes()) + packer.flush()).decode("ascii"))
         return f"block{len(self.texts) - 1}"
 
 
@@ -42,9 +44,9 @@ class Quantised(NamedTuple):
 
 def quantised(values: Floats, largest: int = 2**16 - 1, minimum_step: float = 0.0) -> Quantised:
     """Return finite coordinates (N, 3) or values (N,) as numbers up to the largest."""
-    lower = values.min(axis=0)
+    lower, upper = bounds(values) if values.ndim == 2 else (values.min(), values.max())
     # Divided and halved first: the range can exceed the largest float.
-    step = np.maximum(values.max(axis=0) / largest - lower / largest, minimum_step)
+    step = np.maximum(upper / largest - lower / largest, minimum_step)
     with np.errstate(divide="ignore", invalid="ignore"):
         numbers = np.where(step > 0, (values / 2 - lower / 2) / (step / 2), 0.0)
     return Quantised(np.clip(np.round(numbers), 0, largest).astype(np.uint16), lower, step)
