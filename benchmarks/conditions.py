@@ -339,6 +339,9 @@ THIN = (  # in all parts; the last three took no part in any decision
     Sample("cable", None, 2_000, 40_000),
     Sample("crate", None, 2_000, 40_000),
     Sample("sink", None, 2_000, 40_000),
+    Sample("funnel", None, 2_000, 40_000),
+    Sample("organizer", None, 2_000, 40_000),
+    Sample("louvre", None, 2_000, 40_000),
 )
 
 SMALLER = (  # without clouds that take long or resemble others

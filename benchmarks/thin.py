@@ -10,9 +10,10 @@ import quality
 from conditions import THIN
 
 INTRODUCTION = (
-    "Horn, handlebar and vents helped to tell sheets from noise, and to decide which of two sheets gets more points; "
-    "cable, crate and sink decided nothing. Each figure of gp is divided by that of the best rival on the same cloud. "
-    "Where gp is behind, the cell is bold and says so."
+    "Horn, handlebar and vents helped to tell sheets from noise, and to decide which of two sheets gets more points. "
+    "With cable, crate and sink, they decided how much normals count between flat walls; funnel, organizer and louvre "
+    "decided nothing. Each figure of gp is divided by that of the best rival on the same cloud. Where gp is behind, "
+    "the cell is bold and says so."
 )
 
 

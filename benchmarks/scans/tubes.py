@@ -1,4 +1,4 @@
-"""Tubes, both of whose sheets are near each other everywhere: a horn, a cable's sleeve and a handlebar."""
+"""Tubes, both of whose sheets are near each other everywhere: a horn, a cable's sleeve, a bar and a funnel."""
 
 from itertools import pairwise
 
@@ -40,6 +40,12 @@ def _cable(points: Floats) -> Floats:
     return both(slab(np.hypot(np.hypot(x, y) - COIL, along) - 4.0, WALL / 2.0) / 1.02, slab(z, 50.0))
 
 
+def _funnel(points: Floats) -> Floats:
+    x, y, z = points.T
+    middle, slope = 4.5 + 0.8 * np.maximum(z, 0.0), np.where(z > 0.0, 0.8, 0.0)
+    return both(slab(np.hypot(x, y) - middle, WALL / 2.0) / np.sqrt(1.0 + slope**2), slab(z - 5.0, 35.0))
+
+
 BAR_PATH = np.array([
     [-36.0, -30.0, 0.0], [-47.0, -26.0, 0.0], [-48.0, -8.0, 0.0], [-30.0, 0.0, 0.0],
     [30.0, 0.0, 0.0], [48.0, -8.0, 0.0], [47.0, -26.0, 0.0], [36.0, -30.0, 0.0],
@@ -48,3 +54,4 @@ BAR_PATH = np.array([
 HORN = scan_of(_horn, ((-27.6, -27.6, -50.0), (27.6, 27.6, 50.0)), 1.5, (198, 160, 70))
 CABLE = scan_of(_cable, ((-22.6, -22.6, -50.0), (22.6, 22.6, 50.0)), 1.5, (60, 60, 66))
 HANDLEBAR = scan_of(_bent(BAR_PATH, 3.5), ((-53.0, -34.0, -3.6), (53.0, 4.0, 3.6)), 1.5, (140, 144, 150))
+FUNNEL = scan_of(_funnel, ((-37.2, -37.2, -30.0), (37.2, 37.2, 40.0)), 1.5, (170, 60, 50))
