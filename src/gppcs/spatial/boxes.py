@@ -64,9 +64,9 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.cuts)
 
-    def box_of(self, points: Floats) -> Ints:
+    def box_of(self, points: Floats) -> NDArray[np.uint16]:
         """Return the box, (n,), of each point, (n, 3), from 0; points outside belong to the nearest along each cut."""
-        boxes = np.empty(len(points), dtype=np.int64)
+        boxes = np.empty(len(points), dtype=np.uint16)
         on_ranges(_find_boxes, len(points), points, self.axes, self.cuts, boxes, minimum=1 << 12)
         return boxes
 
@@ -104,7 +104,9 @@ def _cut(values: Floats) -> float:
 
 def inside(points: Floats, lower: Floats, upper: Floats) -> Flags:
     """Return which points, (n, 3), lie between two corners, (3,), borders included."""
-    return np.asarray(((points >= lower) & (points <= upper)).all(axis=1))
+    return np.logical_and.reduce(
+        [(x >= low) & (x <= high) for x, low, high in zip(points.T, lower, upper, strict=True)]
+    )
 
 
 def neighbours_before(tiles: Sequence[Tile], distance: Floats) -> list[list[int]]:

@@ -16,7 +16,7 @@ from gppcs.methods import Feature
 from gppcs.spatial.boxes import inside
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import point_hashes
+from gppcs.spatial.samples import order_by_hashes, point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.tiles import Tiling, with_signed_normals
@@ -71,7 +71,7 @@ def outliers_in_tile(tiling: Tiling, number: int) -> tuple[Rows, Floats]:
     tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
     rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
     rows = rows.only(outliers_among(tiling.frame.local(rows.points)))
-    rows = rows.only(tiling.tile_of(rows.points) == number)
+    rows = rows.only(tiling.tile_of_box[rows.boxes] == number)
     others = points[~np.isin(own.indices, rows.indices)]
     return rows, np.array(bounds(others)) if len(others) else nowhere
 
@@ -107,7 +107,7 @@ def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
     """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
     rows = choice.tiling.own(number)
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
-    rows = rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
+    rows = rows.take(order_by_hashes(rows.points))
     return _added(choice.tiling, number, rows.only(first_of_parts(rows.labels, missing)))
 
 

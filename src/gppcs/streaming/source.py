@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,7 +18,7 @@ from gppcs.errors import InputError
 from gppcs.io.arrays import header_lock
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
-from gppcs.spatial.samples import HASHES, point_hashes
+from gppcs.spatial.samples import HASHES, order_by_hashes, point_hashes
 from gppcs.streaming.graph import Engine
 from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
@@ -68,7 +68,8 @@ class Part:
         if mask[boxes.meeting(self.lower, self.upper)].any():
             # Several tasks may read a file at once, each with a file object of its own.
             for rows in replace(self, files=copy(self.files)).chunks():
-                yield rows.only(mask[boxes.box_of(rows.points)])
+                of_point = boxes.box_of(rows.points)
+                yield replace(rows, columns={**rows.columns, "box": of_point}).only(mask[of_point])
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +82,8 @@ class Run:
     @classmethod
     def write(cls, path: Path, boxes: Boxes, rows: Rows) -> Run:
         """Sort points into a new file."""
-        of_point = boxes.box_of(rows.points).astype(np.min_scalar_type(len(boxes)))  # sorted by radix, up to 16 bits
-        order = np.argsort(of_point, kind="stable")
+        of_point = boxes.box_of(rows.points)
+        order = np.argsort(of_point, kind="stable")  # by radix
         columns = {"index": rows.indices, "point": rows.points, **rows.columns}
         stored = np.empty(len(rows), [(name, values.dtype, values.shape[1:]) for name, values in columns.items()])
         for name, values in columns.items():
@@ -94,12 +95,14 @@ class Run:
     def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
         ends = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)  # of boxes one after another
+        numbers = np.flatnonzero(mask).astype(np.uint16)
         spans = [(first, last) for first, last in self.starts[ends] if first < last]
         if spans:
             with header_lock:
                 stored = np.load(self.path, mmap_mode="r")
             rows = np.concatenate([stored[first:last] for first, last in spans])
             columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+            columns["box"] = np.repeat(numbers, np.diff(self.starts)[numbers])
             yield Rows(columns.pop("index"), columns.pop("point"), columns)
 
 
@@ -116,8 +119,8 @@ class Source:
         """Read a fraction of the points between two corners, (3,), in an order that does not depend on the files."""
         mask = np.zeros(len(self.boxes), dtype=np.bool_)
         mask[self.boxes.meeting(lower, upper)] = True
-        rows = self.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
-        return rows.only(inside(rows.points, lower, upper))
+        rows = Rows.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
+        return self.ordered(rows.only(inside(rows.points, lower, upper)))
 
     def read_piece(self, mask: Flags, fraction: float, piece: Part | Run) -> Rows:
         """Read a fraction of the points in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
@@ -128,12 +131,11 @@ class Source:
                 parts[-1] = rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
         return Rows.joined(parts)
 
-    def joined(self, parts: Iterable[Rows]) -> Rows:
+    def ordered(self, rows: Rows) -> Rows:
         """Return what is read of all pieces, in the order of the hashes, but the outliers."""
-        rows = Rows.joined(parts)
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
-        return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
+        return rows.take(order_by_hashes(rows.points))
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:

@@ -42,9 +42,10 @@ class Guide:
 
 def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
     """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
-    result, is_key, order = np.full(len(indices), np.inf), np.isin(indices, keys), np.argsort(keys)
-    result[is_key] = values[order[np.searchsorted(keys, indices[is_key], sorter=order)]]
-    return result
+    order = np.argsort(keys)
+    keys, values = np.append(keys[order], np.iinfo(np.int64).max), np.append(values[order], np.inf)
+    places = np.searchsorted(keys, indices)
+    return np.where(keys[places] == indices, values[places], np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class Tiling:
     def own(self, number: int) -> Rows:
         """Read the points of a tile."""
         rows = self.source.read(self.tiles[number].lower, self.tiles[number].upper)
-        return rows.only(self.tile_of(rows.points) == number)
+        return rows.only(self.tile_of_box[rows.boxes] == number)
 
     @cached_property
     def guide(self) -> Guide:
@@ -119,12 +120,13 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     if tiling.file(number).exists():  # by an earlier run
         return Rows.read(tiling.file(number)).counts
     rows = tiling.near(number)
-    tile_of = tiling.tile_of(rows.points)
+    tile_of = tiling.tile_of_box[rows.boxes]
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
     ranks = np.where(rows.keep, -1.0, np.inf)  # of those that are chosen already
-    for kept in (Rows.read(tiling.file(i)) for i in tiling.before[number]):
-        of_rows = looked_up(rows.indices, kept.indices, kept.ranks)
-        ranks = np.where(of_rows < tiling.n_points, of_rows, ranks)  # without spare ones
+    for i in tiling.before[number]:
+        there, kept = np.flatnonzero(tile_of == i), Rows.read(tiling.file(i))
+        of_rows = looked_up(rows.indices[there], kept.indices, kept.ranks)
+        ranks[there] = np.where(of_rows < tiling.n_points, of_rows, ranks[there])  # without spare ones
     settled = is_done | np.isfinite(ranks)
     first = tiling.guide.first
     ranks = np.where(settled, ranks, looked_up(rows.indices, first, np.arange(float(len(first)))))
