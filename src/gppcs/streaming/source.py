@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.io.arrays import header_lock
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
 from gppcs.spatial.samples import HASHES, order_by_hashes, point_hashes
@@ -78,6 +78,7 @@ class Run:
 
     path: Path
     starts: Ints  # (boxes + 1,), where the points of each box begin
+    columns: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]  # type and shape of each, which follow each other
 
     @classmethod
     def write(cls, path: Path, boxes: Boxes, rows: Rows) -> Run:
@@ -85,12 +86,11 @@ class Run:
         of_point = boxes.box_of(rows.points)
         order = np.argsort(of_point, kind="stable")  # by radix
         columns = {"index": rows.indices, "point": rows.points, **rows.columns}
-        stored = np.empty(len(rows), [(name, values.dtype, values.shape[1:]) for name, values in columns.items()])
-        for name, values in columns.items():
-            stored[name] = values[order]
         with complete_file(path) as file:
-            np.save(file, stored)
-        return cls(path, np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))]))
+            for values in columns.values():
+                values.take(order, axis=0).tofile(file)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))])
+        return cls(path, starts, {name: (values.dtype, values.shape) for name, values in columns.items()})
 
     def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
@@ -98,11 +98,11 @@ class Run:
         numbers = np.flatnonzero(mask).astype(np.uint16)
         spans = [(first, last) for first, last in self.starts[ends] if first < last]
         if spans:
-            with header_lock:
-                stored = np.load(self.path, mmap_mode="r")
-            rows = np.concatenate([stored[first:last] for first, last in spans])
-            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
-            columns["box"] = np.repeat(numbers, np.diff(self.starts)[numbers])
+            columns, offset = {"box": np.repeat(numbers, np.diff(self.starts)[numbers])}, 0
+            for name, (dtype, shape) in self.columns.items():
+                stored = np.memmap(self.path, dtype, "r", offset, shape)
+                columns[name] = np.concatenate([stored[first:last] for first, last in spans])
+                offset += stored.nbytes
             yield Rows(columns.pop("index"), columns.pop("point"), columns)
 
 

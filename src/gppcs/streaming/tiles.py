@@ -42,10 +42,11 @@ class Guide:
 
 def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
     """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
-    order = np.argsort(keys)
-    keys, values = np.append(keys[order], np.iinfo(np.int64).max), np.append(values[order], np.inf)
-    places = np.searchsorted(keys, indices)
-    return np.where(keys[places] == indices, values[places], np.inf)
+    result, order = np.full(len(indices), np.inf), np.argsort(keys)
+    are_keys = np.flatnonzero(np.isin(indices & 0xFFFF, keys & 0xFFFF))  # few others, and found without sorting
+    are_keys = are_keys[np.isin(indices[are_keys], keys)]
+    result[are_keys] = values[order[np.searchsorted(keys, indices[are_keys], sorter=order)]]
+    return result
 
 
 @dataclass(frozen=True, eq=False)
