@@ -84,10 +84,10 @@ class Boxes:
                 tiles.append(Tile(first, last, self.lower[node], self.upper[node]))
         return tiles
 
-    def meeting(self, lower: Floats, upper: Floats) -> Ints:
-        """Return the boxes, ascending, that may hold points between two corners, (3,)."""
+    def meeting(self, lower: Floats, upper: Floats) -> Flags:
+        """Return which boxes, (boxes,), may hold points between two corners, (3,)."""
         own_lower, own_upper = self.lower[len(self) :], self.upper[len(self) :]
-        return np.flatnonzero(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
+        return np.asarray(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
 
 
 def _cut(values: Floats) -> float:
@@ -104,9 +104,7 @@ def _cut(values: Floats) -> float:
 
 def inside(points: Floats, lower: Floats, upper: Floats) -> Flags:
     """Return which points, (n, 3), lie between two corners, (3,), borders included."""
-    return np.logical_and.reduce(
-        [(x >= low) & (x <= high) for x, low, high in zip(points.T, lower, upper, strict=True)]
-    )
+    return np.all([(x >= a) & (x <= b) for x, a, b in zip(points.T, lower, upper, strict=True)], axis=0)
 
 
 def neighbours_before(tiles: Sequence[Tile], distance: Floats) -> list[list[int]]:

@@ -24,11 +24,6 @@ def point_hashes(points: Floats, seed: int = 0, size: float | None = None) -> ND
     return result
 
 
-def order_by_hashes(points: Floats) -> Ints:
-    """Return the order of points, (n, 3), by their hashes, which does not depend on that in which they come."""
-    return np.lexsort(point_hashes(points, size=1.0).astype("<u8").view("<u2").reshape(-1, 4).T)  # sorted by radix
-
-
 def short_hashes(points: Floats, bits: int) -> NDArray[np.uint32]:
     """Return the first bits, 32 at most, of `point_hashes`."""
     result = np.empty(len(points), dtype=np.uint32)

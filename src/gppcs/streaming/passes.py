@@ -16,7 +16,7 @@ from gppcs.methods import Feature
 from gppcs.spatial.boxes import inside
 from gppcs.spatial.farthest_points import fill_gaps
 from gppcs.spatial.kdtree import KdTree
-from gppcs.spatial.samples import order_by_hashes, point_hashes
+from gppcs.spatial.samples import point_hashes
 from gppcs.spatial.scaling import bounds
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.tiles import Tiling, with_signed_normals
@@ -105,9 +105,8 @@ def errors_of_tiles(figures: Floats, tolerance: float) -> dict[Measure, float]:
 
 def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
     """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
-    rows = choice.tiling.own(number)
+    rows = choice.tiling.own(number)  # in the order of hashes
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
-    rows = rows.take(order_by_hashes(rows.points))
     return _added(choice.tiling, number, rows.only(first_of_parts(rows.labels, missing)))
 
 

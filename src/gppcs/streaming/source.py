@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +19,13 @@ from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
-from gppcs.spatial.samples import HASHES, order_by_hashes, point_hashes
+from gppcs.spatial.samples import HASHES, point_hashes
 from gppcs.streaming.graph import Engine
 from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.scratch import complete_file
 
-RUN = 1 << 20  # Points that are sorted together, about.
+RUN = 8  # Chunks that are sorted together.
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class Part:
 
     def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
-        if mask[boxes.meeting(self.lower, self.upper)].any():
+        if (mask & boxes.meeting(self.lower, self.upper)).any():
             # Several tasks may read a file at once, each with a file object of its own.
             for rows in replace(self, files=copy(self.files)).chunks():
                 of_point = boxes.box_of(rows.points)
@@ -117,25 +118,24 @@ class Source:
 
     def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
         """Read a fraction of the points between two corners, (3,), in an order that does not depend on the files."""
-        mask = np.zeros(len(self.boxes), dtype=np.bool_)
-        mask[self.boxes.meeting(lower, upper)] = True
+        mask = self.boxes.meeting(lower, upper)
         rows = Rows.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
         return self.ordered(rows.only(inside(rows.points, lower, upper)))
 
     def read_piece(self, mask: Flags, fraction: float, piece: Part | Run) -> Rows:
         """Read a fraction of the points in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
-        parts = [self.nothing]
-        for rows in piece.read(self.boxes, mask):
-            parts.append(rows)
-            if fraction < 1.0:
-                parts[-1] = rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
-        return Rows.joined(parts)
+        parts = piece.read(self.boxes, mask)
+        if fraction < 1.0:
+            limit = fraction * HASHES
+            parts = (rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < limit)) for rows in parts)
+        return Rows.joined([self.nothing, *parts])
 
     def ordered(self, rows: Rows) -> Rows:
         """Return what is read of all pieces, in the order of the hashes, but the outliers."""
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
-        return rows.take(order_by_hashes(rows.points))
+        hashes = point_hashes(rows.points, size=1.0).astype("<u8", copy=False)
+        return rows.take(np.lexsort(hashes.view("<u2").reshape(-1, 4).T))  # by radix
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:
@@ -147,12 +147,7 @@ def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engin
 
 def _sort(boxes: Boxes, folder: Path, part: Part) -> list[Run]:
     """Sort the points of a part."""
-    runs, waiting = list[Run](), list[Rows]()
-    for rows in part.chunks():
-        waiting.append(rows)
-        if sum(map(len, waiting)) >= RUN:
-            runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(waiting)))
-            waiting = []
-    if waiting:
-        runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(waiting)))
+    chunks, runs = part.chunks(), list[Run]()
+    while together := list(islice(chunks, RUN)):
+        runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(together)))
     return runs

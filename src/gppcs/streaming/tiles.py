@@ -82,8 +82,7 @@ class Tiling:
 
     def meeting(self, lower: Floats, upper: Floats) -> list[int]:
         """Return the tiles that meet the box between two corners, (3,)."""
-        meets = [bool((tile.lower <= upper).all() and (tile.upper >= lower).all()) for tile in self.tiles]
-        return np.flatnonzero(meets).tolist()
+        return [i for i, tile in enumerate(self.tiles) if (tile.lower <= upper).all() and (tile.upper >= lower).all()]
 
     def region(self, number: int) -> tuple[Floats, Floats]:
         """Return the corners, (3,), of a tile with its halo."""
@@ -157,11 +156,9 @@ def _selection(tiling: Tiling, number: int, rows: Rows, ranks: Floats, settled: 
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    settled = settled[indices]
-    task = replace(task, settled=None if tiling.scale is None else settled, scale=tiling.scale)
-    if tiling.spacing is not None:
-        task = replace(task, spacing=tiling.spacing)
-    else:
+    settled, scale = settled[indices], tiling.scale
+    task = replace(task, settled=None if scale is None else settled, scale=scale, spacing=tiling.spacing)
+    if tiling.spacing is None:
         guide = tiling.guide
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
@@ -208,12 +205,8 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     if selection.points is not None:
         columns["moved"] = tiling.frame.world(selection.points[own])
     new, others = rows.take(selection.indices[own]), rows.take(repeats)
-    kept = Rows.joined(
-        [
-            Rows(new.indices, new.points, {**columns, "label": new.labels}),
-            Rows(others.indices, others.points, {"rank": np.full(len(repeats), -1.0), "label": others.labels}),
-        ]
-    )
+    columns["label"], of_others = new.labels, {"rank": np.full(len(repeats), -1.0), "label": others.labels}
+    kept = Rows.joined([Rows(new.indices, new.points, columns), Rows(others.indices, others.points, of_others)])
     return kept.take(np.argsort(kept.ranks, kind="stable"))
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,11 +152,6 @@ class Stage(NamedTuple):
         """The target spacing h (Eq. (1))."""
         return cell_edge(self.area, self.target)
 
-    def with_first(self, n: int) -> Self:
-        """Return the stage with the first n points among its candidates."""
-        others = self.indices[np.searchsorted(self.indices, n) :]
-        return self._replace(indices=np.concatenate([np.arange(n), others]), tree=None)
-
 
 def nested_candidates(
     points: Floats,
@@ -197,7 +192,11 @@ def nested_candidates(
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
     if fixed:
-        stages = [stage.with_first(fixed) for stage in stages]
+        first = np.arange(fixed)
+        stages = [
+            stage._replace(indices=np.concatenate([first, stage.indices[stage.indices >= fixed]]), tree=None)
+            for stage in stages
+        ]
     return stages[::-1]
 
 
