@@ -34,12 +34,13 @@ class Choice:
     last: float = np.inf
     added: tuple[Rows, ...] = ()  # besides
 
-    def all_kept(self, numbers: Iterable[int]) -> Rows:
-        """Read the points of at least one tile that stay, and what is added to any.
+    def all_kept(self, numbers: Iterable[int], first: int = 0, last: float = np.inf) -> Rows:
+        """Read the points of at least one tile that stay, and what is added to any, from an index to below another.
 
         The most important come first; if the method does not rank, they have the order of the files.
         """
         kept = Rows.joined([*map(self.kept, numbers), *self.added])
+        kept = kept.only((kept.indices >= first) & (kept.indices < last))
         is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
         keys = [point_hashes(kept.points, size=1.0), kept.ranks] if is_ranked else [kept.indices]
         return kept.take(np.lexsort(keys))
