@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -49,7 +50,7 @@ class Part:
         if self.count is not None and n != self.count:
             raise InputError(f"expected {self.count:,} points again, found {n:,}: the files have changed meanwhile")
 
-    def chunks(self) -> Iterator[Rows]:
+    def chunks(self) -> Generator[Rows, None, None]:
         """Read the points that may be kept."""
         for n, cloud in self.clouds():
             yield Rows.from_cloud(cloud, self.first + n, self.of_chunk(n, len(cloud)))
@@ -126,8 +127,7 @@ class Source:
         """Read a fraction of the points in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
         parts = piece.read(self.boxes, mask)
         if fraction < 1.0:
-            limit = fraction * HASHES
-            parts = (rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < limit)) for rows in parts)
+            parts = (rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES)) for rows in parts)
         return Rows.joined([self.nothing, *parts])
 
     def ordered(self, rows: Rows) -> Rows:
@@ -147,7 +147,8 @@ def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engin
 
 def _sort(boxes: Boxes, folder: Path, part: Part) -> list[Run]:
     """Sort the points of a part."""
-    chunks, runs = part.chunks(), list[Run]()
-    while together := list(islice(chunks, RUN)):
-        runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(together)))
+    runs = list[Run]()
+    with closing(part.chunks()) as chunks:  # here, and not in another thread, after an error
+        while together := list(islice(chunks, RUN)):
+            runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(together)))
     return runs
