@@ -26,7 +26,7 @@ def beyond_memory(monkeypatch):
     for method in gppcs.METHODS.values():
         monkeypatch.setattr(method, "memory", lambda self, n, n_points: 10**12)
     monkeypatch.setattr("gppcs.streaming.source.CHUNK", 3_000)
-    monkeypatch.setattr("gppcs.streaming.source.RUN", 5_000)
+    monkeypatch.setattr("gppcs.streaming.source.RUN", 2)
     monkeypatch.setattr("gppcs.streaming.beyond_memory.TILE", 4_000)
     monkeypatch.setattr("gppcs.streaming.beyond_memory.PILOT", 8_000)
     monkeypatch.setattr("gppcs.streaming.beyond_memory.BLOCK", 100)

@@ -130,7 +130,7 @@ def task_of(
     if constraints.weights is None and not len(keep):
         indices, repeats = np.flatnonzero(first_occurrences(points)), keep
     else:
-        indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep)])
+        indices = np.concatenate([keep, np.setdiff1d(constraints.usable(len(points)), keep, assume_unique=True)])
         is_first = first_occurrences(points.take(indices, axis=0))
         indices, repeats = indices[is_first], keep[~is_first[: len(keep)]]
     fixed = len(keep) - len(repeats)

@@ -64,9 +64,9 @@ class Boxes:
     def __len__(self) -> int:
         return len(self.cuts)
 
-    def box_of(self, points: Floats) -> Ints:
+    def box_of(self, points: Floats) -> NDArray[np.uint16]:
         """Return the box, (n,), of each point, (n, 3), from 0; points outside belong to the nearest along each cut."""
-        boxes = np.empty(len(points), dtype=np.int64)
+        boxes = np.empty(len(points), dtype=np.uint16)
         on_ranges(_find_boxes, len(points), points, self.axes, self.cuts, boxes, minimum=1 << 12)
         return boxes
 
@@ -84,10 +84,10 @@ class Boxes:
                 tiles.append(Tile(first, last, self.lower[node], self.upper[node]))
         return tiles
 
-    def meeting(self, lower: Floats, upper: Floats) -> Ints:
-        """Return the boxes, ascending, that may hold points between two corners, (3,)."""
+    def meeting(self, lower: Floats, upper: Floats) -> Flags:
+        """Return which boxes, (boxes,), may hold points between two corners, (3,)."""
         own_lower, own_upper = self.lower[len(self) :], self.upper[len(self) :]
-        return np.flatnonzero(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
+        return np.asarray(((own_lower <= upper) & (own_upper >= lower)).all(axis=1))
 
 
 def _cut(values: Floats) -> float:
@@ -104,7 +104,7 @@ def _cut(values: Floats) -> float:
 
 def inside(points: Floats, lower: Floats, upper: Floats) -> Flags:
     """Return which points, (n, 3), lie between two corners, (3,), borders included."""
-    return np.asarray(((points >= lower) & (points <= upper)).all(axis=1))
+    return np.all([(x >= a) & (x <= b) for x, a, b in zip(points.T, lower, upper, strict=True)], axis=0)
 
 
 def neighbours_before(tiles: Sequence[Tile], distance: Floats) -> list[list[int]]:

@@ -89,8 +89,7 @@ def _numbered(survey: Survey, count: int, n_keep: int) -> Chosen:
     needed = np.where(numbers < overview.labels, numbers, 0)  # all points of a quota need no ranking
     length = max(1, count - n_keep)
     while True:
-        by_cells = options.algorithm.by_cells
-        tiling, diagnostics = (_cells(survey, length), {}) if by_cells else survey.tiling_for(length)
+        tiling, diagnostics = (_cells(survey, length), {}) if options.algorithm.by_cells else survey.tiling_for(length)
         counts = np.array(survey.run("tiles", partial(choose_in_tile, tiling), tiling, tiling.before))
         reached = counts[:, 0].sum(axis=0)
         if not options.quotas or (reached >= needed).all() or length >= overview.n_usable - n_keep:

@@ -192,7 +192,7 @@ class Survey:
         drawn = np.sort(np.random.default_rng(0).permutation(len(blocks))[:n_drawn])
         block_of_box = np.repeat(np.arange(len(blocks)), [block.last - block.first for block in blocks])
         read = partial(self.source.read_piece, np.isin(block_of_box, drawn), fraction)
-        rows = self.source.joined(self.run_on.run(read, self.source.pieces))
+        rows = self.source.ordered(Rows.joined(self.run_on.run(read, self.source.pieces)))
         chosen, selection = self.choose(rows, round(len(rows) / (fraction * self.overview.n_places) * n_points))
         of_sample, of_chosen = (
             block_of_box[self.source.boxes.box_of(points)]

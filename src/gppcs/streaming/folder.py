@@ -194,9 +194,7 @@ def _kept_in(choice: Choice, parts: Sequence[Part]) -> Rows:
     first, last = parts[0], parts[-1]
     lower, upper = (np.array([getattr(part, name) for part in parts]) for name in ("lower", "upper"))
     numbers = choice.tiling.meeting(lower.min(axis=0), upper.max(axis=0))
-    kept = choice.all_kept(numbers or [0])
-    inside = (kept.indices >= first.first) & (kept.indices < last.first + (last.count or 0))
-    return kept.take(np.flatnonzero(inside))
+    return choice.all_kept(numbers or [0], first.first, last.first + (last.count or 0))
 
 
 def write_index(folder: Path, written: Sequence[Written]) -> None:

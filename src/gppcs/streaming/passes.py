@@ -34,12 +34,13 @@ class Choice:
     last: float = np.inf
     added: tuple[Rows, ...] = ()  # besides
 
-    def all_kept(self, numbers: Iterable[int]) -> Rows:
-        """Read the points of at least one tile that stay, and what is added to any.
+    def all_kept(self, numbers: Iterable[int], first: int = 0, last: float = np.inf) -> Rows:
+        """Read the points of at least one tile that stay, and what is added to any, from an index to below another.
 
         The most important come first; if the method does not rank, they have the order of the files.
         """
         kept = Rows.joined([*map(self.kept, numbers), *self.added])
+        kept = kept.only((kept.indices >= first) & (kept.indices < last))
         is_ranked = Feature.RANKING in self.tiling.options.algorithm.supports
         keys = [point_hashes(kept.points, size=1.0), kept.ranks] if is_ranked else [kept.indices]
         return kept.take(np.lexsort(keys))
@@ -71,7 +72,7 @@ def outliers_in_tile(tiling: Tiling, number: int) -> tuple[Rows, Floats]:
     tile, margin = tiling.tiles[number], 6.0 * float(np.quantile(radii, 0.99))
     rows = tiling.source.read(tile.lower - margin, tile.upper + margin)
     rows = rows.only(outliers_among(tiling.frame.local(rows.points)))
-    rows = rows.only(tiling.tile_of(rows.points) == number)
+    rows = rows.only(tiling.tile_of_box[rows.boxes] == number)
     others = points[~np.isin(own.indices, rows.indices)]
     return rows, np.array(bounds(others)) if len(others) else nowhere
 
@@ -105,9 +106,8 @@ def errors_of_tiles(figures: Floats, tolerance: float) -> dict[Measure, float]:
 
 def unchosen_in_tile(choice: Choice, missing: Ints, number: int) -> Rows:
     """Return as many points of a tile as are missing of each quota, (256,), or all, that it does not keep."""
-    rows = choice.tiling.own(number)
+    rows = choice.tiling.own(number)  # in the order of hashes
     rows = rows.only(~np.isin(rows.indices, choice.kept(number).indices))
-    rows = rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
     return _added(choice.tiling, number, rows.only(first_of_parts(rows.labels, missing)))
 
 

@@ -25,9 +25,9 @@ class Rows:
     """Some points of a cloud.
 
     Of points that may be kept, the columns are "keep", "weight" and "label", (n,), as far as the options ask for them
-    (see `Constraints`), and the attributes that the method reads. Of those that are kept, they are "label", "rank",
-    (n,), "normals", (n, 3), if they are asked for, and what the method tells of some: new positions, "moved", (n, 3),
-    and scores, (n,).
+    (see `Constraints`), the attributes that the method reads, and "box", (n,), if a source gives them. Of those that
+    are kept, they are "label", "rank", (n,), "normals", (n, 3), if they are asked for, and what the method tells of
+    some: new positions, "moved", (n, 3), and scores, (n,).
     """
 
     indices: Ints  # (n,), in the cloud
@@ -97,6 +97,11 @@ class Rows:
     def keep(self) -> Flags:
         """Which of them are kept whatever happens, (n,)."""
         return self.column("keep", np.bool_)
+
+    @property
+    def boxes(self) -> NDArray[np.uint16]:
+        """The box of the source in which each lies, (n,)."""
+        return self.column("box", np.uint16)
 
     @property
     def labels(self) -> NDArray[np.uint8]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +18,6 @@ from gppcs.clouds.cloud import PointCloud
 from gppcs.engine.arrays import Flags, Floats, Ints
 from gppcs.engine.timer import Timer
 from gppcs.errors import InputError
-from gppcs.io.arrays import header_lock
 from gppcs.io.cloud_files import CloudFiles
 from gppcs.spatial.boxes import Boxes, inside
 from gppcs.spatial.samples import HASHES, point_hashes
@@ -24,7 +26,7 @@ from gppcs.streaming.plan import CHUNK
 from gppcs.streaming.rows import Rows
 from gppcs.streaming.scratch import complete_file
 
-RUN = 1 << 20  # Points that are sorted together, about.
+RUN = 8  # Chunks that are sorted together.
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Part:
         if self.count is not None and n != self.count:
             raise InputError(f"expected {self.count:,} points again, found {n:,}: the files have changed meanwhile")
 
-    def chunks(self) -> Iterator[Rows]:
+    def chunks(self) -> Generator[Rows, None, None]:
         """Read the points that may be kept."""
         for n, cloud in self.clouds():
             yield Rows.from_cloud(cloud, self.first + n, self.of_chunk(n, len(cloud)))
@@ -65,10 +67,11 @@ class Part:
 
     def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
-        if mask[boxes.meeting(self.lower, self.upper)].any():
+        if (mask & boxes.meeting(self.lower, self.upper)).any():
             # Several tasks may read a file at once, each with a file object of its own.
             for rows in replace(self, files=copy(self.files)).chunks():
-                yield rows.only(mask[boxes.box_of(rows.points)])
+                of_point = boxes.box_of(rows.points)
+                yield replace(rows, columns={**rows.columns, "box": of_point}).only(mask[of_point])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,29 +80,31 @@ class Run:
 
     path: Path
     starts: Ints  # (boxes + 1,), where the points of each box begin
+    columns: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]  # type and shape of each, which follow each other
 
     @classmethod
     def write(cls, path: Path, boxes: Boxes, rows: Rows) -> Run:
         """Sort points into a new file."""
-        of_point = boxes.box_of(rows.points).astype(np.min_scalar_type(len(boxes)))  # sorted by radix, up to 16 bits
-        order = np.argsort(of_point, kind="stable")
+        of_point = boxes.box_of(rows.points)
+        order = np.argsort(of_point, kind="stable")  # by radix
         columns = {"index": rows.indices, "point": rows.points, **rows.columns}
-        stored = np.empty(len(rows), [(name, values.dtype, values.shape[1:]) for name, values in columns.items()])
-        for name, values in columns.items():
-            stored[name] = values[order]
         with complete_file(path) as file:
-            np.save(file, stored)
-        return cls(path, np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))]))
+            for values in columns.values():
+                values.take(order, axis=0).tofile(file)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(of_point, minlength=len(boxes)))])
+        return cls(path, starts, {name: (values.dtype, values.shape) for name, values in columns.items()})
 
     def read(self, boxes: Boxes, mask: Flags) -> Iterator[Rows]:
         """Read the points in some boxes, a mask of all, (boxes,)."""
         ends = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)  # of boxes one after another
+        numbers = np.flatnonzero(mask).astype(np.uint16)
         spans = [(first, last) for first, last in self.starts[ends] if first < last]
         if spans:
-            with header_lock:
-                stored = np.load(self.path, mmap_mode="r")
-            rows = np.concatenate([stored[first:last] for first, last in spans])
-            columns = {name: np.ascontiguousarray(rows[name]) for name in rows.dtype.names or ()}
+            columns, offset = {"box": np.repeat(numbers, np.diff(self.starts)[numbers])}, 0
+            for name, (dtype, shape) in self.columns.items():
+                stored = np.memmap(self.path, dtype, "r", offset, shape)
+                columns[name] = np.concatenate([stored[first:last] for first, last in spans])
+                offset += stored.nbytes
             yield Rows(columns.pop("index"), columns.pop("point"), columns)
 
 
@@ -114,26 +119,23 @@ class Source:
 
     def read(self, lower: Floats, upper: Floats, fraction: float = 1.0) -> Rows:
         """Read a fraction of the points between two corners, (3,), in an order that does not depend on the files."""
-        mask = np.zeros(len(self.boxes), dtype=np.bool_)
-        mask[self.boxes.meeting(lower, upper)] = True
-        rows = self.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
-        return rows.only(inside(rows.points, lower, upper))
+        mask = self.boxes.meeting(lower, upper)
+        rows = Rows.joined(self.read_piece(mask, fraction, piece) for piece in self.pieces)
+        return self.ordered(rows.only(inside(rows.points, lower, upper)))
 
     def read_piece(self, mask: Flags, fraction: float, piece: Part | Run) -> Rows:
         """Read a fraction of the points in some boxes, a mask of all, (boxes,), by hashes, and all points to keep."""
-        parts = [self.nothing]
-        for rows in piece.read(self.boxes, mask):
-            parts.append(rows)
-            if fraction < 1.0:
-                parts[-1] = rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES))
-        return Rows.joined(parts)
+        parts = piece.read(self.boxes, mask)
+        if fraction < 1.0:
+            parts = (rows.only(rows.keep | (point_hashes(rows.points, size=1.0) < fraction * HASHES)) for rows in parts)
+        return Rows.joined([self.nothing, *parts])
 
-    def joined(self, parts: Iterable[Rows]) -> Rows:
+    def ordered(self, rows: Rows) -> Rows:
         """Return what is read of all pieces, in the order of the hashes, but the outliers."""
-        rows = Rows.joined(parts)
         if len(self.excluded):
             rows = rows.only(~np.isin(rows.indices, self.excluded))
-        return rows.take(np.argsort(point_hashes(rows.points, size=1.0), kind="stable"))
+        hashes = point_hashes(rows.points, size=1.0).astype("<u8", copy=False)
+        return rows.take(np.lexsort(hashes.view("<u2").reshape(-1, 4).T))  # by radix
 
 
 def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engine, timer: Timer) -> list[Run]:
@@ -145,12 +147,8 @@ def sorted_once(parts: Sequence[Part], boxes: Boxes, folder: Path, run_on: Engin
 
 def _sort(boxes: Boxes, folder: Path, part: Part) -> list[Run]:
     """Sort the points of a part."""
-    runs, waiting = list[Run](), list[Rows]()
-    for rows in part.chunks():
-        waiting.append(rows)
-        if sum(map(len, waiting)) >= RUN:
-            runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(waiting)))
-            waiting = []
-    if waiting:
-        runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(waiting)))
+    runs = list[Run]()
+    with closing(part.chunks()) as chunks:  # here, and not in another thread, after an error
+        while together := list(islice(chunks, RUN)):
+            runs.append(Run.write(folder / f"{part.first}-{len(runs)}.run", boxes, Rows.joined(together)))
     return runs

@@ -42,8 +42,10 @@ class Guide:
 
 def looked_up(indices: Ints, keys: Ints, values: Floats) -> Floats:
     """Return the values, (k,), at those of indices, (n,), that are among keys, (k,); infinity at others."""
-    result, is_key, order = np.full(len(indices), np.inf), np.isin(indices, keys), np.argsort(keys)
-    result[is_key] = values[order[np.searchsorted(keys, indices[is_key], sorter=order)]]
+    result, order = np.full(len(indices), np.inf), np.argsort(keys)
+    are_keys = np.flatnonzero(np.isin(indices & 0xFFFF, keys & 0xFFFF))  # few others, and found without sorting
+    are_keys = are_keys[np.isin(indices[are_keys], keys)]
+    result[are_keys] = values[order[np.searchsorted(keys, indices[are_keys], sorter=order)]]
     return result
 
 
@@ -80,8 +82,7 @@ class Tiling:
 
     def meeting(self, lower: Floats, upper: Floats) -> list[int]:
         """Return the tiles that meet the box between two corners, (3,)."""
-        meets = [bool((tile.lower <= upper).all() and (tile.upper >= lower).all()) for tile in self.tiles]
-        return np.flatnonzero(meets).tolist()
+        return [i for i, tile in enumerate(self.tiles) if (tile.lower <= upper).all() and (tile.upper >= lower).all()]
 
     def region(self, number: int) -> tuple[Floats, Floats]:
         """Return the corners, (3,), of a tile with its halo."""
@@ -94,7 +95,7 @@ class Tiling:
     def own(self, number: int) -> Rows:
         """Read the points of a tile."""
         rows = self.source.read(self.tiles[number].lower, self.tiles[number].upper)
-        return rows.only(self.tile_of(rows.points) == number)
+        return rows.only(self.tile_of_box[rows.boxes] == number)
 
     @cached_property
     def guide(self) -> Guide:
@@ -119,12 +120,13 @@ def choose_in_tile(tiling: Tiling, number: int) -> Ints:
     if tiling.file(number).exists():  # by an earlier run
         return Rows.read(tiling.file(number)).counts
     rows = tiling.near(number)
-    tile_of = tiling.tile_of(rows.points)
+    tile_of = tiling.tile_of_box[rows.boxes]
     is_own, is_done = tile_of == number, np.isin(tile_of, tiling.before[number])
     ranks = np.where(rows.keep, -1.0, np.inf)  # of those that are chosen already
-    for kept in (Rows.read(tiling.file(i)) for i in tiling.before[number]):
-        of_rows = looked_up(rows.indices, kept.indices, kept.ranks)
-        ranks = np.where(of_rows < tiling.n_points, of_rows, ranks)  # without spare ones
+    for i in tiling.before[number]:
+        there, kept = np.flatnonzero(tile_of == i), Rows.read(tiling.file(i))
+        of_rows = looked_up(rows.indices[there], kept.indices, kept.ranks)
+        ranks[there] = np.where(of_rows < tiling.n_points, of_rows, ranks[there])  # without spare ones
     settled = is_done | np.isfinite(ranks)
     first = tiling.guide.first
     ranks = np.where(settled, ranks, looked_up(rows.indices, first, np.arange(float(len(first)))))
@@ -154,11 +156,9 @@ def _selection(tiling: Tiling, number: int, rows: Rows, ranks: Floats, settled: 
     )
     points = tiling.frame.local(rows.points)
     task, indices, _ = task_of(points, tiling.options, constraints, tiling.details, Timer())
-    settled = settled[indices]
-    task = replace(task, settled=None if tiling.scale is None else settled, scale=tiling.scale)
-    if tiling.spacing is not None:
-        task = replace(task, spacing=tiling.spacing)
-    else:
+    settled, scale = settled[indices], tiling.scale
+    task = replace(task, settled=None if scale is None else settled, scale=scale, spacing=tiling.spacing)
+    if tiling.spacing is None:
         guide = tiling.guide
         waits = inside(guide.points, *tiling.region(number))
         waits &= ~np.isin(tiling.tile_of(guide.points), tiling.before[number])
@@ -205,12 +205,8 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     if selection.points is not None:
         columns["moved"] = tiling.frame.world(selection.points[own])
     new, others = rows.take(selection.indices[own]), rows.take(repeats)
-    kept = Rows.joined(
-        [
-            Rows(new.indices, new.points, {**columns, "label": new.labels}),
-            Rows(others.indices, others.points, {"rank": np.full(len(repeats), -1.0), "label": others.labels}),
-        ]
-    )
+    columns["label"], of_others = new.labels, {"rank": np.full(len(repeats), -1.0), "label": others.labels}
+    kept = Rows.joined([Rows(new.indices, new.points, columns), Rows(others.indices, others.points, of_others)])
     return kept.take(np.argsort(kept.ranks, kind="stable"))
 
 

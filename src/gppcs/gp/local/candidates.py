@@ -192,7 +192,11 @@ def nested_candidates(
             indices = indices[kept]
         stages.append(Stage(target, indices, enough, area))
     if fixed:
-        stages = [stage._replace(indices=np.union1d(stage.indices, np.arange(fixed)), tree=None) for stage in stages]
+        first = np.arange(fixed)
+        stages = [
+            stage._replace(indices=np.concatenate([first, stage.indices[stage.indices >= fixed]]), tree=None)
+            for stage in stages
+        ]
     return stages[::-1]
 
 
