@@ -100,7 +100,8 @@ class Run:
         numbers = np.flatnonzero(mask).astype(np.uint16)
         spans = [(first, last) for first, last in self.starts[ends] if first < last]
         if spans:
-            columns, offset = {"box": np.repeat(numbers, np.diff(self.starts)[numbers])}, 0
+            columns: dict[str, Any] = {"box": np.repeat(numbers, np.diff(self.starts)[numbers])}
+            offset = 0
             for name, (dtype, shape) in self.columns.items():
                 stored = np.memmap(self.path, dtype, "r", offset, shape)
                 columns[name] = np.concatenate([stored[first:last] for first, last in spans])

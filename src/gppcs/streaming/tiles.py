@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -200,7 +201,7 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     """Return the kept points of a tile, by what was chosen in it and around it."""
     own = np.flatnonzero(is_own[selection.indices])
     repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
-    columns = {name: values[own] for name, values in selection.attributes.items()}
+    columns: dict[str, Any] = {name: values[own] for name, values in selection.attributes.items()}
     columns["rank"] = _ranks(tiling, number, columns["rank"])
     if selection.points is not None:
         columns["moved"] = tiling.frame.world(selection.points[own])
