@@ -33,7 +33,7 @@ def tree_over(points: Floats) -> tuple[KdTree, Ints]:
 def estimates(points: Floats) -> tuple[Floats, Floats, KdTree, Ints, Frame]:
     """Return surface variation (N,) and normals (N, 3) without a sign at points (N, 3), and `tree_over` them.
 
-    The variation is NaN if there are fewer than four points; the points of the tree are in the frame that is the last.
+    The variation is NaN with fewer than four points. The points of the tree are in the frame, the last value.
     """
     local, frame = normalised(points)
     tree, same = tree_over(local)
@@ -97,7 +97,7 @@ def are_on_lines(tree: KdTree, points: Floats) -> NDArray[np.bool_]:
 
 
 def _deviations(tree: KdTree, neighbours: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return of neighbours (N, k) in tree order the deviations (N,) in all directions, about the second, and third."""
+    """Return deviations (N,) of neighbours (N, k), in tree order: in all directions, about the second, the third."""
     distinct = np.ascontiguousarray(tree.points.T)
     (totals, across, thinnest), at_once = np.empty((3, len(neighbours))), 1 << 12  # which fit into the cache
     for first in range(0, len(neighbours), at_once):

@@ -38,9 +38,12 @@ def surface_through(cloud: PointCloud, original: PointCloud | None = None) -> Su
     """
     from gppcs.meshing.pipeline import mesh  # only here, as it is slow to load
 
-    cloud, dense = (one[one.is_finite()] for one in (cloud, cloud if original is None else original))
-    if not len(cloud) or not 0 < len(dense) <= MAX_DENSE:
+    dense = cloud if original is None else original
+    is_finite = dense.is_finite()
+    cloud = cloud[cloud.is_finite()]
+    if not len(cloud) or not 0 < np.count_nonzero(is_finite) <= MAX_DENSE:
         return None
+    dense = dense[is_finite]
     local, frame = normalised(dense.points, dense.units)
     distinct = np.flatnonzero(first_occurrences(local))
     tree = KdTree.build(local[distinct])

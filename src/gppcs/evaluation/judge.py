@@ -171,8 +171,9 @@ def judged(
     carried = None
     if mesh is not None:
         mesh, carried = _local_mesh(mesh, frame), _carried_normals(simplified)
+    after = frame.near(after)
     first = first_occurrences(after)
-    counts, after = (len(original), len(simplified)), frame.near(after[first])
+    counts, after = (len(original), len(simplified)), after[first]
     with timer("distances"):
         report, distances = _without_mesh(before, after, frame, counts)
         report, distances = report.in_unit(_unit_in(frame)), frame.lengths(distances)

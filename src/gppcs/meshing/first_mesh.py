@@ -77,7 +77,7 @@ def _joined(dense: DensePoints, fixed: Ints, moved: bool | None) -> tuple[Draft,
     moved = dense.noise > 0.0 and not dense.joined_sheets if moved is None else moved  # never between two sheets
     normals, is_fixed = dense.normals[joined], np.isin(dense.indices[joined], fixed)
     mesh = assembled(triangles, votes, radii, positions, normals, cover_radii, dense.cover, dense.uneven)
-    has_strays = dense.uneven or (dense.near_sheets and dense.noise > 0.0)  # beside the surface
+    has_strays = dense.uneven or (dense.near_sheets and dense.noise > 0.0)  # small ones beside the surface
     min_piece = 2 * MIN_PIECE if has_strays else MIN_PIECE
     mesh = without_scraps(mesh, min_piece)
     vertices = positions if moved else dense.raw[joined]

@@ -24,7 +24,7 @@ from gppcs.meshing.halfedges import (
 from gppcs.meshing.refinement import farthest_points_of, insert, split, unused_points
 from gppcs.spatial.triangles import dot, minus, row
 
-# Largest holes that are closed, in distances of a point's neighbour of rank `RANK` (five spacings of the points), and,
+# Largest holes that are closed, in distances of a dense point's neighbour of rank `RANK` (about five spacings), and,
 # added to these, in standard deviations of the noise.
 PINHOLE, PINHOLE_NOISE = 3.6, 4.0
 
@@ -37,24 +37,25 @@ def mend_draft(draft: Draft, assigned: Assignment, counts_faces: bool, tries: in
     n_vertices, n_faces, holes = draft.n_vertices, len(draft.mesh.faces()), 0
     for last in (*[False] * (tries - 1), True):
         corners, vertices = draft.mesh.corners().copy(), draft.vertices.copy()
-        is_stale = close_pinholes(draft)
+        closed = close_pinholes(draft)
+        holes = max(0, holes - closed)  # some of these were cut out before
         if cuts := len(_mended(draft, relaxations if draft.moved else 0)):
             draft.mesh, opened = cut_out(draft.mesh, draft.vertices, draft.normals)
             holes += opened
         missing = (n_faces - len(draft.mesh.faces())) // 2 if counts_faces else n_vertices - draft.n_vertices
         if missing <= 0 or last or draft.fixed.any():
             break
-        is_stale |= cuts > 0 or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
+        is_stale = closed or cuts or not np.array_equal(draft.vertices, vertices)  # cut out, or relaxed
         assigned = draft.assigned() if is_stale else draft.reassigned(assigned, corners)
         _add(draft, assigned, missing)
     return holes
 
 
-def close_pinholes(draft: Draft) -> bool:
-    """Close holes narrower than the points tell, be it that the filling cuts; return whether there are any."""
+def close_pinholes(draft: Draft) -> int:
+    """Close holes that the points are too sparse or too noisy to show, even if that cuts; return how many."""
     faces, piece = draft.mesh.faces(), np.empty(len(draft.vertices), dtype=np.int64)
-    piece[faces] = pieces_of(faces, len(piece))[:, None]
-    sizes = np.bincount(piece[faces[:, 0]])
+    pieces = pieces_of(faces, len(piece))
+    piece[faces], sizes = pieces[:, None], np.bincount(pieces)
     radii, noise = draft.dense.cover.radii[draft.dense_index], draft.dense.noise
     loops = [
         loop
@@ -63,10 +64,10 @@ def close_pinholes(draft: Draft) -> bool:
         and np.linalg.norm(np.ptp(draft.vertices[loop], axis=0))
         <= PINHOLE * np.median(radii[loop]) + PINHOLE_NOISE * noise
     ]
-    new, _ = fillings(draft.mesh, draft.vertices, draft.normals, loops)
+    new, number = fillings(draft.mesh, draft.vertices, draft.normals, loops)
     if len(new):
         draft.mesh = draft.mesh.changed(new=new)
-    return len(new) > 0
+    return len(np.unique(number))
 
 
 def _mended(draft: Draft, relaxations: int) -> Ints:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.resources import files
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,6 @@ from gppcs.evaluation.detail import attribute_errors
 from gppcs.evaluation.judge import judged
 from gppcs.evaluation.reconstruction import distances_to as distances_to_mesh
 from gppcs.evaluation.report import DetailErrors, Report
-from gppcs.spatial.cells import first_occurrences
 from gppcs.spatial.scaling import bounds, normalised
 
 FIRST_FIGURES = (  # that the page shows before somebody asks for all
@@ -96,35 +96,38 @@ def report_page(
     columns_of_detail(original.cloud, detail)  # an error if the original lacks one; a result that does gets a note
     unit = unit_of(original.cloud.header) or ""
     original, *results = in_one_unit([original, *results])
-    # A mesh takes about as long as all else together, and hardly uses a second core.
-    with_surfaces = [beside(partial(_with_surface, result, original)) for result in results]
+    # A mesh takes about as long as all else together, and hardly uses a second core. Each is begun one result ahead.
+    meshes = (beside(partial(_with_surface, result, original)) for result in results)
+    begun = [*islice(meshes, 1)]
     with timer("original"):
         surface = CloudSurface.from_cloud(original)
         first = Layer(blocks, original, "original", surface)
     layers = [first]
     lengths = f"in {unit or 'the unit of the coordinates'}"
-    for number, (result, with_surface) in enumerate(zip(results, with_surfaces, strict=True), start=1):
+    for number, result in enumerate(results, start=1):
+        begun += islice(meshes, 1)
         prefixes, notes, errors = [], list[str](), {}
         with timer(f"figures of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
+            if result.is_mesh:
+                distances = _distances(surface, result)
+                prefixes = [_figures_of_mesh(surface.cloud, result, distances)]
+                notes.append("distances are those to its triangles.")
             try:
-                if result.is_mesh:
-                    distances = _distances(surface, result)
-                    prefixes = [_figures_of_mesh(surface.cloud, result, distances)]
-                    notes.append("distances are those to its triangles.")
-                else:
+                if not result.is_mesh:
                     prefixes, of_distinct = _prefixes(surface.cloud, kept.cloud, detail)
                     distances = of_distinct[surface.same]
                 errors = attribute_errors(first.cloud, kept.cloud, list(detail))
             except InputError as error:
-                distances = _distances(surface, result)
-                notes.append(f"there are no figures: {error}.")
+                if not prefixes:
+                    distances = _distances(surface, result)
+                notes.append(f"there are no figures{' of attributes' if prefixes else ''}: {error}.")
         first.add_values(f"distance:{number}", f"distance to {result.name}", lengths, distances[first.shown], True)
         for name, (interpolated, _) in errors.items():
             title = f"error of {name} in {result.name}"
             first.add_values(f"error:{name}:{number}", title, "in shares of its range", interpolated, True)
         with timer(f"views of {result.name}"):
-            layer = Layer(blocks, with_surface(), "result", kept)
+            layer = Layer(blocks, begun.pop(0)(), "result", kept)
             layer.described["blocks"]["originals"] = blocks.add(indices[layer.shown])
             layer.described["prefixes"] = prefixes
             layer.notes += notes
@@ -165,7 +168,7 @@ def _on_original(result: CloudSurface, original: CloudSurface) -> tuple[CloudSur
     """Return a result with what the original tells of its points, and where these are in its file, or 2^32 - 1."""
     points = original.frame.near(result.cloud.points)
     nearest, squared = original.tree.nearest_of(points, 1)
-    distinct = np.flatnonzero(first_occurrences(original.cloud.points))[nearest[:, 0]]
+    distinct = np.unique(original.same, return_index=True)[1][nearest[:, 0]]
     indices = np.where(squared[:, 0] == 0.0, original.indices[distinct], 2**32 - 1).astype(np.uint32)
     spacings = thin_on_lines(result.spacings, original.tree, points)
     variation, normals = original.variation[distinct], original.normals[distinct]
@@ -197,7 +200,10 @@ def _figures_of_mesh(original: PointCloud, result: Named, distances: Floats) -> 
 
 
 def _prefixes(original: PointCloud, result: PointCloud, detail: Sequence[str]) -> tuple[list[Any], Floats]:
-    """Return the figures of parts of a result by a sample of the original, of all of it, and the distances to that."""
+    """Return the figures of parts of a result, by a sample of the original, and of all of it.
+
+    Return also the distances of the original's distinct points to the result.
+    """
     measured = []
     counts = [count for part in (8, 4, 2) if (count := len(result) // part) >= 4]
     sampled = original.take(np.arange(0, len(original), -(-len(original) // MAX_MEASURED)))

@@ -147,7 +147,8 @@ def _choose_in_stage(
 ) -> Ranking:
     """Return the ranking with the points of one more stage, each of the largest score."""
     with timer("features"):  # steps 3 and 4, Eqs. (2) to (6)
-        tree, field, measured = field_of(problem.points, candidates, stage, criterion, problem.scale)
+        is_last = stage.target == problem.n_points
+        tree, field, measured = field_of(problem.points, candidates, stage, criterion, problem.scale, is_last)
     n_added = problem.n_after(stage.target) - len(ranking.indices)
     with timer("greedy selection", n_added) as on_progress:  # steps 5 and 6, Eqs. (8) and (9)
         indices = stage.indices[tree.order]
@@ -262,15 +263,15 @@ class Ranking(NamedTuple):
 
 
 def field_of(
-    points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion, scale: Scale | None
+    points: Floats, candidates: Candidates, stage: Stage, criterion: Criterion, scale: Scale | None, is_last: bool
 ) -> tuple[KdTree, LocalField, FieldScale]:
     """Return the tree over a stage's candidates, in units of the target spacing, and the field in tree order.
 
     Shapes: points (N, 3), of which the candidates are some.
     """
     tree = KdTree.build(points.take(stage.indices, axis=0) / stage.spacing) if stage.tree is None else stage.tree
-    order, is_last = tree.order, len(stage.indices) == len(candidates.indices)
-    if not is_last:
+    order = tree.order
+    if len(stage.indices) < len(candidates.indices):
         is_in_stage = np.zeros(len(points), dtype=np.bool_)
         is_in_stage[stage.indices] = True
         order = np.flatnonzero(is_in_stage[candidates.indices])[order]

@@ -33,7 +33,7 @@ SHEET_GAP = 0.25  # Between two sheets lie at most so many points for each on th
 # Of a sample, the points beside another sheet whose own has a surface variation below the second; with fewer, a cloud
 # has no thin parts. Scenes have 0.2 to 3 %, a desk scanned in frames 7 to 13 %, fan, turbine and plates 7 to 73 %.
 THIN_FRACTION, SHEET_VARIATION = 0.05, 0.02
-MUCH_THIN = 0.25  # Fraction of thin candidates from which on their own sheets alone decide how round the cloud is.
+MUCH_THIN = 0.25  # Fraction of thin candidates from which on the roundness of their own sheets is a full factor.
 
 # Survey and candidates, steps 1 and 2.
 SAMPLE_SIZE = 100_000  # A larger cloud is sampled, as a tree over many millions takes longer than the choice.

@@ -59,8 +59,8 @@ def sheet_factors_of(tree: KdTree, sheets: Floats, spacing: float) -> Floats:
 def normal_factor_of(sheets: Floats, is_last: bool) -> float:
     """Return the factor of the weight of the normals, by the sheets of a stage's candidates, (n, 4) (Eq. (3c)).
 
-    The kept points cannot follow the rims of thin parts. Those of the last stage cannot follow the edges between thin
-    walls either, where flat walls are much of the cloud: there, the roundness is that of their own sheets.
+    The kept points cannot follow the rims of thin parts, nor, in the last stage, the edges between thin flat walls. So
+    the roundness of the thin candidates' own sheets is a factor there, in full from a fraction of `MUCH_THIN` on.
     """
     thin = sheets.any(axis=1)
     fraction = float(np.mean(thin))
