@@ -42,8 +42,8 @@ def _cable(points: Floats) -> Floats:
 
 def _funnel(points: Floats) -> Floats:
     x, y, z = points.T
-    middle, slope = 4.5 + 0.8 * np.maximum(z, 0.0), np.where(z > 0.0, 0.8, 0.0)
-    return both(slab(np.hypot(x, y) - middle, WALL / 2.0) / np.sqrt(1.0 + slope**2), slab(z - 5.0, 35.0))
+    middle, slope = 5.0 + 0.6 * np.maximum(z, 0.0), np.where(z > 0.0, 0.6, 0.0)
+    return both(slab(np.hypot(x, y) - middle, 0.7) / np.sqrt(1.0 + slope**2), slab(z - 5.0, 35.0))
 
 
 BAR_PATH = np.array([
@@ -54,4 +54,4 @@ BAR_PATH = np.array([
 HORN = scan_of(_horn, ((-27.6, -27.6, -50.0), (27.6, 27.6, 50.0)), 1.5, (198, 160, 70))
 CABLE = scan_of(_cable, ((-22.6, -22.6, -50.0), (22.6, 22.6, 50.0)), 1.5, (60, 60, 66))
 HANDLEBAR = scan_of(_bent(BAR_PATH, 3.5), ((-53.0, -34.0, -3.6), (53.0, 4.0, 3.6)), 1.5, (140, 144, 150))
-FUNNEL = scan_of(_funnel, ((-37.2, -37.2, -30.0), (37.2, 37.2, 40.0)), 1.5, (170, 60, 50))
+FUNNEL = scan_of(_funnel, ((-29.8, -29.8, -30.0), (29.8, 29.8, 40.0)), 1.5, (170, 60, 50))
