@@ -16,7 +16,7 @@ from gppcs.surface.surface_variation import Features, features_in_radius, featur
 AROUND = 16  # neighbours that tell a line from a surface: enough to reach lines of a scan whose discs close it
 # Neighbours, and the largest ratio of their deviations across and in all directions, along wires and poles: some far
 # around, as at the edge of a surface it is smaller than 0.5, and the next ones, as a second wire can be near.
-ON_LINE = ((32, 0.36), (8, 0.08))  # the most first
+ON_LINE = ((32, 0.36), (8, 0.08))  # in descending order
 MAX_MEASURED = 50_000  # points that pages measure of more
 FEWEST = 8  # points of a neighbourhood: the nearest ones, if fewer lie in the ball
 UNTURNED = math.cos(math.radians(12.0))  # median cosine of normals of 25 and 100 points, at least, without noise
@@ -60,13 +60,13 @@ def _across_noise(tree: KdTree) -> Features:
     return features if enough == 25 else features_in_radius(tree, neighbourhood_radius(tree, enough))
 
 
-def disc_radii(tree: KdTree, most: int = MAX_MEASURED) -> Floats:
+def disc_radii(tree: KdTree, maximum: int = MAX_MEASURED) -> Floats:
     """Return the distance (N,) of each point of a tree to its sixth neighbour; less on lines and for stray points.
 
-    Of more than `most` points, every few are measured, and the others have the radius of the nearest of these.
+    Of more points than a maximum, every few are measured, and the others have the radius of the nearest of these.
     """
     in_order = tree.in_own_order()
-    measured = in_order.thinned(-(-len(tree.order) // most))
+    measured = in_order.thinned(-(-len(tree.order) // maximum))
     points = np.ascontiguousarray(measured.points.T)
     neighbours, squared = in_order.nearest_of(points, min(AROUND + 1, len(tree.order)))
     total, across, thinnest = _deviations(tree, neighbours)

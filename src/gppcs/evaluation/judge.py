@@ -164,7 +164,10 @@ def _prepared(original: PointCloud) -> tuple[Floats, Frame]:
 def judged(
     original: CloudLike, simplified: CloudLike, mesh: Mesh | None, timer: Timer, detail: Sequence[str] = ()
 ) -> tuple[Report, NoSurfaceError | None, Floats]:
-    """Return the report of `evaluate`, why no surface could be rebuilt, and distances (N,) of the distinct points."""
+    """Return the report of `evaluate`, and why no surface could be rebuilt, if none could.
+
+    Return also the distances (N,) of the original's distinct points from the surface of the simplified cloud.
+    """
     original, simplified = as_cloud(original), as_cloud(simplified)
     (before, frame), after = _prepared(original), usable(simplified, "simplified cloud")
     _require_measurable(after, "simplified cloud")

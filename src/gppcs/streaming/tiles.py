@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -201,13 +200,17 @@ def _kept(tiling: Tiling, number: int, rows: Rows, is_own: Flags, selection: Sel
     """Return the kept points of a tile, by what was chosen in it and around it."""
     own = np.flatnonzero(is_own[selection.indices])
     repeats = np.setdiff1d(np.flatnonzero(rows.keep & is_own), selection.indices)  # of points to keep
-    columns: dict[str, Any] = {name: values[own] for name, values in selection.attributes.items()}
+    columns = {name: values[own] for name, values in selection.attributes.items()}
     columns["rank"] = _ranks(tiling, number, columns["rank"])
     if selection.points is not None:
         columns["moved"] = tiling.frame.world(selection.points[own])
     new, others = rows.take(selection.indices[own]), rows.take(repeats)
-    columns["label"], of_others = new.labels, {"rank": np.full(len(repeats), -1.0), "label": others.labels}
-    kept = Rows.joined([Rows(new.indices, new.points, columns), Rows(others.indices, others.points, of_others)])
+    kept = Rows.joined(
+        [
+            Rows(new.indices, new.points, {**columns, "label": new.labels}),
+            Rows(others.indices, others.points, {"rank": np.full(len(repeats), -1.0), "label": others.labels}),
+        ]
+    )
     return kept.take(np.argsort(kept.ranks, kind="stable"))
 
 

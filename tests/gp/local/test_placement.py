@@ -136,15 +136,15 @@ def test_the_check_compares_the_distances_of_each_cell_from_both_surfaces():
 def test_fewer_points_go_back_beside_a_parallel_sheet():
     rng = np.random.default_rng(8)
     one, two = (rng.random((2_000, 3)) * [1.0, 1.0, 0.0] + [0.0, 0.0, z] for z in (0.0, 0.04))
-    shares = []
+    fractions = []
     for points in (np.concatenate([one, two]), one):
         before, n = LocalSurface.over(KdTree.build(points[::20]).in_own_order()), len(points) // 20
         after = surface_in_order(before.tree.points.T + 0.004 * rng.standard_normal((n, 3)))
         owners = before.tree.nearest_of(points, 1)[0][:, 0].astype(np.int32)
         back = went_back(before, after, cells_of(owners, n), np.ones(n, dtype=bool), points, np.zeros(n))
-        shares.append(len(back) / n)
-    assert shares[0] < 0.5  # planes of some reach across
-    assert shares[1] > 0.8
+        fractions.append(len(back) / n)
+    assert fractions[0] < 0.5  # planes of some reach across
+    assert fractions[1] > 0.8
 
 
 def test_points_to_keep_stay():

@@ -29,7 +29,8 @@ def compare(
     ratio: options.Ratio = None,
     points: options.Points = None,
     methods: Annotated[
-        str | None, option("Names of methods, in the order of the table. By default all.", METHOD, metavar="NAME,...")
+        str | None,
+        option("Names of methods, in the order of the table. By default all.", METHOD, metavar="NAME,..."),
     ] = None,
     mesh: Annotated[Path | None, option("A mesh file of the true surface of IN, to measure from.", LOOK)] = None,
     seed: options.Seed = None,
@@ -81,9 +82,16 @@ def compare(
     if colour is not None:
         Colourable.from_cloud(original).require(colour)
     note_units(cloud, original)
-    size = {"ratio": ratio, "n_points": points}
     entries = gppcs.compare(
-        original, chosen, **size, mesh=surface, seed=seed, detail=weights, invalid=invalid, timer=timer
+        original,
+        chosen,
+        ratio=ratio,
+        n_points=points,
+        mesh=surface,
+        seed=seed,
+        detail=weights,
+        invalid=invalid,
+        timer=timer,
     )
     labels, records = [str(entry.method) for entry in entries], [*map(record_of, entries)]
     if not methods and (missing := METHODS.keys() - {record["method"] for record in records}):

@@ -56,11 +56,11 @@ def report(
     if meshes:
         require_pymeshlab()
     clouds = read_named(inputs, input_format, columns, timer)
-    if meshes:
+    if meshes and all(named.cloud.is_finite().any() for named in clouds):  # the page refuses empty clouds
         finite = [named.cloud[named.cloud.is_finite()] for named in clouds]
         with timer("meshes"):
             for number, (named, cloud) in enumerate(zip(clouds, finite, strict=True)):
-                if named.mesh is None and all(map(len, finite)):  # the page refuses empty clouds
+                if named.mesh is None:
                     clouds[number] = replace(named, mesh=rebuilt(named.name, cloud, finite[0]))
     page = report_page(clouds[0], clouds[1:], how_made(context.obj, inputs), viewpoint, timer, detail or ())
     with io.whole_output(output, force) as file:

@@ -109,12 +109,12 @@ def report_page(
         prefixes, notes, errors = [], list[str](), {}
         with timer(f"figures of {result.name}"):
             kept, indices = _on_original(CloudSurface.from_cloud(result), surface)
-            if result.is_mesh:
-                distances = _distances(surface, result)
-                prefixes = [_figures_of_mesh(surface.cloud, result, distances)]
-                notes.append("distances are those to its triangles.")
             try:
-                if not result.is_mesh:
+                if result.is_mesh:
+                    distances = _distances(surface, result)
+                    prefixes = [_figures_of_mesh(surface.cloud, result, distances)]
+                    notes.append("distances are those to its triangles.")
+                else:
                     prefixes, of_distinct = _prefixes(surface.cloud, kept.cloud, detail)
                     distances = of_distinct[surface.same]
                 errors = attribute_errors(first.cloud, kept.cloud, list(detail))

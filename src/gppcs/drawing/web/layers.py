@@ -70,7 +70,7 @@ class CloudSurface(NamedTuple):
     spacings: Floats  # (N,), mean distance to the next points around; less on lines
 
     @classmethod
-    def from_cloud(cls, named: Named, most: int = MAX_MEASURED) -> CloudSurface:
+    def from_cloud(cls, named: Named, maximum: int = MAX_MEASURED) -> CloudSurface:
         """Estimate the surface of a cloud, and the spacing at so many points at most; errors name the cloud."""
         cloud, indices = named.cloud, np.flatnonzero(named.cloud.is_finite())
         try:
@@ -81,7 +81,7 @@ class CloudSurface(NamedTuple):
         except InputError as error:
             raise InputError(f"{named.name}: {error}") from error
         carried = finite.normals()
-        spacings = frame.lengths(disc_radii(tree, most) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
+        spacings = frame.lengths(disc_radii(tree, maximum) / 1.4)[same]  # the sixth neighbour is 1.4 mean spacings away
         return cls(finite, indices, variation, normals if carried is None else carried, tree, frame, same, spacings)
 
 

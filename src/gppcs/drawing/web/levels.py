@@ -68,7 +68,7 @@ class Levels:
         """Return the points of a node, in the order of the file, for `readNode` in viewer/src/octree.ts."""
         with self._lock:  # to read and to estimate takes all cores
             integers, cloud = self._nodes.read([number])
-            surface = CloudSurface.from_cloud(Named(self._name, cloud), most=NODE_MEASURED)
+            surface = CloudSurface.from_cloud(Named(self._name, cloud), maximum=NODE_MEASURED)
             usual, spreads = spread(surface.spacings, float(self._nodes.las.scales.max()) * 100)
         attributes, lower = Colourable.from_cloud(self._varying(cloud), self._full), integers.min(axis=0)
         columns = {"z": cloud.points[:, 2]} | {f"attribute:{key}": column for key, column in attributes.columns.items()}
